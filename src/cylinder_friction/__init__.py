@@ -1,0 +1,1 @@
+"""From the sensor logs of a hydraulic cylinder to a served, real-time friction estimate."""

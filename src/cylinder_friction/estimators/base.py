@@ -1,0 +1,220 @@
+"""The one protocol behind everything that estimates friction from raw samples."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from cylinder_friction.recordings import (
+    SAMPLE_COLUMNS,
+    Recording,
+    RecordingError,
+    read_json,
+    refuse_not_finite,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+DESCRIPTION_FILE = "estimator.json"
+
+
+class NotFittedError(RuntimeError):
+    """An estimator was used before ``fit`` or ``load``."""
+
+
+@dataclass(frozen=True)
+class TrainingRange:
+    """The raw samples an estimator was taught on: per column of ``SAMPLE_COLUMNS`` its smallest and largest value."""
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording]) -> Self:
+        lower = np.min([recording.samples().min(axis=0) for recording in recordings], axis=0)
+        upper = np.max([recording.samples().max(axis=0) for recording in recordings], axis=0)
+        return cls(tuple(map(float, lower)), tuple(map(float, upper)))
+
+    def holds(self, samples: Array, margin: float = 0.05) -> NDArray[np.bool_]:
+        """Returns which rows of ``samples``, shape ``(n, 3)``, lie within the range widened by ``margin`` of its width."""
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        slack = margin * (upper - lower)
+        return np.asarray(((samples >= lower - slack) & (samples <= upper + slack)).all(axis=1))
+
+
+class FrictionEstimator(ABC):
+    """Estimates friction from raw samples, without looking ahead.
+
+    Input is the raw sample as the sensor gave it, in SI units: pressure 1 (piston side) [Pa, gauge], pressure 2
+    (rod side) [Pa, gauge], position [m, extension positive]. Filtering, differentiation and scaling happen
+    inside, with state, so that training and serving cannot differ. Output is friction [N], positive when it
+    opposes positive velocity.
+
+    A subclass sets ``kind`` and gives ``fit``, ``new_state``, ``advance``, ``multiply_adds``, ``_write`` and ``_read``.
+    ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree.
+
+    Attributes:
+        kind: Name of the class in a saved model folder.
+        sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
+        training_range: What raw samples it was taught on; None before ``fit``.
+    """
+
+    kind: ClassVar[str]
+    _kinds: ClassVar[dict[str, type[FrictionEstimator]]] = {}
+
+    def __init__(self) -> None:
+        self.sample_time_s: float | None = None
+        self.training_range: TrainingRange | None = None
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "kind" in cls.__dict__:
+            FrictionEstimator._kinds[cls.kind] = cls
+
+    @abstractmethod
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Learns from labelled recordings (columns ``friction_n`` and ``usable``); call ``_begin_fit`` first."""
+
+    @abstractmethod
+    def new_state(self) -> Any:
+        """Returns the state before the first sample."""
+
+    @abstractmethod
+    def advance(self, state: Any, samples: Array) -> Array:
+        """Returns friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, 3)``; changes ``state``.
+
+        Cutting the samples into pieces must not change one bit of the output.
+        """
+
+    @abstractmethod
+    def multiply_adds(self) -> int:
+        """Returns the multiply-add operations of one step, the usual measure of a network's cost."""
+
+    @abstractmethod
+    def _write(self, folder: Path) -> dict[str, Any]:
+        """Writes what is not JSON into ``folder`` and returns the rest as JSON content."""
+
+    @classmethod
+    @abstractmethod
+    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
+        """Returns the estimator that ``_write`` wrote."""
+
+    def estimate(self, recording: Recording) -> Array:
+        """Returns friction [N], shape ``(n,)``, one a sample, from a fresh state.
+
+        Raises:
+            RecordingError: The recording has another sample time, or a sample is NaN or infinite.
+            NotFittedError: There is nothing fitted or loaded yet.
+        """
+        self._refuse_unfitted()
+        if self.sample_time_s is None or not np.isclose(recording.sample_time_s, self.sample_time_s, rtol=1e-6):
+            raise RecordingError(
+                f"recording {recording.name!r}: sample time is {recording.sample_time_s} s, but this estimator was "
+                f"trained at {self.sample_time_s} s; resample the recording or train at its rate"
+            )
+        samples = recording.samples()
+        refuse_not_finite(f"recording {recording.name!r}", samples)
+        return self.advance(self.new_state(), samples)
+
+    def stream(self) -> EstimatorStream:
+        """Returns a fresh stream; streams of one estimator do not touch each other."""
+        self._refuse_unfitted()
+        return EstimatorStream(self.new_state, self.advance)
+
+    def save(self, folder: Path) -> None:
+        """Writes the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
+        self._refuse_unfitted()
+        assert self.training_range is not None
+        folder.mkdir(parents=True, exist_ok=True)
+        parameters = self._write(folder)
+        write_json(
+            folder / DESCRIPTION_FILE,
+            {
+                "kind": self.kind,
+                "sample_time_s": self.sample_time_s,
+                "input": list(SAMPLE_COLUMNS),
+                "output": "friction_n",
+                "training_range": {
+                    column: [lower, upper]
+                    for column, lower, upper in zip(
+                        SAMPLE_COLUMNS, self.training_range.lower, self.training_range.upper, strict=True
+                    )
+                },
+                "multiply_adds_a_step": self.multiply_adds(),
+                "parameters": parameters,
+            },
+        )
+
+    @classmethod
+    def load(cls, folder: Path) -> FrictionEstimator:
+        """Returns the estimator saved in ``folder``, of whichever kind it is.
+
+        Raises:
+            FileNotFoundError: The folder holds no saved estimator.
+            ValueError: The kind is not known.
+        """
+        path = folder / DESCRIPTION_FILE
+        if not path.is_file():
+            raise FileNotFoundError(f"{folder}: holds no {DESCRIPTION_FILE}; expected a folder that `save` wrote")
+        description = read_json(path)
+        known = FrictionEstimator._kinds
+        if description["kind"] not in known:
+            raise ValueError(f"{path}: kind is {description['kind']!r}, but expected one of {sorted(known)}")
+        estimator = known[description["kind"]]._read(folder, description["parameters"])
+        limits = [description["training_range"][column] for column in SAMPLE_COLUMNS]
+        estimator.sample_time_s = description["sample_time_s"]
+        estimator.training_range = TrainingRange(tuple(low for low, _ in limits), tuple(high for _, high in limits))
+        return estimator
+
+    def _begin_fit(self, recordings: Sequence[Recording]) -> None:
+        """Checks the recordings and notes their sample time and range.
+
+        Raises:
+            RecordingError: There is no recording, or they do not share one sample time.
+        """
+        if not recordings:
+            raise RecordingError(f"{self.kind}: nothing to fit on, got no recording; expected at least one")
+        sample_times = sorted({recording.sample_time_s for recording in recordings})
+        if not np.allclose(sample_times, sample_times[0], rtol=1e-6):
+            raise RecordingError(
+                f"{self.kind}: recordings have different sample times {sample_times} s; expected one; resample them"
+            )
+        self.sample_time_s = sample_times[0]
+        self.training_range = TrainingRange.of(recordings)
+
+    def _refuse_unfitted(self) -> None:
+        if self.sample_time_s is None or self.training_range is None:
+            raise NotFittedError(f"{self.kind}: not fitted yet; call fit or load first")
+
+
+class EstimatorStream:
+    """One running estimate: samples go in one at a time, newtons come out."""
+
+    def __init__(self, new_state: Callable[[], Any], advance: Callable[[Any, Array], Array]) -> None:
+        self._new_state = new_state
+        self._advance = advance
+        self._state = new_state()
+
+    def reset(self) -> None:
+        """Forgets everything; the next step is a first step."""
+        self._state = self._new_state()
+
+    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
+        """Returns friction [N] at this sample.
+
+        Raises:
+            RecordingError: A value is NaN or infinite; the state stays as it was.
+        """
+        sample = np.array([[pressure_1_pa, pressure_2_pa, position_m]], dtype=np.float64)
+        refuse_not_finite("stream", sample)
+        return float(self._advance(self._state, sample)[0])

@@ -1,0 +1,276 @@
+"""Every parameter of the pipeline, typed and frozen; an unknown key, a wrong type or an impossible value is refused.
+
+``params.yaml`` is the composed configuration (from ``conf/``) that every stage reads. Only ``stages`` import this
+module: the layers below take plain arguments.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+PARAMS_FILE = Path("params.yaml")
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0.0, lt=1.0)]
+Count = Annotated[int, Field(ge=1)]
+Seed = Annotated[int, Field(ge=0, lt=2**31)]
+
+
+class ParamsError(ValueError):
+    """A configuration that is refused; the message names the key."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class CylinderParams(_Section):
+    """Geometry; see ``cylinder.Cylinder``."""
+
+    name: str
+    bore_diameter_m: Positive
+    rod_diameter_m: Positive
+    stroke_m: Positive
+    moving_mass_kg: Positive
+
+
+class RecordParams(_Section):
+    """The simulated rig's campaign."""
+
+    seed: Seed
+    sessions_per_test: Annotated[int, Field(ge=0)]
+    recordings_per_session: Count
+    duration_s: Positive
+    sample_time_s: Positive
+    time_step_s: Positive
+    supply: Literal["didactic", "industrial"]
+    zeroed: bool
+    residual_offset_bar: NotNegative
+    fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
+
+
+class ChannelParams(_Section):
+    """Where one column comes from: the logger's channel, its unit, and -1 where the sensor is mounted backwards."""
+
+    channel: str
+    unit: str
+    sign: Literal[1, -1] = 1
+
+
+class IngestParams(_Section):
+    """Which folder is read and how its files become recordings."""
+
+    source: str
+    truth: str
+    format: Literal["csv"]
+    pattern: str
+    name_pattern: str
+    channels: dict[str, ChannelParams]
+    minimum_duration_s: Positive
+
+
+class MovingAverageParams(_Section):
+    """The paper's chain: windows in samples."""
+
+    window: Count
+    acceleration_window: Count
+
+
+class SavitzkyGolayParams(_Section):
+    """Windows in samples and polynomial orders of the zero-phase filter."""
+
+    pressure_window: Count
+    pressure_order: Count
+    velocity_window: Count
+    velocity_order: Count
+    acceleration_window: Count
+    acceleration_order: Count
+
+
+class RtsParams(_Section):
+    """Rauch-Tung-Striebel smoother with a constant-jerk position model and a random-walk pressure model."""
+
+    position_noise_m: Positive
+    jerk_noise_m_s3: Positive
+    pressure_noise_pa: Positive
+    pressure_rate_pa_s: Positive
+
+
+class FilterParams(_Section):
+    """How raw signals become smooth ones with velocity and acceleration, off line."""
+
+    method: Literal["moving_average", "savitzky_golay", "rts"]
+    moving_average: MovingAverageParams
+    savitzky_golay: SavitzkyGolayParams
+    rts: RtsParams
+
+
+class SplitParams(_Section):
+    """Which sessions are held out, for each test; sessions are drawn by a hash of their name and the seed."""
+
+    test_sessions: Count
+    validation_sessions: Count
+    seed: Seed
+
+
+class LabelParams(_Section):
+    """Friction from the equation of motion, and the mask of rows that may be used."""
+
+    stiffness: Literal["none", "trapped_oil", "external", "paper_literal"]
+    bulk_modulus_pa: Positive
+    external_stiffness_n_m: NotNegative
+    stiffness_reference_m: NotNegative
+    dead_volume_m3: Positive
+    end_stop_margin_m: NotNegative
+    event_window_s: Positive
+    split: SplitParams
+
+
+class HybridParams(_Section):
+    """One LSTM + random forest hybrid: what the paper's Table I tunes."""
+
+    layers: Count
+    nodes: Count
+    dropout: Fraction
+    learning_rate: Positive
+    forest_trees: Count
+    forest_depth: Count
+
+
+class TrainingParams(_Section):
+    """How a hybrid is trained."""
+
+    epochs: Count
+    patience: Count
+    sequence_length: Count
+    burn_in: Annotated[int, Field(ge=0)]
+    batch_size: Count
+    forest_rows: Count
+    forest_leaf: Count
+
+
+class SpaceParams(_Section):
+    """Where the search looks: lists of choices and ranges ``[lowest, highest]``."""
+
+    layers: list[Count]
+    nodes: list[Count]
+    dropout: list[Fraction]
+    learning_rate: tuple[Positive, Positive]
+    forest_trees: tuple[Count, Count]
+    forest_depth: tuple[Count, Count]
+
+
+class SearchParams(_Section):
+    """Optuna's search over a hybrid's hyperparameters."""
+
+    seed: Seed
+    hybrid: Literal["force_balance", "paper"]
+    trials: Count
+    startup_trials: Count
+    maximum_multiply_adds: Count
+    space: SpaceParams
+    training: TrainingParams
+
+
+class TrainParams(_Section):
+    """The final training: the default hybrid with the best parameters found, the paper's with the published ones."""
+
+    seed: Seed
+    device: Literal["auto", "cpu", "cuda"]
+    use_search: bool
+    hybrid: HybridParams
+    paper_hybrid: HybridParams
+    training: TrainingParams
+    paper_training: TrainingParams
+
+
+class LugreParams(_Section):
+    """LuGre's identification on Test 1 alone."""
+
+    seed: Seed
+    test: str
+    population: Count
+    generations: Count
+    simulated_recordings: Count
+    velocity_dead_band_m_s: NotNegative
+    damping_ratio: Positive
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)]
+
+
+class CompareParams(_Section):
+    """The comparison on held-out recordings."""
+
+    figure_duration_s: Positive
+    autocorrelation_lags: Count
+    timing_repeats: Count
+
+
+class RegisterParams(_Section):
+    """The promotion gate."""
+
+    model_name: str
+    candidate: Literal["hybrid", "paper_hybrid"]
+    tolerance_percent: NotNegative
+
+
+class Params(_Section):
+    """The whole configuration, one section a stage."""
+
+    cylinder: CylinderParams
+    record: RecordParams
+    ingest: IngestParams
+    filter: FilterParams
+    label: LabelParams
+    search: SearchParams
+    train: TrainParams
+    lugre: LugreParams
+    compare: CompareParams
+    register_: RegisterParams = Field(alias="register")
+
+    @model_validator(mode="after")
+    def _end_stop_margin_leaves_room(self) -> Params:
+        if 2.0 * self.label.end_stop_margin_m >= self.cylinder.stroke_m:
+            raise ValueError(
+                f"label.end_stop_margin_m is {self.label.end_stop_margin_m} m at either end, which leaves nothing of "
+                f"the stroke of {self.cylinder.stroke_m} m; make it smaller"
+            )
+        return self
+
+
+def check_params(content: Any, where: str) -> Params:
+    """Returns the typed parameters, or refuses with every offending key named.
+
+    Args:
+        content: What the YAML file or Hydra gave.
+        where: Name of the source, for the message.
+
+    Raises:
+        ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
+    """
+    try:
+        return Params.model_validate(content)
+    except ValidationError as error:
+        lines = [_explain(dict(problem)) for problem in error.errors()]
+        raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
+
+
+def load_params(path: Path = PARAMS_FILE) -> Params:
+    """Reads and checks ``params.yaml``."""
+    if not path.is_file():
+        raise ParamsError(f"{path}: not there; run `make params` in the project's folder")
+    return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))
+
+
+def _explain(problem: dict[str, Any]) -> str:
+    key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
+    if problem["type"] == "extra_forbidden":
+        return f"{key}: unknown key; check its spelling against conf/"
+    if problem["type"] == "missing":
+        return f"{key}: missing; run `make params` to compose it from conf/"
+    got = "" if problem["type"] == "value_error" and not problem["loc"] else f", but got {problem['input']!r}"
+    return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"

@@ -1,0 +1,123 @@
+"""What a recording is: one table at one constant sample rate, in SI units, and who and when."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+SAMPLE_COLUMNS = ("pressure_1_pa", "pressure_2_pa", "position_m")
+"""The raw sample that every estimator sees, in this order: piston side, rod side, position."""
+
+REQUIRED_COLUMNS = ("time_s", *SAMPLE_COLUMNS)
+
+
+class RecordingError(ValueError):
+    """A recording that cannot be used; the message says what, where, found, expected and what to do."""
+
+
+@dataclass(frozen=True)
+class RecordingMetadata:
+    """Who and when.
+
+    Attributes:
+        name: Unique name of the recording; also the stem of its file.
+        test: Label of the operating condition, for example ``"1"`` for the paper's Test 1 (no load).
+        session: One uninterrupted stretch of laboratory work with one calibration; splits keep it whole.
+        sample_time_s: Constant time between two rows [s].
+        cylinder: Name of the cylinder.
+        load: What the cylinder carried or worked against, in words.
+        source_file: Where the recording came from, relative to the folder that was ingested.
+        source_sha256: Hash of that file's bytes.
+    """
+
+    name: str
+    test: str
+    session: str
+    sample_time_s: float
+    cylinder: str = ""
+    load: str = ""
+    source_file: str = ""
+    source_sha256: str = ""
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        return cls(**values)
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One table at one constant sample rate.
+
+    Columns carry their unit. Always: ``time_s``, ``pressure_1_pa`` (piston side, gauge), ``pressure_2_pa``
+    (rod side, gauge), ``position_m`` (extension positive). Later stages add ``velocity_m_s``,
+    ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive velocity) and ``usable`` (mask).
+
+    Raises:
+        RecordingError: A required column is missing or a required value is not finite.
+    """
+
+    metadata: RecordingMetadata
+    table: pd.DataFrame
+
+    def __post_init__(self) -> None:
+        missing = [column for column in REQUIRED_COLUMNS if column not in self.table.columns]
+        if missing:
+            raise RecordingError(
+                f"recording {self.name!r}: column {missing[0]!r} is missing; got columns "
+                f"{list(self.table.columns)}, expected at least {list(REQUIRED_COLUMNS)}"
+            )
+        refuse_not_finite(self.name, self.samples())
+
+    @property
+    def name(self) -> str:
+        return self.metadata.name
+
+    @property
+    def sample_time_s(self) -> float:
+        return self.metadata.sample_time_s
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Returns one column as float64, shape ``(n,)``; raises ``RecordingError`` if it is not there."""
+        if name not in self.table.columns:
+            raise RecordingError(
+                f"recording {self.name!r}: column {name!r} is missing; got columns {list(self.table.columns)}; "
+                "run the stage that adds it (filter adds velocity, label adds friction)"
+            )
+        return self.table[name].to_numpy(dtype=np.float64)
+
+    def samples(self) -> NDArray[np.float64]:
+        """Returns the raw samples, shape ``(n, 3)``: pressure 1 [Pa], pressure 2 [Pa], position [m]."""
+        return np.ascontiguousarray(self.table[list(SAMPLE_COLUMNS)].to_numpy(dtype=np.float64))
+
+    def usable(self) -> NDArray[np.bool_]:
+        """Returns the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""
+        if "usable" not in self.table.columns:
+            return np.ones(len(self.table), dtype=np.bool_)
+        return self.table["usable"].to_numpy(dtype=np.bool_)
+
+    def with_columns(self, **columns: NDArray[Any]) -> Recording:
+        """Returns a copy with columns added or replaced; the recording itself stays as it was."""
+        return replace(self, table=self.table.assign(**columns))
+
+
+def refuse_not_finite(where: str, samples: NDArray[np.float64]) -> None:
+    """Raises ``RecordingError`` naming column and row if ``samples``, shape ``(n, 3)``, holds NaN or infinity."""
+    bad = ~np.isfinite(samples)
+    if bad.any():
+        row, column = (int(index) for index in np.argwhere(bad)[0])
+        raise RecordingError(
+            f"{where}: {SAMPLE_COLUMNS[column]} is {samples[row, column]} at row {row} "
+            f"({int(bad.sum())} such values in all); expected finite numbers; repair or cut them before estimating"
+        )

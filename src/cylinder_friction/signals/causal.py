@@ -1,0 +1,175 @@
+"""Causal filters with explicit state: the same code, bit for bit, on a whole recording and sample by sample.
+
+A block never looks ahead, and cutting its input into pieces never changes its output. Before the first sample
+every filter behaves as if the first sample had always been there, so that a start makes no transient.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numba
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+class CausalBlock(Protocol):
+    """Something that turns samples into samples, one row in, one row out, without looking ahead."""
+
+    def new_state(self) -> Any:
+        """Returns the state before the first sample; ``advance`` changes it in place."""
+
+    def advance(self, state: Any, inputs: Array) -> Array:
+        """Returns the outputs, shape ``(n, m)``, for the next ``n`` inputs, shape ``(n, k)``."""
+
+
+@dataclass
+class FirState:
+    """The last inputs of an ``FirFilter``, oldest first, shape ``(taps - 1, k)``; None before the first sample."""
+
+    history: Array | None = None
+
+
+class FirFilter:
+    """A bank of finite-impulse-response filters: ``y[t, j] = sum over i, l of taps[j, i, l] * u[t - l, i]``.
+
+    Moving averages, differences, one-sided Savitzky-Golay filters and every linear map of lagged samples are
+    of this form.
+
+    Args:
+        taps: Shape ``(m, k, length)``: output, input, lag (0 is the present sample).
+
+    Raises:
+        ValueError: ``taps`` has another number of dimensions, is empty, or is not finite.
+    """
+
+    def __init__(self, taps: Array) -> None:
+        taps = np.ascontiguousarray(taps, dtype=np.float64)
+        if taps.ndim != 3 or taps.size == 0:
+            raise ValueError(f"taps must have shape (outputs, inputs, lags), none of them zero, but got {taps.shape}")
+        if not np.isfinite(taps).all():
+            raise ValueError("taps must be finite numbers, but got NaN or infinity")
+        self.taps = taps
+
+    @property
+    def length(self) -> int:
+        """Number of lags, the present sample included."""
+        return int(self.taps.shape[2])
+
+    def new_state(self) -> FirState:
+        return FirState()
+
+    def advance(self, state: FirState, inputs: Array) -> Array:
+        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
+        if len(inputs) == 0:
+            return np.empty((0, self.taps.shape[0]))
+        if state.history is None:
+            state.history = np.repeat(inputs[:1], self.length - 1, axis=0)
+        padded = np.concatenate([state.history, inputs])
+        state.history = padded[len(padded) - (self.length - 1) :].copy()
+        return _fir(self.taps, padded)
+
+
+@numba.njit(cache=True)
+def _fir(taps: Array, padded: Array) -> Array:
+    outputs, inputs, length = taps.shape
+    rows = padded.shape[0] - length + 1
+    result = np.zeros((rows, outputs))
+    for row in range(rows):
+        for output in range(outputs):
+            total = 0.0
+            for source in range(inputs):
+                for lag in range(length):
+                    tap = taps[output, source, lag]
+                    if tap != 0.0:
+                        total += tap * padded[row + length - 1 - lag, source]
+            result[row, output] = total
+    return result
+
+
+@dataclass
+class LowPassState:
+    """The last output of an ``ExponentialLowPass``, shape ``(k,)``; None before the first sample."""
+
+    output: Array | None = None
+
+
+class ExponentialLowPass:
+    """First-order low-pass, ``y[t] = y[t-1] + weight * (u[t] - y[t-1])``, on every column alike.
+
+    Args:
+        weight: Share of the new sample, in (0, 1]; 1 lets everything through.
+    """
+
+    def __init__(self, weight: float) -> None:
+        if not 0.0 < weight <= 1.0:
+            raise ValueError(f"weight must be in (0, 1], but got {weight!r}")
+        self.weight = weight
+
+    def new_state(self) -> LowPassState:
+        return LowPassState()
+
+    def advance(self, state: LowPassState, inputs: Array) -> Array:
+        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
+        if len(inputs) == 0:
+            return inputs.copy()
+        if state.output is None:
+            state.output = inputs[0].copy()
+        return _low_pass(self.weight, state.output, inputs)
+
+
+@numba.njit(cache=True)
+def _low_pass(weight: float, last: Array, inputs: Array) -> Array:
+    result = np.empty_like(inputs)
+    for row in range(inputs.shape[0]):
+        for column in range(inputs.shape[1]):
+            last[column] += weight * (inputs[row, column] - last[column])
+            result[row, column] = last[column]
+    return result
+
+
+def moving_average_taps(window: int) -> Array:
+    """Returns the ``window`` equal taps of a causal moving average; its delay is ``(window - 1) / 2`` samples."""
+    if window < 1:
+        raise ValueError(f"window must be at least 1 sample, but got {window!r}")
+    return np.full(window, 1.0 / window)
+
+
+def difference_taps(sample_time_s: float) -> Array:
+    """Returns the taps of the backward difference, per second."""
+    return np.array([1.0, -1.0]) / sample_time_s
+
+
+def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, sample_time_s: float) -> Array:
+    """Returns taps that fit a polynomial to the last ``window`` samples and evaluate it at the present one.
+
+    Args:
+        window: Number of samples of the fit, greater than ``order``.
+        order: Order of the polynomial.
+        derivative: 0 for the value, 1 for the rate [1/s], 2 for the second derivative [1/s²].
+        sample_time_s: Time between two samples [s].
+
+    Source: Savitzky and Golay 1964, evaluated at the end point (Gorry 1990).
+    """
+    if not 0 <= derivative <= order < window:
+        raise ValueError(
+            f"one-sided Savitzky-Golay needs derivative <= order < window, but got derivative {derivative}, "
+            f"order {order}, window {window}"
+        )
+    lag_times = -sample_time_s * np.arange(window)
+    powers = np.vander(lag_times, order + 1, increasing=True)
+    factorial = float(np.prod(np.arange(1, derivative + 1)))
+    return np.asarray(np.linalg.pinv(powers)[derivative] * factorial, dtype=np.float64)
+
+
+def cascade_taps(*stages: Array) -> Array:
+    """Returns the taps of one-input filters run one after the other."""
+    total = np.ones(1)
+    for taps in stages:
+        total = np.convolve(total, taps)
+    return total

@@ -1,0 +1,47 @@
+"""What a stage did, as a file: the one source from which its MLflow run is logged, now or later."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any, Self
+
+Scalar = str | int | float | bool
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """What a stage did. It holds no time of day and no absolute path: equal work gives an equal record.
+
+    Attributes:
+        name: The stage, or the trial of a search.
+        params: What it was told.
+        metrics: What came out: one number each.
+        curves: What came out step by step: a list a name, one value a step (epoch, trial).
+        tags: Further words about it.
+        artifacts: Files and folders to log, relative to the repository root, each with the hash of its bytes.
+        datasets: Recordings it used: a role (train, validation, test) to a hash of all their bytes.
+        children: Runs below it, for example the trials of a search.
+    """
+
+    name: str
+    params: dict[str, Scalar] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict)
+    curves: dict[str, list[float]] = field(default_factory=dict)
+    tags: dict[str, str] = field(default_factory=dict)
+    artifacts: dict[str, str] = field(default_factory=dict)
+    datasets: dict[str, str] = field(default_factory=dict)
+    children: tuple[RunRecord, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Self:
+        children = tuple(cls.from_dict(child) for child in content.get("children", ()))
+        return cls(**{**content, "children": children})
+
+    def key(self) -> str:
+        """Returns the hash of the content: two records with one key are one run."""
+        return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()
