@@ -1,0 +1,196 @@
+"""From raw samples to what a network sees: causal linear filters, a soft limit, standardisation.
+
+Everything a hybrid does before its network is one bank of finite-impulse-response filters on the three raw signals,
+so it is causal, holds little state, and is stored as plain numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+
+from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows
+from cylinder_friction.signals.causal import (
+    FirFilter,
+    FirState,
+    cascade_taps,
+    difference_taps,
+    moving_average_taps,
+    one_sided_savitzky_golay_taps,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.recordings import Recording
+
+Design = Literal["force_balance", "paper"]
+
+SMOOTHING_LAGS = 16
+CREEP_VELOCITY_M_S = 5e-3
+"""Velocity at which the soft limit bends: below it lubrication is mixed and friction falls with velocity."""
+
+
+@dataclass(frozen=True)
+class FrontEnd:
+    """Filters and scaling before the network.
+
+    Attributes:
+        names: What each feature is, with its unit.
+        taps: Shape ``(features, 3, lags)``, on raw samples.
+        limits: Shape ``(features,)``; where positive, the filtered value y becomes ``y / (|y| + limit)``.
+        mean: Shape ``(features,)``; taken off before scaling.
+        scale: Shape ``(features,)``; divided by.
+        base_taps: Shape ``(1, 3, lags)``; the force [N] that the network corrects; None where it starts from nothing.
+    """
+
+    names: tuple[str, ...]
+    taps: Array
+    limits: Array
+    mean: Array
+    scale: Array
+    base_taps: Array | None
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "names": list(self.names),
+            "taps": self.taps.tolist(),
+            "limits": self.limits.tolist(),
+            "mean": self.mean.tolist(),
+            "scale": self.scale.tolist(),
+            "base_taps": None if self.base_taps is None else self.base_taps.tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Self:
+        arrays = {key: np.array(content[key]) for key in ("taps", "limits", "mean", "scale")}
+        base = content["base_taps"]
+        return cls(names=tuple(content["names"]), base_taps=None if base is None else np.array(base), **arrays)
+
+
+@dataclass
+class FrontEndState:
+    """State of the feature filters and of the force that is corrected."""
+
+    features: FirState
+    base: FirState
+
+
+class FrontEndBlock:
+    """Runs a ``FrontEnd`` over samples."""
+
+    def __init__(self, front_end: FrontEnd) -> None:
+        self.front_end = front_end
+        self._features = FirFilter(front_end.taps)
+        self._base = FirFilter(np.zeros((1, 3, 1)) if front_end.base_taps is None else front_end.base_taps)
+
+    def new_state(self) -> FrontEndState:
+        return FrontEndState(self._features.new_state(), self._base.new_state())
+
+    def advance(self, state: FrontEndState, samples: Array) -> tuple[Any, Array]:
+        """Returns standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
+        limits = self.front_end.limits
+        filtered = self._features.advance(state.features, samples)
+        soft = np.where(limits > 0.0, filtered / (np.abs(filtered) + np.where(limits > 0.0, limits, 1.0)), filtered)
+        scaled = (soft - self.front_end.mean) / self.front_end.scale
+        return scaled.astype(np.float32), self._base.advance(state.base, samples)[:, 0]
+
+    def multiply_adds(self) -> int:
+        return int(np.count_nonzero(self._features.taps) + np.count_nonzero(self._base.taps))
+
+
+def fit_front_end(design: Design, cylinder: Cylinder, recordings: Sequence[Recording]) -> FrontEnd:
+    """Returns the front end of a hybrid, its scaling (and the smoothing of its base) learnt on these recordings alone.
+
+    Args:
+        design: ``paper``: pressures through a moving average of 10 and velocity from differences of the averaged
+            position, nothing to correct. ``force_balance``: the force balance and what moves it, correcting the
+            least-squares smoothed force balance.
+        cylinder: Its areas.
+        recordings: Labelled recordings of one sample time.
+    """
+    sample_time_s = recordings[0].sample_time_s
+    rows = _paper_rows(sample_time_s) if design == "paper" else _force_balance_rows(cylinder, sample_time_s)
+    base = None if design == "paper" else smoothed_force_balance_taps(cylinder, recordings)
+    taps = _stack([row.taps for row in rows])
+    count = len(rows)
+    limits = np.array([row.limit for row in rows])
+    raw = FrontEnd(tuple(row.name for row in rows), taps, limits, np.zeros(count), np.ones(count), base)
+    block = FrontEndBlock(raw)
+    seen = [
+        block.advance(block.new_state(), recording.samples())[0][recording.usable()].astype(np.float64)
+        for recording in recordings
+    ]
+    values = np.concatenate(seen)
+    scale = values.std(axis=0)
+    scale[scale == 0.0] = 1.0
+    return replace(raw, mean=values.mean(axis=0), scale=scale)
+
+
+def smoothed_force_balance_taps(cylinder: Cylinder, recordings: Sequence[Recording]) -> Array:
+    """Returns the taps, shape ``(1, 3, lags)``, of the causally smoothed force balance nearest to the labels.
+
+    Least squares on the last ``SMOOTHING_LAGS`` values of P1·A1 - P2·A2 (a finite Wiener filter; Wiener 1949).
+    """
+    labels, masks = labelled_rows(recordings)
+    balance = FirFilter(force_balance_taps(cylinder))
+    lags = FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
+    rows = []
+    for recording, mask in zip(recordings, masks, strict=True):
+        force = balance.advance(balance.new_state(), recording.samples())
+        rows.append(lags.advance(lags.new_state(), force)[mask])
+    lagged = np.concatenate(rows)
+    weights = np.linalg.lstsq(lagged.T @ lagged, lagged.T @ labels, rcond=None)[0]
+    return force_balance_taps(cylinder) * weights[None, None, :]
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One feature: its name, taps of shape ``(3, lags)`` and soft limit (0 for none)."""
+
+    name: str
+    taps: Array
+    limit: float = 0.0
+
+
+def _signal(column: int, taps: Array) -> Array:
+    result = np.zeros((3, len(taps)))
+    result[column] = taps
+    return result
+
+
+def _paper_rows(sample_time_s: float) -> list[_Row]:
+    average = moving_average_taps(10)
+    velocity = cascade_taps(average, difference_taps(sample_time_s))
+    return [
+        _Row("pressure_1_pa", _signal(0, average)),
+        _Row("pressure_2_pa", _signal(1, average)),
+        _Row("velocity_m_s", _signal(2, velocity)),
+    ]
+
+
+def _force_balance_rows(cylinder: Cylinder, sample_time_s: float) -> list[_Row]:
+    areas = force_balance_taps(cylinder)[0, :, 0]
+    velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
+    slow_velocity = cascade_taps(moving_average_taps(20), difference_taps(sample_time_s))
+    pressure_rate = one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
+    return [
+        _Row("force_balance_n", areas[:, None] * np.ones((1, 1))),
+        _Row("force_balance_4_n", areas[:, None] * moving_average_taps(4)),
+        _Row("force_balance_12_n", areas[:, None] * moving_average_taps(12)),
+        _Row("pressure_1_pa", _signal(0, moving_average_taps(8))),
+        _Row("pressure_2_pa", _signal(1, moving_average_taps(8))),
+        _Row("pressure_1_rate_pa_s", _signal(0, pressure_rate)),
+        _Row("velocity_m_s", _signal(2, velocity)),
+        _Row("creep_velocity", _signal(2, velocity), CREEP_VELOCITY_M_S),
+        _Row("slow_creep_velocity", _signal(2, slow_velocity), CREEP_VELOCITY_M_S),
+    ]
+
+
+def _stack(rows: list[Array]) -> Array:
+    length = max(row.shape[1] for row in rows)
+    return np.stack([np.pad(row, ((0, 0), (0, length - row.shape[1]))) for row in rows])

@@ -1,0 +1,236 @@
+"""Estimators that are linear in lagged raw samples: the force balance, its low-pass, and ridge regression.
+
+They are the floor under every learned estimator: pressures times areas already are the label, but for noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from sklearn.linear_model import Ridge
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.signals.causal import (
+    ExponentialLowPass,
+    FirFilter,
+    FirState,
+    LowPassState,
+    cascade_taps,
+    difference_taps,
+    moving_average_taps,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.recordings import Recording
+
+PAPER_WINDOW = 10
+PAPER_ACCELERATION_WINDOW = 30
+
+
+def force_balance_taps(cylinder: Cylinder) -> Array:
+    """Returns taps, shape ``(1, 3, 1)``, of P1·A1 - P2·A2 [N] on raw samples; inertia (about 1 N) is left out."""
+    return np.array([[[cylinder.piston_area_m2], [-cylinder.annulus_area_m2], [0.0]]])
+
+
+def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float) -> Array:
+    """Returns taps, shape ``(1, 3, length)``, of P1·A1 - P2·A2 - m·a [N] with the paper's causal filters.
+
+    Pressures and position run through a moving average of 10 samples; acceleration, twice the difference of
+    position, through one of 30.
+    """
+    average = moving_average_taps(PAPER_WINDOW)
+    difference = difference_taps(sample_time_s)
+    acceleration = cascade_taps(average, difference, difference, moving_average_taps(PAPER_ACCELERATION_WINDOW))
+    taps = np.zeros((1, 3, len(acceleration)))
+    taps[0, 0, :PAPER_WINDOW] = cylinder.piston_area_m2 * average
+    taps[0, 1, :PAPER_WINDOW] = -cylinder.annulus_area_m2 * average
+    taps[0, 2] = -cylinder.moving_mass_kg * acceleration
+    return taps
+
+
+def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
+    """Returns the labels [N] of all usable rows, one after the other, and each recording's mask."""
+    masks = [recording.usable() for recording in recordings]
+    labels = [recording.column("friction_n")[mask] for recording, mask in zip(recordings, masks, strict=True)]
+    return np.concatenate(labels), masks
+
+
+class ForceBalanceEstimator(FrictionEstimator):
+    """The equation of motion, causally: P1·A1 - P2·A2, unfiltered or through the paper's moving averages.
+
+    Args:
+        cylinder: Its areas and moving mass.
+        filtering: ``none`` takes raw pressures; ``paper`` the paper's windows of 10 and 30 samples.
+    """
+
+    kind: ClassVar[str] = "force_balance"
+
+    def __init__(self, cylinder: Cylinder, filtering: Literal["none", "paper"]) -> None:
+        super().__init__()
+        if filtering not in ("none", "paper"):
+            raise ValueError(f"filtering must be 'none' or 'paper', but got {filtering!r}")
+        self.cylinder = cylinder
+        self.filtering = filtering
+        self._filter: FirFilter | None = None
+
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Takes the sample time from the recordings; there is nothing else to learn."""
+        self._begin_fit(recordings)
+
+    def new_state(self) -> FirState:
+        return self._fir().new_state()
+
+    def advance(self, state: FirState, samples: Array) -> Array:
+        return self._fir().advance(state, samples)[:, 0]
+
+    def multiply_adds(self) -> int:
+        return int(np.count_nonzero(self._fir().taps))
+
+    def _fir(self) -> FirFilter:
+        if self._filter is None:
+            assert self.sample_time_s is not None
+            paper = self.filtering == "paper"
+            taps = (
+                paper_force_balance_taps(self.cylinder, self.sample_time_s)
+                if paper
+                else force_balance_taps(self.cylinder)
+            )
+            self._filter = FirFilter(taps)
+        return self._filter
+
+    def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
+        return {"cylinder": asdict(self.cylinder), "filtering": self.filtering}
+
+    @classmethod
+    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
+        return cls(Cylinder(**parameters["cylinder"]), parameters["filtering"])
+
+
+@dataclass
+class LowPassForceState:
+    """State of ``LowPassForceBalanceEstimator``: none for the balance itself, the output of its low-pass."""
+
+    balance: FirState
+    low_pass: LowPassState
+
+
+class LowPassForceBalanceEstimator(FrictionEstimator):
+    """P1·A1 - P2·A2 through a first-order low-pass whose weight is tuned on the training labels.
+
+    Args:
+        cylinder: Its areas.
+        weight: Share of the new sample, in (0, 1]; None until tuned by ``fit``.
+    """
+
+    kind: ClassVar[str] = "low_pass_force_balance"
+
+    def __init__(self, cylinder: Cylinder, weight: float | None = None) -> None:
+        super().__init__()
+        self.cylinder = cylinder
+        self.weight = weight
+        self._balance = FirFilter(force_balance_taps(cylinder))
+
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Chooses the weight with the smallest mean absolute error on the usable rows."""
+        self._begin_fit(recordings)
+        labels, masks = labelled_rows(recordings)
+        forces = [self._balance.advance(self._balance.new_state(), recording.samples()) for recording in recordings]
+
+        def error(weight: float) -> float:
+            low_pass = ExponentialLowPass(weight)
+            smooth = [low_pass.advance(low_pass.new_state(), force)[:, 0] for force in forces]
+            estimates = np.concatenate([values[mask] for values, mask in zip(smooth, masks, strict=True)])
+            return float(np.mean(np.abs(estimates - labels)))
+
+        found = minimize_scalar(error, bounds=(0.01, 1.0), method="bounded", options={"xatol": 1e-3})
+        self.weight = float(found.x)
+
+    def new_state(self) -> LowPassForceState:
+        return LowPassForceState(self._balance.new_state(), LowPassState())
+
+    def advance(self, state: LowPassForceState, samples: Array) -> Array:
+        assert self.weight is not None
+        force = self._balance.advance(state.balance, samples)
+        return ExponentialLowPass(self.weight).advance(state.low_pass, force)[:, 0]
+
+    def multiply_adds(self) -> int:
+        return 3
+
+    def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002
+        return {"cylinder": asdict(self.cylinder), "weight": self.weight}
+
+    @classmethod
+    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
+        return cls(Cylinder(**parameters["cylinder"]), parameters["weight"])
+
+
+class RidgeEstimator(FrictionEstimator):
+    """Ridge regression of the label on the last ``lags`` raw samples of both pressures and the position.
+
+    Args:
+        lags: Samples looked back, the present one included.
+        penalty: Weight of the squared coefficients, in standardised units.
+    """
+
+    kind: ClassVar[str] = "ridge"
+
+    def __init__(self, lags: int = 20, penalty: float = 1.0) -> None:
+        super().__init__()
+        if lags < 1:
+            raise ValueError(f"lags must be at least 1 sample, but got {lags!r}")
+        self.lags = lags
+        self.penalty = penalty
+        self._filter = FirFilter(np.zeros((1, 3, lags)))
+        self._intercept_n = 0.0
+
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Solves the normal equations on all usable rows."""
+        self._begin_fit(recordings)
+        labels, masks = labelled_rows(recordings)
+        rows = np.concatenate(
+            [self._lagged(recording.samples())[mask] for recording, mask in zip(recordings, masks, strict=True)]
+        )
+        mean, scale = rows.mean(axis=0), rows.std(axis=0)
+        scale[scale == 0.0] = 1.0
+        model = Ridge(alpha=self.penalty, solver="cholesky").fit((rows - mean) / scale, labels)
+        coefficients = model.coef_ / scale
+        self._filter = FirFilter(coefficients.reshape(1, 3, self.lags))
+        self._intercept_n = float(model.intercept_ - coefficients @ mean)
+
+    def _lagged(self, samples: Array) -> Array:
+        """Returns, shape ``(n, 3 · lags)``, each row's last samples, column by column, newest first."""
+        padded = np.concatenate([np.repeat(samples[:1], self.lags - 1, axis=0), samples])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, self.lags, axis=0)[:, :, ::-1]
+        return windows.reshape(len(samples), -1)
+
+    def new_state(self) -> FirState:
+        return self._filter.new_state()
+
+    def advance(self, state: FirState, samples: Array) -> Array:
+        return self._filter.advance(state, samples)[:, 0] + self._intercept_n
+
+    def multiply_adds(self) -> int:
+        return 3 * self.lags
+
+    def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002
+        return {
+            "lags": self.lags,
+            "penalty": self.penalty,
+            "taps": self._filter.taps[0].tolist(),
+            "intercept_n": self._intercept_n,
+        }
+
+    @classmethod
+    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
+        estimator = cls(parameters["lags"], parameters["penalty"])
+        estimator._filter = FirFilter(np.array([parameters["taps"]]))
+        estimator._intercept_n = parameters["intercept_n"]
+        return estimator

@@ -1,0 +1,119 @@
+"""The LSTM as an ONNX graph, and back: the one form in which a trained network is stored.
+
+Inputs of the graph (all float32): ``features`` (time, batch, features), ``hidden_in`` and ``cell_in`` (layers, batch,
+nodes). Outputs: ``hidden`` (time, batch, nodes), the last layer's hidden states; ``head`` (time, batch, 1), the linear
+head's output; ``hidden_out`` and ``cell_out``, the state to carry on. Time 1 makes it a step, any time a sequence.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+from cylinder_friction.estimators.lstm import LstmWeights
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Single = NDArray[np.float32]
+
+OPSET = 17
+IR_VERSION = 8
+
+
+def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
+    """Returns the checked graph of a stack of LSTM layers with a linear head."""
+    nodes: list[onnx.NodeProto] = []
+    constants = [
+        _tensor("head_weight", weights.head[:, None]),
+        _tensor("head_bias", np.array([weights.head_bias], dtype=np.float32)),
+        numpy_helper.from_array(np.array([1], dtype=np.int64), "direction_axis"),
+    ]
+    source = "features"
+    for layer in range(weights.layers):
+        inputs = weights.inputs if layer == 0 else weights.nodes
+        constants += [
+            _tensor(f"layer{layer}_W", weights.input[layer, :inputs].T[None]),
+            _tensor(f"layer{layer}_R", weights.recurrent[layer].T[None]),
+            _tensor(f"layer{layer}_B", np.concatenate([weights.bias[layer], np.zeros_like(weights.bias[layer])])[None]),
+            numpy_helper.from_array(np.array([layer], dtype=np.int64), f"layer{layer}_index"),
+        ]
+        nodes += _layer_nodes(layer, source, weights.nodes)
+        source = f"layer{layer}_hidden"
+    nodes += [
+        helper.make_node("Identity", [source], ["hidden"]),
+        helper.make_node("MatMul", [source, "head_weight"], ["head_product"]),
+        helper.make_node("Add", ["head_product", "head_bias"], ["head"]),
+        _concat("hidden_out", [f"layer{layer}_hidden_out" for layer in range(weights.layers)]),
+        _concat("cell_out", [f"layer{layer}_cell_out" for layer in range(weights.layers)]),
+    ]
+    state = [weights.layers, "batch", weights.nodes]
+    graph = helper.make_graph(
+        nodes,
+        "network",
+        [
+            _value("features", ["time", "batch", weights.inputs]),
+            _value("hidden_in", state),
+            _value("cell_in", state),
+        ],
+        [
+            _value("hidden", ["time", "batch", weights.nodes]),
+            _value("head", ["time", "batch", 1]),
+            _value("hidden_out", state),
+            _value("cell_out", state),
+        ],
+        initializer=constants,
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def network_from_onnx(model: onnx.ModelProto) -> LstmWeights:
+    """Returns the weights inside a graph that ``network_to_onnx`` made."""
+    stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
+    layers = sum(1 for name in stored if name.endswith("_R"))
+    kernels = [stored[f"layer{layer}_W"][0].T for layer in range(layers)]
+    nodes = stored["layer0_R"].shape[2]
+    widest = max(kernel.shape[0] for kernel in kernels)
+    padded = np.zeros((layers, widest, 4 * nodes), dtype=np.float32)
+    for layer, kernel in enumerate(kernels):
+        padded[layer, : len(kernel)] = kernel
+    return LstmWeights(
+        input=padded,
+        recurrent=np.ascontiguousarray(np.stack([stored[f"layer{layer}_R"][0].T for layer in range(layers)])),
+        bias=np.stack([stored[f"layer{layer}_B"][0, : 4 * nodes] for layer in range(layers)]),
+        head=np.ascontiguousarray(stored["head_weight"][:, 0]),
+        head_bias=float(stored["head_bias"][0]),
+        inputs=int(kernels[0].shape[0]),
+    )
+
+
+def _layer_nodes(layer: int, source: str, width: int) -> list[onnx.NodeProto]:
+    own = f"layer{layer}_"
+    return [
+        helper.make_node("Gather", ["hidden_in", own + "index"], [own + "hidden_in"], axis=0),
+        helper.make_node("Gather", ["cell_in", own + "index"], [own + "cell_in"], axis=0),
+        helper.make_node(
+            "LSTM",
+            [source, own + "W", own + "R", own + "B", "", own + "hidden_in", own + "cell_in"],
+            [own + "all", own + "hidden_out", own + "cell_out"],
+            hidden_size=width,
+        ),
+        helper.make_node("Squeeze", [own + "all", "direction_axis"], [own + "hidden"]),
+    ]
+
+
+def _concat(output: str, parts: list[str]) -> onnx.NodeProto:
+    return helper.make_node("Concat", parts, [output], axis=0)
+
+
+def _tensor(name: str, values: Single) -> onnx.TensorProto:
+    return numpy_helper.from_array(np.ascontiguousarray(values, dtype=np.float32), name)
+
+
+def _value(name: str, shape: list[int | str]) -> onnx.ValueInfoProto:
+    return helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
