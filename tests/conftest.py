@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings import Recording, RecordingMetadata
+from cylinder_friction.estimators import Architecture, ForestPlan, HybridEstimator, TrainingPlan
+from cylinder_friction.recordings import Recording, RecordingMetadata, write_recording
+from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.tracking.versions import dvc_hash
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 SAMPLE_TIME_S = 0.005
 
@@ -25,9 +37,10 @@ def made_recording(
     acceleration_m_s2 = -amplitude_m * rate**2 * np.sin(rate * time_s + seed)
     pressure_2_pa = 9e5 * int(test) + 2e5 * np.sin(0.3 * time_s)
     coulomb_n = 240.0 + 4.0 * (pressure_2_pa / 1e5)
-    friction_n = np.tanh(velocity_m_s / 2e-3) * (
-        coulomb_n * (1.0 + 0.5 * np.exp(-((velocity_m_s / 8e-3) ** 2)))
-    ) + 1500.0 * velocity_m_s
+    friction_n = (
+        np.tanh(velocity_m_s / 2e-3) * (coulomb_n * (1.0 + 0.5 * np.exp(-((velocity_m_s / 8e-3) ** 2))))
+        + 1500.0 * velocity_m_s
+    )
     pressure_1_pa = (
         friction_n + pressure_2_pa * cylinder.annulus_area_m2 + cylinder.moving_mass_kg * acceleration_m_s2
     ) / cylinder.piston_area_m2
@@ -59,3 +72,80 @@ def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
         for test in (1, 2, 3, 4)
         for take in (1, 2)
     ]
+
+
+@pytest.fixture(scope="session")
+def small_hybrid(cylinder: Cylinder, labelled_recordings: list[Recording]) -> HybridEstimator:
+    """A hybrid of both parts, trained for two epochs: everything a real one has, only bad at its task."""
+    hybrid = HybridEstimator(
+        cylinder,
+        "force_balance",
+        Architecture(1, 8, 0.0, 1e-3),
+        TrainingPlan(2, 2, 200, 20, 4),
+        ForestPlan(4, 5, 2000, 20),
+    )
+    hybrid.fit(labelled_recordings)
+    return hybrid
+
+
+@pytest.fixture(scope="session")
+def written_pipeline(
+    tmp_path_factory: pytest.TempPathFactory, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+) -> Path:
+    """A repository as the pipeline leaves it before ``register``: recordings, model, report, run records, dvc.lock.
+
+    Read only: a test that changes something copies it. Its store is its own, whatever MLFLOW_TRACKING_URI says.
+    """
+    root = tmp_path_factory.mktemp("pipeline")
+    raw = root / "data/raw/rig"
+    raw.mkdir(parents=True)
+    (raw / "log.csv").write_text("time,pressure\n0.0,10.5\n", encoding="utf-8")
+    for role, chosen in (("train", 1), ("validation", 2), ("test", 2)):
+        for recording in labelled_recordings:
+            if recording.name.endswith(str(chosen)):
+                write_recording(root / "data/processed" / role, recording)
+    small_hybrid.save(root / "models/hybrid")
+    tests = sorted({recording.metadata.test for recording in labelled_recordings})
+    numbers = {test: {"label_percent": 2.0 + 0.1 * int(test), "label_mae_n": 8.0} for test in tests}
+    (root / "reports/figures").mkdir(parents=True)
+    (root / "reports/figures/figure_5.png").write_bytes(_SMALLEST_PNG)
+    (root / "reports/report.html").write_text("<h1>Comparison</h1>", encoding="utf-8")
+    (root / "reports/metrics.json").write_text(json.dumps({"hybrid": numbers}), encoding="utf-8")
+    params = {"record": {"seed": 1}, "train": {"seed": 2}, "register": {"tolerance_percent": 0.1}}
+    (root / "params.yaml").write_text(yaml.safe_dump(params), encoding="utf-8")
+    folders = ["data/raw/rig", *(f"data/processed/{role}" for role in ("train", "validation", "test"))]
+    outs = [{"path": folder, "hash": "md5", "md5": dvc_hash(root / folder)} for folder in folders]
+    (root / "dvc.lock").write_text(yaml.safe_dump({"schema": "2.0", "stages": {"all": {"outs": outs}}}), "utf-8")
+    _write_run_records(root)
+    (root / ".gitignore").write_text(
+        "/data\n/models\n/reports\n/mlflow.db*\n/mlartifacts\n/.cylinder-friction\n", "utf-8"
+    )
+    for command in (["init", "-q"], ["add", "-A"], [*_AUTHOR, "commit", "-q", "-m", "Pipeline"]):
+        subprocess.run(["git", "-C", str(root), *command], check=True, capture_output=True)
+    return root
+
+
+def _write_run_records(root: Path) -> None:
+    trials = tuple(
+        RunRecord(f"trial {number}", {"layers": number}, {"validation_mae_n": 9.0 - number}, {"mae": [9.0, 8.5]})
+        for number in range(3)
+    )
+    paths = ("reports/report.html", "reports/figures/figure_5.png")
+    records = (
+        RunRecord("record", {"seed": 1}, {"recordings": 8.0}),
+        RunRecord("search", {"trials": 3}, {"best_mae_n": 6.0}, children=trials),
+        RunRecord("train", {"seed": 2}, {"mae_n": 8.0}, {"mae": [9.0, 8.0]}, datasets={"train": "0" * 64}),
+        RunRecord(
+            "compare", metrics={"hybrid.test_1.label_percent": 2.1}, artifacts={p: hash_of(root / p) for p in paths}
+        ),
+    )
+    (root / "reports/runs").mkdir()
+    for record in records:
+        (root / f"reports/runs/{record.name}.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
+
+
+_AUTHOR = ("-c", "user.name=Tester", "-c", "user.email=tester@localhost")
+_SMALLEST_PNG = bytes.fromhex(
+    "89504e470d0a1a0a0000000d49484452000000010000000108020000009077"
+    "53de0000000c49444154789c63606060000000040001f61738550000000049454e44ae426082"
+)

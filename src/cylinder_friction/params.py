@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from cylinder_friction.recordings.mapping import ChannelMapping, check_mapping, compile_name_pattern
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 PARAMS_FILE = Path("params.yaml")
 
@@ -62,20 +65,40 @@ class ChannelParams(_Section):
     sign: Literal[1, -1] = 1
 
 
+class CsvParams(_Section):
+    """How the lines of a CSV file are cut into numbers."""
+
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)]
+    decimal: Literal[".", ","]
+
+
 class IngestParams(_Section):
     """Which folder is read and how its files become recordings."""
 
     source: str
     truth: str
     format: Literal["csv"]
+    csv: CsvParams
     pattern: str
     name_pattern: str
     channels: dict[str, ChannelParams]
     minimum_duration_s: Positive
 
+    @field_validator("channels")
+    @classmethod
+    def _channels_make_a_recording(cls, channels: dict[str, ChannelParams]) -> dict[str, ChannelParams]:
+        check_mapping({column: ChannelMapping(**channel.model_dump()) for column, channel in channels.items()})
+        return channels
+
+    @field_validator("name_pattern")
+    @classmethod
+    def _name_pattern_tells_test_and_session(cls, pattern: str) -> str:
+        compile_name_pattern(pattern)
+        return pattern
+
 
 class MovingAverageParams(_Section):
-    """The paper's chain: windows in samples."""
+    """The paper's chain, causal as published or centred: windows in samples."""
 
     window: Count
     acceleration_window: Count
@@ -91,6 +114,11 @@ class SavitzkyGolayParams(_Section):
     acceleration_window: Count
     acceleration_order: Count
 
+    @model_validator(mode="after")
+    def _windows_hold_their_orders(self) -> SavitzkyGolayParams:
+        SavitzkyGolay(**self.model_dump())
+        return self
+
 
 class RtsParams(_Section):
     """Rauch-Tung-Striebel smoother with a constant-jerk position model and a random-walk pressure model."""
@@ -102,9 +130,9 @@ class RtsParams(_Section):
 
 
 class FilterParams(_Section):
-    """How raw signals become smooth ones with velocity and acceleration, off line."""
+    """How raw signals become smooth ones with velocity and acceleration, off line; the audit judges all four."""
 
-    method: Literal["moving_average", "savitzky_golay", "rts"]
+    method: Literal["moving_average", "moving_average_centred", "savitzky_golay", "rts"]
     moving_average: MovingAverageParams
     savitzky_golay: SavitzkyGolayParams
     rts: RtsParams
@@ -150,6 +178,7 @@ class TrainingParams(_Section):
     sequence_length: Count
     burn_in: Annotated[int, Field(ge=0)]
     batch_size: Count
+    schedule: Literal["constant", "cosine"]
     forest_rows: Count
     forest_leaf: Count
 
@@ -208,6 +237,13 @@ class CompareParams(_Section):
     figure_duration_s: Positive
     autocorrelation_lags: Count
     timing_repeats: Count
+    standstill_velocity_m_s: Positive
+    stribeck_velocity_m_s: Positive
+    reversal_window_s: Positive
+    maximum_lag_s: Positive
+    bootstrap_repeats: Count
+    bootstrap_block_s: Positive
+    seed: Seed
 
 
 class RegisterParams(_Section):

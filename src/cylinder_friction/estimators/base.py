@@ -46,7 +46,7 @@ class TrainingRange:
         return cls(tuple(map(float, lower)), tuple(map(float, upper)))
 
     def holds(self, samples: Array, margin: float = 0.05) -> NDArray[np.bool_]:
-        """Returns which rows of ``samples``, shape ``(n, 3)``, lie within the range widened by ``margin`` of its width."""
+        """Returns which rows of ``samples``, shape ``(n, 3)``, lie in the range, widened by ``margin`` of it."""
         lower, upper = np.array(self.lower), np.array(self.upper)
         slack = margin * (upper - lower)
         return np.asarray(((samples >= lower - slack) & (samples <= upper + slack)).all(axis=1))

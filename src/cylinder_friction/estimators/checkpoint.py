@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -32,8 +31,8 @@ class Checkpoint:
     def save(self, arrays: dict[str, NDArray[Any]]) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         draft = self.folder / "draft.npz"
-        np.savez(draft, **arrays)
-        os.replace(draft, self.path)
+        np.savez(draft, allow_pickle=False, **cast("dict[str, Any]", arrays))
+        draft.replace(self.path)
 
     def load(self) -> dict[str, NDArray[Any]] | None:
         """Returns what was saved last, or None where nothing was."""

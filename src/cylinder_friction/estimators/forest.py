@@ -116,7 +116,10 @@ def forest_from_onnx(model: onnx.ModelProto) -> Forest:
     base = np.array([first[int(tree)] for tree in trees])
     leaf = np.array([mode == b"LEAF" for mode in attributes["nodes_modes"]])
     value = np.zeros(len(ids), dtype=np.float32)
-    where = [first[tree] + node_id for tree, node_id in zip(attributes["target_treeids"], attributes["target_nodeids"], strict=True)]
+    where = [
+        first[tree] + node_id
+        for tree, node_id in zip(attributes["target_treeids"], attributes["target_nodeids"], strict=True)
+    ]
     value[where] = np.array(attributes["target_weights"], dtype=np.float32)
     if attributes.get("aggregate_function", b"SUM") == b"AVERAGE":
         value /= np.float32(len(first))
@@ -136,9 +139,7 @@ def forest_from_onnx(model: onnx.ModelProto) -> Forest:
     )
 
 
-def _depth(
-    roots: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64], leaf: NDArray[np.bool_]
-) -> int:
+def _depth(roots: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64], leaf: NDArray[np.bool_]) -> int:
     depth, level = 0, roots
     while True:
         inner = level[~leaf[level]]

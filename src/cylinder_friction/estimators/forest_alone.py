@@ -57,9 +57,7 @@ class ForestEstimator(FrictionEstimator):
         )
         count = min(self.plan.rows, len(rows))
         chosen = np.sort(np.random.default_rng(self.seed).choice(len(rows), count, replace=False))
-        model = fit_forest(
-            rows[chosen], labels[chosen], self.plan.trees, self.plan.depth, self.plan.leaf, self.seed
-        )
+        model = fit_forest(rows[chosen], labels[chosen], self.plan.trees, self.plan.depth, self.plan.leaf, self.seed)
         self._set(front_end, model)
 
     def _set(self, front_end: FrontEnd, model: onnx.ModelProto) -> None:

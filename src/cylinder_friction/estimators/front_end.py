@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows
 from cylinder_friction.signals.causal import (
     FirFilter,
@@ -24,7 +25,6 @@ from cylinder_friction.signals.causal import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
     from cylinder_friction.recordings import Recording
 
@@ -146,6 +146,13 @@ def smoothed_force_balance_taps(cylinder: Cylinder, recordings: Sequence[Recordi
     lagged = np.concatenate(rows)
     weights = np.linalg.lstsq(lagged.T @ lagged, lagged.T @ labels, rcond=None)[0]
     return force_balance_taps(cylinder) * weights[None, None, :]
+
+
+def feature_count(design: Design) -> int:
+    """Returns how many features a design gives its network."""
+    if design == "paper":
+        return len(_paper_rows(1.0))
+    return len(_force_balance_rows(Cylinder("any", 2.0, 1.0, 1.0, 1.0), 1.0))
 
 
 @dataclass(frozen=True)

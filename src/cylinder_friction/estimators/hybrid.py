@@ -14,7 +14,6 @@ import numpy as np
 import onnx
 
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.checkpoint import Checkpoint
 from cylinder_friction.estimators.forest import Forest, fit_forest, forest_from_onnx
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
 from cylinder_friction.estimators.lstm import Lstm, LstmState
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
+    from cylinder_friction.estimators.checkpoint import Checkpoint
     from cylinder_friction.recordings import Recording
 
 NETWORK_FILE = "network.onnx"
@@ -163,9 +163,7 @@ class HybridEstimator(FrictionEstimator):
         alone = HybridEstimator(self.cylinder, self.design, self.architecture, self.plan, None, self.seed, self.device)
         alone.sample_time_s, alone.training_range = self.sample_time_s, self.training_range
         alone._set(
-            HybridParts(
-                parts.design, parts.front_end, parts.network, None, parts.target_mean_n, parts.target_scale_n
-            )
+            HybridParts(parts.design, parts.front_end, parts.network, None, parts.target_mean_n, parts.target_scale_n)
         )
         return alone
 
@@ -254,7 +252,7 @@ class HybridEstimator(FrictionEstimator):
 
 
 def forest_input(design: Design, hidden: Any, head: Any, features: Any) -> Any:
-    """Returns what the forest sees, float32: the last hidden state; in ``force_balance`` its output and features too."""
+    """Returns what the forest sees, float32: the last hidden state; in ``force_balance`` head and features too."""
     if design == "paper":
         return hidden
     return np.concatenate([hidden, head[:, None], features], axis=1)

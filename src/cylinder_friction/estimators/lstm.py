@@ -82,11 +82,11 @@ class Lstm:
         """Returns the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
         w = self.weights
         hidden = _run(w.input, w.recurrent, w.bias, w.inputs, features, state.hidden, state.cell)
-        return hidden, _head(hidden, w.head, np.float32(w.head_bias))
+        return hidden, _head(hidden, w.head, w.head_bias)
 
 
 @numba.njit(cache=True)
-def _sigmoid(x: float) -> float:
+def _sigmoid(x: np.float32) -> np.float32:
     return np.float32(1.0) / (np.float32(1.0) + math.exp(-x))
 
 
@@ -132,7 +132,7 @@ def _run(
 def _head(hidden: Single, head: Single, bias: float) -> Single:
     result = np.empty(hidden.shape[0], dtype=np.float32)
     for row in range(hidden.shape[0]):
-        total = bias
+        total = np.float32(bias)
         for node in range(hidden.shape[1]):
             total += hidden[row, node] * head[node]
         result[row] = total

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -187,7 +188,7 @@ class _Training:
         length = int(self.train.lengths[group].max())
         edges = [0, *range(shift or self.plan.sequence_length, length, self.plan.sequence_length), length]
         state, total, count = None, 0.0, 0.0
-        for start, end in zip(edges[:-1], edges[1:], strict=True):
+        for start, end in itertools.pairwise(edges):
             features = self.train.features[start:end, group]
             weight = self.train.weight[start:end, group].clone()
             weight[: max(0, self.plan.burn_in - start)] = 0.0

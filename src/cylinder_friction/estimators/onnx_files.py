@@ -50,7 +50,7 @@ def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
         _concat("hidden_out", [f"layer{layer}_hidden_out" for layer in range(weights.layers)]),
         _concat("cell_out", [f"layer{layer}_cell_out" for layer in range(weights.layers)]),
     ]
-    state = [weights.layers, "batch", weights.nodes]
+    state: list[int | str] = [weights.layers, "batch", weights.nodes]
     graph = helper.make_graph(
         nodes,
         "network",

@@ -1,6 +1,10 @@
 """Recordings: what one is, how files become one, how it is checked and stored."""
 
+from cylinder_friction.recordings.checks import CheckLimits, check_recording
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
+from cylinder_friction.recordings.ingesting import QUARANTINE_FILE, Ingested, Quarantined, Source, ingest_folder
+from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.readers import READERS, Reader, reader_for
 from cylinder_friction.recordings.recording import (
     REQUIRED_COLUMNS,
     SAMPLE_COLUMNS,
@@ -17,18 +21,31 @@ from cylinder_friction.recordings.storage import (
     recording_paths,
     write_recording,
 )
+from cylinder_friction.recordings.truth import read_truth
 
 __all__ = [
+    "QUARANTINE_FILE",
+    "READERS",
     "REQUIRED_COLUMNS",
     "SAMPLE_COLUMNS",
+    "ChannelMapping",
+    "CheckLimits",
+    "Ingested",
+    "Quarantined",
+    "Reader",
     "Recording",
     "RecordingError",
     "RecordingMetadata",
+    "Source",
+    "check_recording",
+    "ingest_folder",
     "iterate_recordings",
     "read_json",
     "read_metadata",
     "read_recording",
     "read_recordings",
+    "read_truth",
+    "reader_for",
     "recording_paths",
     "refuse_not_finite",
     "whole_folder",

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """Yields a new empty folder that takes the place of ``folder`` only if the block ends without an error.
-
+    """Yields a new empty folder that takes the place of ``folder`` only if the block ends without an error."""
     draft = folder.with_name(f".{folder.name}.draft")
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir(parents=True)

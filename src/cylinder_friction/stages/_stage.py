@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from cylinder_friction.tracking.run_record import Scalar
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.tracking.content import hash_of as hash_of  # noqa: PLC0414 - stages take it from here
 
 RIG_FOLDER = Path("data/raw/rig")
 RIG_TRUTH_FOLDER = Path("data/raw/rig_truth")
@@ -51,16 +53,14 @@ def _flatten(key: str, value: Any, into: dict[str, Scalar]) -> None:
         into[key] = value if isinstance(value, str | int | float | bool) else str(value)
 
 
-def hash_of(path: Path) -> str:
-    """Returns the SHA-256 of a file, or of a folder's relative names and bytes."""
-    digest = hashlib.sha256()
-    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-        if file.is_file():
-            digest.update(file.relative_to(path).as_posix().encode() if path.is_dir() else b"")
-            digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
 def artifacts(*paths: Path) -> dict[str, str]:
     """Returns ``{path: hash}`` for a run record."""
     return {path.as_posix(): hash_of(path) for path in paths}
+
+
+def resume_folder(stage: str, *depends_on: BaseModel | dict[str, str] | dict[str, Any]) -> Path:
+    """Returns where a killed stage finds what it had finished; a hash of all it depends on, the code included."""
+    content = [part.model_dump() if isinstance(part, BaseModel) else part for part in depends_on]
+    code = hash_of(Path(__file__).parent.parent / "estimators")
+    key = hashlib.sha256(json.dumps([content, code], sort_keys=True).encode()).hexdigest()[:16]
+    return Path(".cylinder-friction/resume") / f"{stage}-{key}"

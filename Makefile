@@ -1,0 +1,73 @@
+# The one list of commands. Each sets up what it needs: .venv from the lock files.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(abspath $(VENV))/bin
+export PATH := $(BIN):$(PATH)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help install install-dev reproduce test lint format params ui serve track bench readme seeds lock
+
+help: ## list the commands
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+install: $(VENV)/.installed
+
+install-dev: $(VENV)/.installed-dev
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --editable .
+	@touch $@
+
+$(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet -r requirements-dev.lock
+	@touch $@
+
+reproduce: install ## run the whole pipeline, then print the result and what to do next
+	cylinder-friction check
+	dvc repro
+	cylinder-friction track
+	cylinder-friction summary
+
+test: install-dev ## run the tests
+	pytest -n 2 --dist loadgroup
+
+lint: install-dev ## check style, types and import rules
+	ruff format --check src tests benchmarks
+	ruff check src tests benchmarks
+	mypy
+	lint-imports
+
+format: install-dev ## rewrite style
+	ruff format src tests benchmarks
+	ruff check --fix src tests benchmarks
+
+params: install ## compose conf/ into params.yaml, for example ARGS="experiment=smoke"
+	cylinder-friction params $(ARGS)
+
+ui: install ## open the MLflow UI on the runs
+	cylinder-friction ui
+
+serve: install ## serve the champion and print a curl to try
+	cylinder-friction serve
+
+track: install ## log every finished stage to MLflow, without duplicates
+	cylinder-friction track
+
+bench: install ## measure speeds against peers in the same run
+	python benchmarks/rig_speed.py
+	python benchmarks/lugre_best_possible.py
+
+seeds: install ## the comparison for three campaign seeds (about half an hour)
+	python benchmarks/campaign_seeds.py $(or $(ARGS),1 2 3)
+
+readme: install ## put the pipeline's latest table and picture into README.md
+	cylinder-friction readme
+
+lock: ## resolve the lock files anew from pyproject.toml
+	tools/lock.sh

@@ -1,0 +1,153 @@
+"""The registered model behind HTTP, and the MLflow UI: MLflow's own servers, on a free port, on this repository."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.tracking.errors import TrackingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+CHAMPION = "models:/friction-estimator@champion"
+_HOST = "127.0.0.1"
+_START_TIMEOUT_S = 120.0
+
+
+def run_server(model: str, root: Path) -> int:
+    """Serves a registered model until interrupted, and says how to ask it for friction."""
+    example = _example_of(model, root)
+    with served_model(model, root) as url:
+        sys.stdout.write(
+            f"serving {model} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl(url, example)}\n\n"
+            "friction_n is in newtons, positive when it opposes extension; in_training_range is false where the\n"
+            "estimate is an extrapolation. Send the rows of a recording in order, at the trained sample time.\n"
+        )
+        sys.stdout.flush()
+        return _wait_for_interrupt()
+
+
+def run_ui(root: Path) -> int:
+    """Opens the MLflow UI on the repository's runs until interrupted."""
+    with served_ui(root) as url:
+        sys.stdout.write(f"MLflow UI at {url} (stop with Ctrl-C)\n")
+        sys.stdout.flush()
+        return _wait_for_interrupt()
+
+
+@contextmanager
+def served_model(model: str, root: Path) -> Iterator[str]:
+    """Yields the URL of ``mlflow models serve`` on a free port, once it answers.
+
+    Raises:
+        TrackingError: It ended, or did not answer in two minutes; the message holds what it said.
+    """
+    port = free_port()
+    arguments = ["models", "serve", "-m", model, "--env-manager", "local", "-h", _HOST, "-p", str(port)]
+    with _mlflow(arguments, root, f"http://{_HOST}:{port}", "/ping") as url:
+        yield url
+
+
+@contextmanager
+def served_ui(root: Path) -> Iterator[str]:
+    """Yields the URL of the MLflow UI on a free port, once it answers."""
+    from cylinder_friction.tracking.store import artifact_folder, tracking_uri
+
+    uri = tracking_uri(root)
+    if uri.startswith(("http://", "https://")):  # a tracking server brings its own
+        yield uri
+        return
+    port = free_port()
+    arguments = ["server", "--backend-store-uri", uri, "--default-artifact-root", artifact_folder(root).as_uri()]
+    arguments += ["--host", _HOST, "--port", str(port), "--workers", "1"]
+    with _mlflow(arguments, root, f"http://{_HOST}:{port}", "/health") as url:
+        yield url
+
+
+def curl(url: str, rows: dict[str, Any]) -> str:
+    """Returns a command that asks the served model about some rows and can be pasted into a shell."""
+    body = json.dumps({"dataframe_split": rows})
+    return f"curl -s {url}/invocations -H 'Content-Type: application/json' \\\n  -d '{body}'"
+
+
+def free_port() -> int:
+    """Returns a port of this machine that nobody listens on just now."""
+    with socket.socket() as probe:
+        probe.bind((_HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+def _example_of(model: str, root: Path) -> dict[str, Any]:
+    """Returns the example that the model carries: real rows of a held-out recording."""
+    from cylinder_friction.tracking.registry import example_rows
+
+    return example_rows(model, root)
+
+
+@contextmanager
+def _mlflow(arguments: Sequence[str], root: Path, url: str, health: str) -> Iterator[str]:
+    from cylinder_friction.tracking.repository import repository_root
+    from cylinder_friction.tracking.store import LOCAL_FOLDER, tracking_uri
+
+    uri = tracking_uri(root)
+    environment = {**os.environ, "MLFLOW_TRACKING_URI": uri, "MLFLOW_REGISTRY_URI": uri}
+    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment.get('PATH', '')}"
+    log_path = repository_root(root) / LOCAL_FOLDER / f"{arguments[0]}-{url.rpartition(':')[2]}.log"
+    log_path.parent.mkdir(parents=True, exist_ok=True)
+    with log_path.open("w+b") as log:
+        process = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", "mlflow", *arguments],
+            stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True,
+        )  # fmt: skip
+        try:
+            _wait_until_it_answers(process, url + health, log_path)
+            yield url
+        finally:
+            _stop(process)
+
+
+def _wait_until_it_answers(process: subprocess.Popen[bytes], url: str, log_path: Path) -> None:
+    deadline = time.monotonic() + _START_TIMEOUT_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            with urllib.request.urlopen(url, timeout=2.0):  # noqa: S310
+                return
+        except (urllib.error.URLError, OSError):
+            time.sleep(0.2)
+    ended = process.poll()
+    what = f"ended with exit status {ended}" if ended is not None else f"did not answer in {_START_TIMEOUT_S:.0f} s"
+    said = log_path.read_text(encoding="utf-8", errors="replace").strip()[-2000:]
+    raise TrackingError(f"the MLflow server for {url} {what}; it said:\n{said}")
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    """Ends the server and its workers, which are one process group of their own."""
+    for sign in (signal.SIGTERM, signal.SIGKILL):
+        try:
+            os.killpg(process.pid, sign)
+        except ProcessLookupError:
+            break
+        try:
+            process.wait(timeout=10.0)
+        except subprocess.TimeoutExpired:
+            continue
+    process.wait()
+
+
+def _wait_for_interrupt() -> int:
+    try:
+        signal.pause()
+    except KeyboardInterrupt:
+        sys.stdout.write("\n")
+    return 0

@@ -1,0 +1,251 @@
+"""Estimators side by side on held-out recordings: errors against the label and, separately, against the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tqdm import tqdm
+
+from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
+from cylinder_friction.evaluation.metrics import Errors, errors, lag_s
+from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
+from cylinder_friction.recordings import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings import Recording
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+LABEL_ITSELF = "label"
+"""In the scores against truth: the off-line label, which looks ahead, judged like an estimate."""
+
+
+@dataclass(frozen=True)
+class ComparisonSettings:
+    """How estimators are compared.
+
+    Attributes:
+        limits: Where the strata end.
+        maximum_lag_s: Shifts tried when looking for an estimate's lag [s].
+        bootstrap_repeats: Draws of the block bootstrap.
+        bootstrap_block_s: Length of a block [s]; longer than the residuals remember.
+        seed: Seed of the draws.
+    """
+
+    limits: StrataLimits
+    maximum_lag_s: float
+    bootstrap_repeats: int
+    bootstrap_block_s: float
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One held-out recording and what every estimator said about it; all arrays have shape ``(n,)``.
+
+    Attributes:
+        name, test, sample_time_s: Of the recording.
+        time_s, velocity_m_s, pressure_1_pa, pressure_2_pa: Of the recording, the velocity from the off-line filter.
+        label_n: Friction from the equation of motion [N]; may be NaN where not usable.
+        usable: Rows that count.
+        truth_n: True friction [N], or None where it is not known.
+        estimates_n: Estimated friction [N] by estimator.
+    """
+
+    name: str
+    test: str
+    sample_time_s: float
+    time_s: Array
+    velocity_m_s: Array
+    pressure_1_pa: Array
+    pressure_2_pa: Array
+    label_n: Array
+    usable: Mask
+    truth_n: Array | None
+    estimates_n: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """One estimator in one test against one reference.
+
+    Attributes:
+        errors: Over all usable rows of the test.
+        interval_percent: 95 % interval of ``errors.percent`` by block bootstrap.
+        draws_percent: The draws behind it; those of two estimators in one test are paired.
+        lag_s: How late the estimate is [s].
+        strata: Errors within each stratum that has a usable row.
+    """
+
+    errors: Errors
+    interval_percent: tuple[float, float]
+    draws_percent: Array
+    lag_s: float
+    strata: Mapping[str, Errors]
+
+
+Scores = dict[str, dict[str, Score]]
+"""By estimator, then by test."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What a comparison found.
+
+    Attributes:
+        estimators: Names in the order given.
+        tests: Names of the tests, sorted.
+        label: Scores against the label.
+        truth: Scores against true friction, with ``LABEL_ITSELF`` as one more name; only of recordings whose truth
+            is known, so a test may be missing, or all.
+        multiply_adds: Operations of one step by estimator.
+        traces: Every recording with every estimate; 8 bytes a sample and estimator.
+    """
+
+    estimators: tuple[str, ...]
+    tests: tuple[str, ...]
+    label: Scores
+    truth: Scores
+    multiply_adds: dict[str, int]
+    traces: tuple[Trace, ...]
+
+    def of_test(self, test: str) -> list[Trace]:
+        return [trace for trace in self.traces if trace.test == test]
+
+    def percent(self, estimator: str, test: str) -> float:
+        """Returns MAE / mean |label| [%]."""
+        return self.label[estimator][test].errors.percent
+
+    def residuals(self, estimator: str) -> tuple[Array, Mask]:
+        """Returns label minus estimate [N] over all recordings in turn, with a row that does not count between two."""
+        return with_gaps(
+            [trace.label_n - trace.estimates_n[estimator] for trace in self.traces],
+            [trace.usable for trace in self.traces],
+            1,
+        )
+
+
+def compare(
+    estimators: Mapping[str, FrictionEstimator],
+    recordings: Sequence[Recording],
+    truth_n: Mapping[str, Array],
+    settings: ComparisonSettings,
+    progress: bool = True,
+) -> Comparison:
+    """Runs every estimator over every recording and scores it, one test at a time.
+
+    Args:
+        estimators: Fitted estimators by name.
+        recordings: Held-out recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
+        truth_n: True friction [N] by recording name, shape ``(n,)``; empty where it is not known.
+        settings: How they are compared.
+        progress: Whether a progress bar is shown.
+
+    Raises:
+        RecordingError: Nothing to compare on; a test without usable rows or without friction; an estimate or label
+            that is not finite; truth of another length than its recording.
+    """
+    if not recordings or not estimators:
+        raise RecordingError(
+            f"nothing to compare: got {len(estimators)} estimators and {len(recordings)} held-out recordings; "
+            "expected at least one of each; check label.split, which holds sessions out"
+        )
+    with tqdm(total=len(recordings) * len(estimators), desc="compare", unit="estimate", disable=not progress) as bar:
+        traces = tuple(_trace(estimators, recording, truth_n.get(recording.name), bar) for recording in recordings)
+    tests = tuple(sorted({trace.test for trace in traces}))
+    label: Scores = {name: {} for name in estimators}
+    truth: Scores = {}
+    for test in tests:
+        labelled = [trace for trace in traces if trace.test == test]
+        labels = [trace.label_n for trace in labelled]
+        for name in estimators:
+            estimates = [trace.estimates_n[name] for trace in labelled]
+            label[name][test] = _score(f"test {test}, {name} against the label", labelled, labels, estimates, settings)
+        known = [trace for trace in labelled if trace.truth_n is not None and trace.usable.any()]
+        truths = [trace.truth_n for trace in known if trace.truth_n is not None]
+        for name in (*estimators, LABEL_ITSELF) if known else ():
+            judged = [trace.label_n if name == LABEL_ITSELF else trace.estimates_n[name] for trace in known]
+            where = f"test {test}, {name} against the truth"
+            truth.setdefault(name, {})[test] = _score(where, known, truths, judged, settings)
+    costs = {name: estimator.multiply_adds() for name, estimator in estimators.items()}
+    return Comparison(tuple(estimators), tests, label, truth, costs, traces)
+
+
+def with_gaps(parts: Sequence[Array], masks: Sequence[Mask], gap: int) -> tuple[Array, Mask]:
+    """Returns the parts end to end with ``gap`` unusable zeros after each, and the mask that goes with them."""
+    filler = np.zeros(gap)
+    values = [np.concatenate([np.where(mask, part, 0.0), filler]) for part, mask in zip(parts, masks, strict=True)]
+    usable = [np.concatenate([mask, filler.astype(np.bool_)]) for mask in masks]
+    return np.concatenate(values), np.concatenate(usable)
+
+
+def _trace(
+    estimators: Mapping[str, FrictionEstimator], recording: Recording, truth_n: Array | None, bar: tqdm[Any]
+) -> Trace:
+    if truth_n is not None and truth_n.shape != (len(recording),):
+        raise RecordingError(
+            f"recording {recording.name!r}: true friction has shape {truth_n.shape}, expected ({len(recording)},), "
+            "one value a row; make both again with the record and ingest stages"
+        )
+    estimates: dict[str, Array] = {}
+    for name, estimator in estimators.items():
+        bar.set_postfix_str(f"{recording.name} {name}", refresh=False)
+        estimates[name] = estimator.estimate(recording)
+        bar.update()
+    return Trace(
+        name=recording.name,
+        test=recording.metadata.test,
+        sample_time_s=recording.sample_time_s,
+        time_s=recording.column("time_s"),
+        velocity_m_s=recording.column("velocity_m_s"),
+        pressure_1_pa=recording.column("pressure_1_pa"),
+        pressure_2_pa=recording.column("pressure_2_pa"),
+        label_n=recording.column("friction_n"),
+        usable=recording.usable(),
+        truth_n=truth_n,
+        estimates_n=estimates,
+    )
+
+
+def _score(
+    where: str, traces: list[Trace], references: list[Array], estimates: list[Array], settings: ComparisonSettings
+) -> Score:
+    masks = [trace.usable for trace in traces]
+    sample_time_s = traces[0].sample_time_s
+    gap = round(settings.maximum_lag_s / sample_time_s) + 1
+    reference, usable = with_gaps(references, masks, gap)
+    estimate, _ = with_gaps(estimates, masks, gap)
+    try:
+        total = errors(reference, estimate, usable)
+        lag = lag_s(reference, estimate, usable, sample_time_s, settings.maximum_lag_s)
+    except ValueError as error:
+        raise RecordingError(f"{where}: {error}; recordings {[trace.name for trace in traces]}") from None
+    if total.mean_abs_friction_n <= 0.0:
+        raise RecordingError(f"{where}: friction is zero in every usable row, so a percentage has no denominator")
+    strata = {
+        stratum: errors(reference, estimate, rows)
+        for stratum, rows in _strata_rows(traces, gap, settings.limits).items()
+        if rows.any()
+    }
+    sums = block_sums(references, estimates, masks, max(1, round(settings.bootstrap_block_s / sample_time_s)))
+    draws = bootstrap_percent(sums, settings.bootstrap_repeats, settings.seed)
+    return Score(total, interval(draws), draws, lag, strata)
+
+
+def _strata_rows(traces: list[Trace], gap: int, limits: StrataLimits) -> dict[str, Mask]:
+    """Returns the usable rows of each stratum, laid out as ``with_gaps`` lays out its values."""
+    each = [strata_masks(trace.velocity_m_s, trace.sample_time_s, limits) for trace in traces]
+    usable = [trace.usable for trace in traces]
+    rows: dict[str, Mask] = {}
+    for stratum in STRATA:
+        parts = [masks[stratum] & mask for masks, mask in zip(each, usable, strict=True)]
+        rows[stratum] = with_gaps([trace.velocity_m_s for trace in traces], parts, gap)[1]
+    return rows

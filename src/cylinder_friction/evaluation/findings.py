@@ -1,0 +1,130 @@
+"""Everything figures and report show, computed once from a comparison."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.evaluation.comparison import with_gaps
+from cylinder_friction.evaluation.residuals import (
+    ResidualFigures,
+    autocorrelation,
+    dependence,
+    quantile_points,
+    residual_figures,
+)
+from cylinder_friction.evaluation.views import (
+    Agreement,
+    Excerpt,
+    Histogram,
+    LearningCurve,
+    VelocityProfile,
+    agreement,
+    excerpt,
+    histogram,
+    velocity_profile,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.evaluation.comparison import Comparison
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A comparison looked at from every side.
+
+    Attributes:
+        comparison: What it is all computed from.
+        main: The estimator in question (the hybrid).
+        rival: The model it is measured against (LuGre).
+        curves: Learning curve of each hybrid.
+        excerpts: Friction over time, one a test.
+        agreements: Estimated against calculated friction of ``main``, by test.
+        profiles: Friction against velocity, by test.
+        residuals: Figures of every estimator's residuals over all tests.
+        dependences: Correlation of every estimator's residuals with each input.
+        histograms, quantiles, memories: Of ``main`` and ``rival``; a memory is an autocorrelation and the half width
+            of the 95 % band that independent residuals would keep to.
+    """
+
+    comparison: Comparison
+    main: str
+    rival: str
+    curves: Mapping[str, LearningCurve]
+    excerpts: list[Excerpt]
+    agreements: dict[str, Agreement]
+    profiles: dict[str, VelocityProfile]
+    residuals: dict[str, ResidualFigures]
+    dependences: dict[str, dict[str, float]]
+    histograms: dict[str, Histogram]
+    quantiles: dict[str, tuple[Array, Array]]
+    memories: dict[str, tuple[Array, float]]
+
+    @property
+    def sample_time_s(self) -> float:
+        return self.comparison.traces[0].sample_time_s
+
+
+def look_into(
+    comparison: Comparison, main: str, rival: str, curves: Mapping[str, LearningCurve], duration_s: float, lags: int
+) -> Findings:
+    """Returns the findings.
+
+    Args:
+        comparison: What was found.
+        main: Name of the estimator in question.
+        rival: Name of the model beside it.
+        curves: Learning curves by estimator.
+        duration_s: Length of the excerpts over time [s].
+        lags: Samples of autocorrelation shown.
+
+    Raises:
+        KeyError: ``main`` or ``rival`` was not compared.
+    """
+    for name in (main, rival):
+        if name not in comparison.estimators:
+            raise KeyError(f"{name!r} was not compared; got {list(comparison.estimators)}")
+    pair = (rival, main)
+    series = {name: comparison.residuals(name) for name in comparison.estimators}
+    inputs = _inputs(comparison)
+    return Findings(
+        comparison=comparison,
+        main=main,
+        rival=rival,
+        curves=curves,
+        excerpts=[excerpt(comparison, test, pair, duration_s) for test in comparison.tests],
+        agreements={test: agreement(comparison, main, test) for test in comparison.tests},
+        profiles={test: velocity_profile(comparison, test, pair) for test in comparison.tests},
+        residuals={name: residual_figures(values, usable) for name, (values, usable) in series.items()},
+        dependences={name: dependence(values, usable, inputs) for name, (values, usable) in series.items()},
+        histograms={name: histogram(series[name][0][series[name][1]]) for name in pair},
+        quantiles={name: quantile_points(series[name][0][series[name][1]]) for name in pair},
+        memories={
+            name: (
+                autocorrelation(series[name][0], series[name][1], lags),
+                1.96 / math.sqrt(int(series[name][1].sum())),
+            )
+            for name in pair
+        },
+    )
+
+
+def _inputs(comparison: Comparison) -> dict[str, Array]:
+    """Returns what residuals may still depend on, laid out as ``Comparison.residuals`` lays out its values."""
+    masks = [trace.usable for trace in comparison.traces]
+    columns = {
+        "velocity": [trace.velocity_m_s for trace in comparison.traces],
+        "speed": [np.abs(trace.velocity_m_s) for trace in comparison.traces],
+        "pressure 1": [trace.pressure_1_pa for trace in comparison.traces],
+        "pressure 2": [trace.pressure_2_pa for trace in comparison.traces],
+    }
+    return {name: with_gaps(parts, masks, 1)[0] for name, parts in columns.items()}

@@ -1,0 +1,64 @@
+"""What ``dvc plots`` draws: small CSV files."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from cylinder_friction.evaluation.findings import Findings
+
+
+def plot_tables(findings: Findings) -> dict[str, str]:
+    """Returns CSV text by file name: learning curves, friction over time, errors by test, residual histograms."""
+    tables = {f"learning_curve_{name}.csv": _learning_curve(findings, name) for name in findings.curves}
+    for index, part in enumerate(findings.excerpts):
+        tables[f"friction_over_time_test_{part.test}.csv"] = _excerpt(findings, index)
+    tables["errors_by_test.csv"] = _errors(findings)
+    for name, counted in findings.histograms.items():
+        tables[f"residuals_{name}.csv"] = _csv(
+            ("residual_n", "density_per_n", "normal_density_per_n"),
+            zip(counted.centres_n, counted.density, counted.normal_density, strict=True),
+        )
+    return tables
+
+
+def _learning_curve(findings: Findings, name: str) -> str:
+    curve = findings.curves[name]
+    rows = zip(curve.epoch, curve.train_mae_n, curve.validation_mae_n, strict=True)
+    return _csv(("epoch", "train_mae_n", "validation_mae_n"), rows)
+
+
+def _excerpt(findings: Findings, index: int) -> str:
+    part = findings.excerpts[index]
+    columns = np.column_stack([part.time_s, *part.lines_n.values()])
+    return _csv(("time_s", *(f"{name}_n" for name in part.lines_n)), columns[np.isfinite(columns).all(axis=1)])
+
+
+def _errors(findings: Findings) -> str:
+    comparison = findings.comparison
+    rows = []
+    for name in comparison.estimators:
+        for test in comparison.tests:
+            score = comparison.label[name][test]
+            true = comparison.truth.get(name, {}).get(test)
+            truth = true.errors.percent if true else math.nan
+            rows.append((name, test, score.errors.percent, *score.interval_percent, score.errors.mae_n, truth))
+    head = ("estimator", "test", "label_percent", "label_percent_low", "label_percent_high", "label_mae_n")
+    return _csv((*head, "truth_percent"), rows)
+
+
+def _csv(head: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    lines = [",".join(head)]
+    lines += [",".join(_cell(value) for value in row) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else ""
+    return str(value)

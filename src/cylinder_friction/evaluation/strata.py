@@ -1,0 +1,72 @@
+"""Where in the motion a row lies: at rest, near zero velocity, sliding, just after a reversal, out or in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+STRATA = {
+    "standstill": "at rest",
+    "near_zero": "near zero velocity",
+    "sliding": "sliding",
+    "after_reversal": "just after a reversal",
+    "extend": "extending",
+    "retract": "retracting",
+}
+"""Every stratum and its name in words. The first three split all rows; the others overlap with them."""
+
+
+@dataclass(frozen=True)
+class StrataLimits:
+    """What counts as at rest, near zero, and just after a reversal.
+
+    Attributes:
+        standstill_velocity_m_s: At or below this speed the piston counts as at rest [m/s].
+        stribeck_velocity_m_s: Up to twice this speed (and above standstill) a row is near zero velocity [m/s].
+        reversal_window_s: How long after a change of direction a row counts as just after it [s].
+    """
+
+    standstill_velocity_m_s: float
+    stribeck_velocity_m_s: float
+    reversal_window_s: float
+
+
+def strata_masks(
+    velocity_m_s: NDArray[np.float64], sample_time_s: float, limits: StrataLimits
+) -> dict[str, NDArray[np.bool_]]:
+    """Returns one mask a stratum, each of shape ``(n,)``.
+
+    A reversal is the first row that moves against the direction of the last row that moved, however long the
+    rest between them; its window starts at that row.
+
+    Args:
+        velocity_m_s: Velocity from the zero-phase filter [m/s, extension positive], shape ``(n,)``.
+        sample_time_s: Time between two rows [s].
+        limits: Where the strata end.
+    """
+    speed = np.abs(velocity_m_s)
+    rest = speed <= limits.standstill_velocity_m_s
+    near = ~rest & (speed <= 2.0 * limits.stribeck_velocity_m_s)
+    return {
+        "standstill": rest,
+        "near_zero": near,
+        "sliding": ~rest & ~near,
+        "after_reversal": _after_reversal(velocity_m_s, rest, round(limits.reversal_window_s / sample_time_s)),
+        "extend": ~rest & (velocity_m_s > 0.0),
+        "retract": ~rest & (velocity_m_s < 0.0),
+    }
+
+
+def _after_reversal(velocity_m_s: NDArray[np.float64], rest: NDArray[np.bool_], window: int) -> NDArray[np.bool_]:
+    moving = np.flatnonzero(~rest)
+    directions = np.sign(velocity_m_s[moving])
+    reversals = moving[1:][directions[1:] != directions[:-1]]
+    mask = np.zeros(len(velocity_m_s), dtype=np.bool_)
+    for row in reversals:
+        mask[row : row + window] = True
+    return mask

@@ -1,0 +1,56 @@
+"""What one estimate costs: seconds a step, measured one sample at a time as a control loop would ask."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from time import perf_counter_ns
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings import Recording
+
+
+@dataclass(frozen=True)
+class StepTime:
+    """Measured time of one step [s]; differs from run to run and machine to machine."""
+
+    steps: int
+    p50_s: float
+    p99_s: float
+    maximum_s: float
+
+    def to_dict(self) -> dict[str, float]:
+        return asdict(self)
+
+
+def time_steps(
+    estimator: FrictionEstimator, recording: Recording, steps: int, warm_up: int = 50, maximum_seconds: float = 3.0
+) -> StepTime:
+    """Steps a fresh stream through the recording's first samples, over again if it is short, and times every step.
+
+    Args:
+        estimator: A fitted estimator.
+        recording: Where the samples come from.
+        steps: Steps to time, at least 1.
+        warm_up: Steps taken first and not timed, so that compilation and caches do not count.
+        maximum_seconds: No further step is timed after this, so that a slow estimator does not hold up the rest.
+    """
+    samples = [(float(row[0]), float(row[1]), float(row[2])) for row in recording.samples()[: steps + warm_up]]
+    stream = estimator.stream()
+    for index in range(warm_up):
+        stream.step(*samples[index % len(samples)])
+    durations: list[int] = []
+    deadline = perf_counter_ns() + round(1e9 * maximum_seconds)
+    for index in range(warm_up, warm_up + steps):
+        sample = samples[index % len(samples)]
+        before = perf_counter_ns()
+        stream.step(*sample)
+        after = perf_counter_ns()
+        durations.append(after - before)
+        if after > deadline:
+            break
+    seconds = 1e-9 * np.array(durations, dtype=np.float64)
+    return StepTime(len(seconds), float(np.median(seconds)), float(np.quantile(seconds, 0.99)), float(np.max(seconds)))

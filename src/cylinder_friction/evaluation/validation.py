@@ -1,0 +1,22 @@
+"""One number for how good an estimator is, where only one is wanted: while searching and training."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.estimators import FrictionEstimator
+    from cylinder_friction.recordings import Recording
+
+
+def mean_absolute_error_n(estimator: FrictionEstimator, recordings: Sequence[Recording]) -> float:
+    """Returns the mean absolute error against the label [N] over the usable rows of all recordings together."""
+    errors = [
+        np.abs(estimator.estimate(recording) - recording.column("friction_n"))[recording.usable()]
+        for recording in recordings
+    ]
+    return float(np.mean(np.concatenate(errors)))

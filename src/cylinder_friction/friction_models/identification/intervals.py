@@ -1,0 +1,102 @@
+"""Confidence intervals of parameters that were found by least absolute error."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import norm
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.friction_models.identification.motion import Motions
+    from cylinder_friction.friction_models.lugre import LugreParameters
+
+    Array = NDArray[np.float64]
+
+INTERVAL_METHOD = "sandwich covariance of least absolute error, scores summed over blocks of 2 s, in logarithms"
+
+_BLOCK_S = 2.0
+_RELATIVE_STEP = 0.01
+_GREATEST_LOG = math.log(1e3)
+
+
+def confidence_intervals(
+    motions: Motions, parameters: LugreParameters, names: tuple[str, ...], confidence: float
+) -> dict[str, tuple[float, float]]:
+    """Returns the interval of each named parameter, in its own unit.
+
+    With residuals ``r`` and sensitivities ``J`` of friction to the logarithm of each parameter, the estimate
+    scatters with covariance ``H^-1 S H^-1``: ``H = 2 f(0) J'J`` with the density ``f`` of residuals at zero,
+    and ``S`` the sum over blocks of ``(J' sgn r)(J' sgn r)'``. Residuals of a recording are far from independent,
+    within a block they need not be. A parameter that the motion says nothing about gets a wide interval, at most
+    a factor of a thousand either way.
+
+    Args:
+        motions: What was simulated.
+        parameters: The best parameters.
+        names: Fields of ``LugreParameters`` that were searched, all of them positive.
+        confidence: Probability, in (0, 1).
+
+    Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
+    """
+    usable = motions.usable
+    residual = (motions.friction_n - motions.simulated(parameters))[usable]
+    sensitivity = np.column_stack([_sensitivity(motions, parameters, name)[usable] for name in names])
+    scores = sensitivity * np.sign(residual)[:, None]
+    totals = _block_sums(motions, scores)
+    curvature = 2.0 * _density_at_zero(residual) * (sensitivity.T @ sensitivity)
+    inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
+    covariance = inverse @ (totals.T @ totals) @ inverse
+    reach = float(norm.ppf(0.5 + 0.5 * confidence))
+    intervals = {}
+    for number, name in enumerate(names):
+        felt = bool(np.abs(sensitivity[:, number]).max() > 0.0)
+        half = min(reach * math.sqrt(max(covariance[number, number], 0.0)), _GREATEST_LOG) if felt else _GREATEST_LOG
+        value = getattr(parameters, name)
+        intervals[name] = (value * math.exp(-half), value * math.exp(half))
+    return intervals
+
+
+def _sensitivity(motions: Motions, parameters: LugreParameters, name: str) -> Array:
+    """Returns the change of friction with the logarithm of one parameter [N], shape ``(rows,)``.
+
+    Coulomb friction may meet static friction on its way up and takes it along; static friction stops at Coulomb's.
+    """
+    value = getattr(parameters, name)
+    down, up = value * math.exp(-_RELATIVE_STEP), value * math.exp(_RELATIVE_STEP)
+    above = _changed(parameters, name, up)
+    below = _changed(parameters, name, down)
+    width = math.log(getattr(above, name) / getattr(below, name))
+    return np.asarray((motions.simulated(above) - motions.simulated(below)) / width)
+
+
+def _changed(parameters: LugreParameters, name: str, value: float) -> LugreParameters:
+    if name == "coulomb_n":
+        return replace(parameters, coulomb_n=value, static_n=max(parameters.static_n, value))
+    if name == "static_n":
+        return replace(parameters, static_n=max(value, parameters.coulomb_n))
+    return replace(parameters, **{name: value})
+
+
+def _block_sums(motions: Motions, scores: Array) -> Array:
+    length = max(1, round(_BLOCK_S / motions.sample_time_s))
+    blocks = np.empty(len(motions.usable), dtype=np.int64)
+    first = 0
+    for start, end in zip(motions.starts[:-1], motions.starts[1:], strict=True):
+        blocks[start:end] = first + np.arange(end - start) // length
+        first = int(blocks[end - 1]) + 1
+    totals = np.zeros((first, scores.shape[1]))
+    np.add.at(totals, blocks[motions.usable], scores)
+    return totals
+
+
+def _density_at_zero(residual: Array) -> float:
+    """Returns the density of residuals at zero [1/N]: their share within a bandwidth that narrows as ``n**(-1/5)``."""
+    spread = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
+    half_width = spread * len(residual) ** (-1.0 / 5.0)
+    inside = float(np.mean(np.abs(residual) <= half_width))
+    return max(inside, 1.0 / len(residual)) / (2.0 * half_width)

@@ -1,0 +1,139 @@
+"""What a search over LuGre parameters simulates: velocity and pressure in, friction to be met."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numba
+import numpy as np
+
+from cylinder_friction.friction_models.lugre import LugreParameters, lugre_step, new_bristle, simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One recording as LuGre sees it.
+
+    Attributes:
+        velocity_m_s: The velocity that drives the model, dead band applied, shape ``(n,)``.
+        pressure_pa: The gauge pressure that scales dry friction, shape ``(n,)``.
+        friction_n: The label, shape ``(n,)``.
+        usable: Rows whose label counts, shape ``(n,)``.
+    """
+
+    velocity_m_s: Array
+    pressure_pa: Array
+    friction_n: Array
+    usable: NDArray[np.bool_]
+
+
+def with_dead_band(velocity_m_s: Array, dead_band_m_s: float) -> Array:
+    """Returns the velocity with everything slower than the dead band set to zero.
+
+    Below it velocity is noise of the position sensor, which would shake the bristles of a model at rest.
+    """
+    return np.where(np.abs(velocity_m_s) < dead_band_m_s, 0.0, velocity_m_s)
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Several motions at one sample time, laid end to end for a compiled loop.
+
+    Attributes:
+        sample_time_s: Time between two rows [s].
+        velocity_m_s, log_speed, pressure_pa, friction_n: Shape ``(rows,)``.
+        usable: Rows whose label counts, shape ``(rows,)``.
+        starts: Row at which each motion begins, and the number of rows, shape ``(motions + 1,)``.
+    """
+
+    sample_time_s: float
+    velocity_m_s: Array
+    log_speed: Array
+    pressure_pa: Array
+    friction_n: Array
+    usable: NDArray[np.bool_]
+    starts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion], sample_time_s: float) -> Self:
+        """Joins motions; raises ``ValueError`` if there is none or none has a usable row."""
+        if not motions or not any(motion.usable.any() for motion in motions):
+            raise ValueError(
+                f"identification: {len(motions)} motions without one usable row among them; "
+                "check the mask that the label stage made"
+            )
+        velocity = np.concatenate([motion.velocity_m_s for motion in motions])
+        return cls(
+            sample_time_s=sample_time_s,
+            velocity_m_s=velocity,
+            log_speed=np.log(np.abs(velocity), out=np.zeros_like(velocity), where=velocity != 0.0),
+            pressure_pa=np.concatenate([motion.pressure_pa for motion in motions]),
+            friction_n=np.concatenate([motion.friction_n for motion in motions]),
+            usable=np.concatenate([motion.usable for motion in motions]),
+            starts=np.cumsum([0, *(len(motion.velocity_m_s) for motion in motions)]).astype(np.int64),
+        )
+
+    @property
+    def reference_pressure_pa(self) -> float:
+        """Mean pressure of the usable rows, at least 1 Pa [Pa]."""
+        return max(float(np.mean(self.pressure_pa[self.usable])), 1.0)
+
+    @property
+    def mean_friction_n(self) -> float:
+        """Mean absolute label of the usable rows [N]; what percentages are of."""
+        return float(np.mean(np.abs(self.friction_n[self.usable])))
+
+    def mean_absolute_error(self, parameters: LugreParameters) -> float:
+        """Returns the mean absolute difference between model and label over usable rows [N]."""
+        return float(
+            _mean_absolute_error(
+                parameters.packed(),
+                self.velocity_m_s,
+                self.log_speed,
+                self.pressure_pa,
+                self.friction_n,
+                self.usable,
+                self.starts,
+                self.sample_time_s,
+            )
+        )
+
+    def simulated(self, parameters: LugreParameters) -> Array:
+        """Returns the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
+        pieces = [
+            simulate(
+                parameters, self.velocity_m_s[start:end], self.sample_time_s, new_bristle(), self.pressure_pa[start:end]
+            )
+            for start, end in zip(self.starts[:-1], self.starts[1:], strict=True)
+        ]
+        return np.concatenate(pieces)
+
+
+@numba.njit(cache=True)
+def _mean_absolute_error(
+    packed: Array,
+    velocity: Array,
+    log_speed: Array,
+    pressure: Array,
+    friction: Array,
+    usable: NDArray[np.bool_],
+    starts: NDArray[np.int64],
+    sample_time: float,
+) -> float:
+    total, count = 0.0, 0
+    for motion in range(starts.shape[0] - 1):
+        bristle = 0.0
+        for row in range(starts[motion], starts[motion + 1]):
+            bristle, estimate = lugre_step(packed, velocity[row], log_speed[row], pressure[row], sample_time, bristle)
+            if usable[row]:
+                total += abs(estimate - friction[row])
+                count += 1
+    return total / count

@@ -1,0 +1,134 @@
+"""Strokes at constant velocity found in labelled recordings, gathered into points of the Stribeck curve."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings import Recording
+
+    Array = NDArray[np.float64]
+
+STEADY_DURATION_S = 0.2
+"""A stroke is steady where velocity stays alike for this long around a row."""
+
+PRESLIDING_TRAVEL_M = 1e-3
+"""Travel since standstill or reversal after which bristles no longer bend; several times what seals bend."""
+
+LEAST_SPEED_M_S = 1e-4
+"""Where the bins begin however small the dead band is."""
+
+STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
+"""How much velocity may vary within that time, over its mean: the strictest that leaves enough rows is taken."""
+
+
+@dataclass(frozen=True)
+class SteadyPoint:
+    """Friction of steady sliding at one speed in one direction.
+
+    Attributes:
+        velocity_m_s: Median velocity, positive while extending [m/s].
+        friction_n: Median friction, positive when it opposes positive velocity [N].
+        lower_quartile_n, upper_quartile_n: Quartiles of that friction [N].
+        rows: How many samples the point stands for.
+    """
+
+    velocity_m_s: float
+    friction_n: float
+    lower_quartile_n: float
+    upper_quartile_n: float
+    rows: int
+
+    def to_dict(self) -> dict[str, float]:
+        return asdict(self)
+
+
+def steady_rows(recording: Recording, slowest_m_s: float, variation: float) -> NDArray[np.bool_]:
+    """Returns the usable rows of a labelled recording that lie inside a stroke at constant velocity, shape ``(n,)``."""
+    velocity = recording.column("velocity_m_s")
+    window = max(3, round(STEADY_DURATION_S / recording.sample_time_s) | 1)
+    greatest = maximum_filter1d(velocity, window, mode="nearest")
+    least = minimum_filter1d(velocity, window, mode="nearest")
+    one_way = (least > slowest_m_s) | (greatest < -slowest_m_s)
+    alike = greatest - least <= variation * np.abs(0.5 * (greatest + least))
+    slid = _travel_one_way(velocity, slowest_m_s) * recording.sample_time_s > PRESLIDING_TRAVEL_M
+    return np.asarray(recording.usable() & one_way & alike & slid)
+
+
+@numba.njit(cache=True)
+def _travel_one_way(velocity: Array, slowest: float) -> Array:
+    """Returns the sum of speeds since the last row that was slow or went the other way, shape ``(n,)``."""
+    travel = np.zeros_like(velocity)
+    for row in range(1, velocity.shape[0]):
+        if abs(velocity[row]) > slowest and velocity[row] * velocity[row - 1] > 0.0:
+            travel[row] = travel[row - 1] + abs(velocity[row])
+    return travel
+
+
+def steady_points(
+    recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_a_point: int = 40
+) -> list[SteadyPoint]:
+    """Returns points of the friction-velocity curve, slowest retraction to fastest extension.
+
+    Speeds are binned on a logarithmic scale, each direction by itself, and a bin gives the medians of its rows.
+    A hand never moves at perfectly constant velocity, so the tolerance widens, step by step, until both
+    directions have at least half the bins filled or the widest is reached.
+
+    Args:
+        recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``).
+        slowest_m_s: Slower rows count as standstill [m/s].
+        bins: Bins a direction.
+        rows_a_point: A bin with fewer rows gives no point.
+    """
+    slowest_m_s = max(slowest_m_s, LEAST_SPEED_M_S)
+    points: list[SteadyPoint] = []
+    for variation in STEADY_VARIATIONS:
+        masks = [steady_rows(recording, slowest_m_s, variation) for recording in recordings]
+        velocity = _joined(recordings, masks, "velocity_m_s")
+        friction = _joined(recordings, masks, "friction_n")
+        retracting = _binned(velocity, friction, -1.0, slowest_m_s, bins, rows_a_point)
+        extending = _binned(velocity, friction, 1.0, slowest_m_s, bins, rows_a_point)
+        points = sorted(retracting + extending, key=lambda point: point.velocity_m_s)
+        if min(len(retracting), len(extending)) >= bins // 2:
+            break
+    return points
+
+
+def _joined(recordings: Sequence[Recording], masks: Sequence[NDArray[np.bool_]], column: str) -> Array:
+    return np.concatenate([recording.column(column)[mask] for recording, mask in zip(recordings, masks, strict=True)])
+
+
+def _binned(
+    velocity: Array, friction: Array, direction: float, slowest_m_s: float, bins: int, rows_a_point: int
+) -> list[SteadyPoint]:
+    one_way = velocity * direction > 0.0
+    velocity, friction = velocity[one_way], friction[one_way]
+    if len(velocity) < rows_a_point:
+        return []
+    speed = np.abs(velocity)
+    edges = np.geomspace(slowest_m_s, np.nextafter(float(speed.max()), np.inf), bins + 1)
+    numbers = np.clip(np.digitize(speed, edges) - 1, 0, bins - 1)
+    points = []
+    for number in range(bins):
+        rows = numbers == number
+        if rows.sum() >= rows_a_point:
+            quartiles = np.quantile(friction[rows], [0.25, 0.5, 0.75])
+            points.append(
+                SteadyPoint(
+                    velocity_m_s=float(np.median(velocity[rows])),
+                    friction_n=float(quartiles[1]),
+                    lower_quartile_n=float(quartiles[0]),
+                    upper_quartile_n=float(quartiles[2]),
+                    rows=int(rows.sum()),
+                )
+            )
+    return points

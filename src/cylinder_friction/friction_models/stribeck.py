@@ -1,0 +1,124 @@
+"""The static friction curve: Coulomb, Stribeck and viscous friction against velocity, and its robust fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import least_squares
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+HUBER_NOISE_MULTIPLE = 1.345
+"""Where Huber's loss turns from square to absolute, in standard deviations (95 % efficient on normal noise)."""
+
+
+@dataclass(frozen=True)
+class StribeckCurve:
+    """Friction in steady sliding, positive when it opposes positive velocity.
+
+    ``F(v) = sgn(v) * side(v) * [Fc + (Fs - Fc) * exp(-|v / vs|**a)] + s2 * v`` with ``side`` 1 while extending and
+    ``retract_ratio`` while retracting. At ``v = 0`` the curve gives 0: sticking friction is not a function of velocity.
+
+    Attributes:
+        coulomb_n: Coulomb friction Fc while extending [N].
+        static_n: Friction Fs that the curve starts from at lowest speed while extending [N], at least ``coulomb_n``.
+        stribeck_velocity_m_s: Speed vs over which friction falls from static to Coulomb [m/s].
+        stribeck_exponent: Shape a of that fall.
+        viscous_n_s_m: Viscous coefficient s2 [N s/m].
+        retract_ratio: Dry friction while retracting over dry friction while extending.
+
+    Raises:
+        ValueError: A number is not finite or not positive (viscous may be zero), or static is below Coulomb.
+
+    Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1.
+    """
+
+    coulomb_n: float
+    static_n: float
+    stribeck_velocity_m_s: float
+    stribeck_exponent: float
+    viscous_n_s_m: float
+    retract_ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        refuse_unphysical_curve(self)
+
+    def dry_friction(self, velocity_m_s: Array) -> Array:
+        """Returns friction without sign and viscous part, ``g(v) > 0`` [N], of the velocity's shape."""
+        velocity = np.asarray(velocity_m_s, dtype=np.float64)
+        falling = np.exp(-((np.abs(velocity) / self.stribeck_velocity_m_s) ** self.stribeck_exponent))
+        side = np.where(velocity < 0.0, self.retract_ratio, 1.0)
+        return np.asarray(side * (self.coulomb_n + (self.static_n - self.coulomb_n) * falling))
+
+    def friction(self, velocity_m_s: Array) -> Array:
+        """Returns friction in steady sliding [N], of the velocity's shape."""
+        velocity = np.asarray(velocity_m_s, dtype=np.float64)
+        return np.asarray(np.sign(velocity) * self.dry_friction(velocity) + self.viscous_n_s_m * velocity)
+
+
+def refuse_unphysical_curve(curve: object) -> None:
+    """Raises ``ValueError`` naming the first number of a curve (or a model that has its fields) that cannot be."""
+    owner = type(curve).__name__
+    for field in ("coulomb_n", "static_n", "stribeck_velocity_m_s", "stribeck_exponent", "retract_ratio"):
+        value = getattr(curve, field)
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{owner}: {field} must be a positive number, but got {value!r}")
+    viscous = getattr(curve, "viscous_n_s_m")  # noqa: B009 - the fields are a convention, not a class
+    if not (math.isfinite(viscous) and viscous >= 0.0):
+        raise ValueError(f"{owner}: viscous_n_s_m must be zero or a positive number, but got {viscous!r}")
+    static, coulomb = getattr(curve, "static_n"), getattr(curve, "coulomb_n")  # noqa: B009
+    if static < coulomb:
+        raise ValueError(f"{owner}: static_n must be at least coulomb_n ({coulomb} N), but got {static} N")
+
+
+def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = None) -> StribeckCurve:
+    """Fits a curve to points of steady sliding in both directions, with Huber's loss so that outliers count less.
+
+    Args:
+        velocity_m_s: Signed velocities, shape ``(n,)``, none of them zero.
+        friction_n: Signed friction at them, shape ``(n,)``.
+        weight: How much each point counts, shape ``(n,)``; all alike where there is none.
+
+    Raises:
+        ValueError: There are fewer points than the six parameters.
+    """
+    velocity, friction = np.asarray(velocity_m_s, dtype=np.float64), np.asarray(friction_n, dtype=np.float64)
+    if len(velocity) < 6:
+        raise ValueError(
+            f"a Stribeck curve has six parameters, but got {len(velocity)} points of steady sliding; "
+            "record more strokes at constant velocity, in both directions"
+        )
+    root_weight = np.sqrt(np.ones_like(velocity) if weight is None else weight / np.mean(weight))
+    speed, level = np.abs(velocity), float(np.median(np.abs(friction)))
+    span = float(np.max(speed))
+    start = np.array([math.log(level), 0.3, math.log(max(float(np.min(speed)), 0.1 * span)), 1.0, 0.1, 0.0])
+    lower = np.array([math.log(level / 20.0), 0.0, math.log(span / 1000.0), 0.5, 0.0, math.log(0.4)])
+    upper = np.array([math.log(level * 5.0), 3.0, math.log(span), 3.0, 5.0, math.log(2.5)])
+
+    def curve_at(numbers: Array) -> StribeckCurve:
+        coulomb = math.exp(numbers[0])
+        return StribeckCurve(
+            coulomb_n=coulomb,
+            static_n=coulomb * (1.0 + float(numbers[1])),
+            stribeck_velocity_m_s=math.exp(numbers[2]),
+            stribeck_exponent=float(numbers[3]),
+            viscous_n_s_m=float(numbers[4]) * level / span,
+            retract_ratio=math.exp(numbers[5]),
+        )
+
+    def residuals(numbers: Array) -> Array:
+        return np.asarray(root_weight * (curve_at(numbers).friction(velocity) - friction))
+
+    scale = 0.05 * level
+    for _ in range(3):  # the noise, and with it Huber's threshold, is known only after a fit
+        result = least_squares(residuals, start, bounds=(lower, upper), loss="huber", f_scale=scale)
+        spread = 1.4826 * float(np.median(np.abs(residuals(result.x))))
+        scale = max(HUBER_NOISE_MULTIPLE * spread, 1e-3 * level)
+        start = np.clip(result.x, lower + 1e-9, upper - 1e-9)
+    return curve_at(result.x)

@@ -1,0 +1,129 @@
+"""How far labels are from true friction, filter by filter, where the truth is known. Nothing is taught by this."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cylinder_friction.labelling.events import EVENTS, event_masks
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+ALL_TESTS = "all"
+STRATA = ("all", "steady", "events", *EVENTS)
+"""All usable rows; those away from and those near starts, stops and reversals; and each kind of event alone."""
+
+
+@dataclass(frozen=True)
+class AuditRow:
+    """Label less truth, of one filter in one test and stratum.
+
+    Attributes:
+        filter: Name of the filter.
+        test: Name of the test, or ``all``.
+        stratum: One of ``STRATA``.
+        rows: Samples that were judged.
+        mae_n: Mean absolute error [N].
+        max_n: Largest absolute error [N].
+        bias_n: Mean error, positive where the label is above the truth [N].
+        mean_friction_n: Mean absolute true friction of the same rows [N].
+        mae_percent: ``mae_n`` over ``mean_friction_n`` [%].
+    """
+
+    filter: str
+    test: str
+    stratum: str
+    rows: int
+    mae_n: float
+    max_n: float
+    bias_n: float
+    mean_friction_n: float
+    mae_percent: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass
+class _Sums:
+    rows: int = 0
+    absolute: float = 0.0
+    signed: float = 0.0
+    largest: float = 0.0
+    truth: float = 0.0
+
+    def add(self, error: Array, truth_n: Array) -> None:
+        self.rows += len(error)
+        self.absolute += float(np.abs(error).sum())
+        self.signed += float(error.sum())
+        self.largest = max(self.largest, float(np.abs(error).max(initial=0.0)))
+        self.truth += float(np.abs(truth_n).sum())
+
+
+@dataclass
+class Audit:
+    """Collects errors one recording at a time, so that memory holds only sums.
+
+    Attributes:
+        event_window_s: Rows within this time of a start, stop or reversal count as near it [s].
+    """
+
+    event_window_s: float
+    _sums: dict[tuple[str, str, str], _Sums] = field(default_factory=dict)
+
+    def add(
+        self,
+        test: str,
+        sample_time_s: float,
+        labels_n: Mapping[str, Array],
+        usable: NDArray[np.bool_],
+        true_friction_n: Array,
+        true_velocity_m_s: Array,
+    ) -> None:
+        """Adds one recording.
+
+        Args:
+            test: Which test it is of.
+            sample_time_s: Time between two rows [s].
+            labels_n: Label by name of filter [N], each of shape ``(n,)``.
+            usable: Rows that are judged: usable for every filter, so that all are judged on the same rows.
+            true_friction_n: [N], shape ``(n,)``.
+            true_velocity_m_s: [m/s], shape ``(n,)``.
+        """
+        masks = event_masks(true_velocity_m_s, round(self.event_window_s / sample_time_s))
+        near = np.logical_or.reduce(list(masks.values()))
+        strata = {"all": np.ones_like(near), "steady": ~near, "events": near, **masks}
+        for name, label in labels_n.items():
+            error = label - true_friction_n
+            for stratum, mask in strata.items():
+                rows = mask & usable
+                for group in (test, ALL_TESTS):
+                    sums = self._sums.setdefault((name, group, stratum), _Sums())
+                    sums.add(error[rows], true_friction_n[rows])
+
+    def rows(self) -> list[AuditRow]:
+        """Returns the audit, sorted by filter, test and stratum; a stratum without rows is left out."""
+        order = {stratum: index for index, stratum in enumerate(STRATA)}
+        keys = sorted(self._sums, key=lambda key: (key[0], key[1] == ALL_TESTS, key[1], order[key[2]]))
+        return [_row(*key, self._sums[key]) for key in keys if self._sums[key].rows]
+
+
+def _row(name: str, test: str, stratum: str, sums: _Sums) -> AuditRow:
+    return AuditRow(
+        filter=name,
+        test=test,
+        stratum=stratum,
+        rows=sums.rows,
+        mae_n=sums.absolute / sums.rows,
+        max_n=sums.largest,
+        bias_n=sums.signed / sums.rows,
+        mean_friction_n=sums.truth / sums.rows,
+        mae_percent=100.0 * sums.absolute / sums.truth if sums.truth > 0.0 else 0.0,
+    )

@@ -1,0 +1,132 @@
+"""Friction from the piston's equation of motion.
+
+One signed equation holds for both directions, with gauge pressures, extension positive and friction positive when it
+opposes extension:
+
+    friction = P1·A1 - P2·A2 - m·a - F_load                                                                 (mode none)
+
+The measured pressures already are what the oil does to the piston, its compressibility included. A stiffness of the
+oil therefore has no place beside them. Three further modes are offered, each for its own reason:
+
+``trapped_oil``
+    For ports that are closed and pressures that are not measured: the oil's spring *replaces* the pressure term,
+    P1·A1 - P2·A2 ≈ -K_h·(x - x_ref), K_h = β·(A1²/V1 + A2²/V2), both chambers' volumes taken at x_ref, where the
+    two pressures balance.
+
+``external``
+    A real spring between rod and frame: k·(x - x_ref) is taken off beside the load.
+
+``paper_literal``
+    Equations (3) and (4) of Jamshidi et al. as printed: K_eq·x stands beside the measured pressures, with
+    K_eq = β·A1/L1 + β·A2/L2 (both springs act on the piston, so they add) and L the lengths of the oil columns.
+    This counts the oil's force twice, and x has no physical zero: mid-stroke K_eq·x is millions of newtons where
+    friction is hundreds. To the left, (4) also keeps the signs of inertia and spring that belong to the right. The
+    mode is a demonstration of that; percentages of such a label mean nothing. At standstill, where neither equation
+    is defined, the last direction holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.signals.smooth import SmoothSignals
+
+    Array = NDArray[np.float64]
+
+StiffnessMode = Literal["none", "trapped_oil", "external", "paper_literal"]
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """Which spring, if any, enters the equation of motion; the module's text says what each mode means.
+
+    Attributes:
+        mode: ``none`` (default), ``trapped_oil``, ``external`` or ``paper_literal``.
+        bulk_modulus_pa: Of the oil, β [Pa]; for ``trapped_oil`` and ``paper_literal``.
+        external_stiffness_n_m: Of the spring between rod and frame, k [N/m]; for ``external``.
+        reference_m: Position at which the spring gives no force, x_ref [m]; for ``trapped_oil`` and ``external``.
+        dead_volume_m3: Oil of each chamber that the piston cannot displace [m³]; for both oil springs.
+
+    Raises:
+        ValueError: The mode is not known.
+    """
+
+    mode: StiffnessMode = "none"
+    bulk_modulus_pa: float = 1.4e9
+    external_stiffness_n_m: float = 0.0
+    reference_m: float = 0.125
+    dead_volume_m3: float = 1.2e-4
+
+    def __post_init__(self) -> None:
+        if self.mode not in get_args(StiffnessMode):
+            raise ValueError(f"stiffness must be one of {', '.join(get_args(StiffnessMode))}, but got {self.mode!r}")
+
+
+def friction_label(
+    signals: SmoothSignals,
+    position_m: Array,
+    load_force_n: Array | float,
+    cylinder: Cylinder,
+    stiffness: Stiffness,
+) -> Array:
+    """Returns friction [N], shape ``(n,)``, positive when it opposes positive velocity.
+
+    Args:
+        signals: Smooth pressures, velocity and acceleration, each of shape ``(n,)``.
+        position_m: Position [m], shape ``(n,)``.
+        load_force_n: External force that resists extension [N], shape ``(n,)``, or 0 where there is none.
+        cylinder: Its areas, stroke and moving mass.
+        stiffness: Which spring enters, if any.
+    """
+    pressure_force = (
+        signals.pressure_1_smooth_pa * cylinder.piston_area_m2 - signals.pressure_2_smooth_pa * cylinder.annulus_area_m2
+    )
+    inertia = cylinder.moving_mass_kg * signals.acceleration_m_s2
+    if stiffness.mode == "trapped_oil":
+        oil_force = -trapped_oil_stiffness(cylinder, stiffness) * (position_m - stiffness.reference_m)
+        return oil_force - inertia - load_force_n
+    if stiffness.mode == "external":
+        spring = stiffness.external_stiffness_n_m * (position_m - stiffness.reference_m)
+        return pressure_force - spring - inertia - load_force_n
+    if stiffness.mode == "paper_literal":
+        spring = paper_stiffness(position_m, cylinder, stiffness) * position_m
+        direction = last_direction(signals.velocity_m_s)
+        # (3) and (4) give an unsigned force; the direction makes it the signed one.
+        unsigned = direction * (pressure_force - load_force_n) - spring - inertia
+        return direction * unsigned
+    return pressure_force - inertia - load_force_n
+
+
+def trapped_oil_stiffness(cylinder: Cylinder, stiffness: Stiffness) -> float:
+    """Returns K_h = β·(A1²/V1 + A2²/V2) [N/m] with the volumes at the reference position."""
+    area_1, area_2 = cylinder.piston_area_m2, cylinder.annulus_area_m2
+    volume_1 = stiffness.dead_volume_m3 + area_1 * stiffness.reference_m
+    volume_2 = stiffness.dead_volume_m3 + area_2 * (cylinder.stroke_m - stiffness.reference_m)
+    return stiffness.bulk_modulus_pa * (area_1**2 / volume_1 + area_2**2 / volume_2)
+
+
+def paper_stiffness(position_m: Array, cylinder: Cylinder, stiffness: Stiffness) -> Array:
+    """Returns K_eq = β·A1/L1 + β·A2/L2 [N/m], shape ``(n,)``: equations (1) and (2), side by side.
+
+    The dead volume lengthens either oil column, without which the stiffness has no bound at the ends.
+    """
+    area_1, area_2 = cylinder.piston_area_m2, cylinder.annulus_area_m2
+    inside = np.clip(position_m, 0.0, cylinder.stroke_m)
+    length_1 = inside + stiffness.dead_volume_m3 / area_1
+    length_2 = cylinder.stroke_m - inside + stiffness.dead_volume_m3 / area_2
+    return stiffness.bulk_modulus_pa * (area_1 / length_1 + area_2 / length_2)
+
+
+def last_direction(velocity_m_s: Array) -> Array:
+    """Returns +1 or -1, shape ``(n,)``: the sign of velocity, at standstill the last one, +1 before any motion."""
+    signs = np.sign(velocity_m_s)
+    rows = np.where(signs != 0.0, np.arange(len(signs)), -1)
+    latest = np.maximum.accumulate(rows)
+    return np.where(latest >= 0, signs[np.maximum(latest, 0)], 1.0)

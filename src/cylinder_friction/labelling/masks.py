@@ -1,0 +1,42 @@
+"""Which rows have a label that means friction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.signals.smooth import Reach
+
+
+def usable_rows(position_m: NDArray[np.float64], stroke_m: float, margin_m: float, reach: Reach) -> NDArray[np.bool_]:
+    """Returns the mask of usable rows, shape ``(n,)``.
+
+    Not usable: rows within ``margin_m`` of an end stop, whose reaction the equation of motion would take for
+    friction; every row whose filter saw such a row; and the rows at either edge of the recording that the filter
+    could not see whole.
+
+    Args:
+        position_m: Position [m], shape ``(n,)``, 0 to ``stroke_m``.
+        stroke_m: Length of travel [m].
+        margin_m: Distance from either end stop [m].
+        reach: How far the filter looks.
+    """
+    stopped = (position_m <= margin_m) | (position_m >= stroke_m - margin_m)
+    usable = ~spread(stopped, before=reach.after, after=reach.before)
+    usable[: reach.before] = False
+    usable[len(usable) - min(reach.after, len(usable)) :] = False
+    return usable
+
+
+def spread(mask: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
+    """Returns a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
+    rows = len(mask)
+    change = np.zeros(rows + 1, dtype=np.int64)
+    hits = np.flatnonzero(mask)
+    np.add.at(change, np.maximum(hits - before, 0), 1)
+    np.add.at(change, np.minimum(hits + after + 1, rows), -1)
+    return np.asarray(np.cumsum(change[:rows]) > 0)

@@ -1,0 +1,44 @@
+"""True friction beside a recording, where a simulated rig knows it. Only the label audit and the comparison read it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from cylinder_friction.recordings.recording import Recording, RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TRUTH_COLUMNS = ("time_s", "friction_n", "velocity_m_s")
+
+
+def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
+    """Returns the truth at the recording's rows, or None where ``<folder>/<name>.parquet`` is not there.
+
+    Columns, at least: ``time_s``, ``friction_n`` [N, opposing positive velocity], ``velocity_m_s``.
+
+    Raises:
+        RecordingError: The truth lacks a column or belongs to other times: it is not this recording's.
+    """
+    path = folder / f"{recording.name}.parquet"
+    if not path.is_file():
+        return None
+    truth = pd.DataFrame(pq.read_table(path).to_pandas())
+    missing = [column for column in TRUTH_COLUMNS if column not in truth.columns]
+    if missing:
+        raise RecordingError(f"{path}: column {missing[0]!r} is missing; got columns {list(truth.columns)}")
+    time_s = recording.column("time_s")
+    if len(truth) != len(time_s):
+        raise RecordingError(f"{path}: has {len(truth)} rows, but recording {recording.name!r} has {len(time_s)}")
+    late = np.abs(truth["time_s"].to_numpy() - time_s) > 0.5 * recording.sample_time_s
+    if late.any():
+        row = int(np.flatnonzero(late)[0])
+        raise RecordingError(
+            f"{path}: time_s is {truth['time_s'].iloc[row]:.6g} s in row {row + 1}, but recording "
+            f"{recording.name!r} has {time_s[row]:.6g} s there; expected the truth of this very recording"
+        )
+    return truth

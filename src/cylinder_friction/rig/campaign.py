@@ -1,0 +1,150 @@
+"""A measuring campaign on the rig: four load tests, several sessions each, several recordings a session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.recordings import RecordingMetadata
+from cylinder_friction.rig.faults import with_fault
+from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig
+from cylinder_friction.rig.programmes import programme
+from cylinder_friction.rig.sensors import measure
+from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
+from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+    from numpy.random import Generator
+
+    from cylinder_friction.cylinder import Cylinder
+
+TRUTH_COLUMNS = (
+    "time_s",
+    "friction_n",
+    "position_m",
+    "velocity_m_s",
+    "pressure_1_pa",
+    "pressure_2_pa",
+    "oil_temperature_c",
+)
+LOADS = {
+    "1": "no load, throttle open",
+    "2": "light load, throttle setting 2",
+    "3": "medium load, throttle setting 3",
+    "4": "heavy load, throttle setting 4",
+}
+
+
+@dataclass(frozen=True)
+class RigRecording:
+    """One recording as the logger wrote it, and the truth that no logger sees.
+
+    Attributes:
+        metadata: Who and when.
+        logger: Columns ``sensors.LOGGER_COLUMNS``: seconds, bar, bar, millimetres.
+        truth: Columns ``TRUTH_COLUMNS`` at the same times, SI units.
+    """
+
+    metadata: RecordingMetadata
+    logger: pd.DataFrame
+    truth: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """How much is recorded, and under which conditions.
+
+    Attributes:
+        seed: Of everything that is drawn.
+        sessions_per_test: Sessions in each of the four tests; each has its own temperature, offsets and drift.
+        recordings_per_session: At least two hold all set exercises.
+        duration_s: Of a recording [s].
+        sample_time_s: Of the logger [s], a multiple of 1 ms.
+        time_step_s: Of the integration [s], a divisor of 1 ms.
+        supply: ``"didactic"`` or ``"industrial"``.
+        zeroed: Whether the pressure transmitters were zeroed before each session.
+        residual_offset_bar: Largest offset that zeroing leaves [bar].
+        fault: One of ``faults.FAULTS``.
+    """
+
+    seed: int = 0
+    sessions_per_test: int = 6
+    recordings_per_session: int = 2
+    duration_s: float = 60.0
+    sample_time_s: float = 0.005
+    time_step_s: float = DEFAULT_STEP_S
+    supply: str = "industrial"
+    zeroed: bool = True
+    residual_offset_bar: float = 0.05
+    fault: str = "none"
+
+    def __len__(self) -> int:
+        """Returns the number of recordings."""
+        return len(THROTTLE_GAINS) * self.sessions_per_test * self.recordings_per_session
+
+
+def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
+    """Yields the campaign's recordings one at a time; equal plans give equal recordings, bit for bit.
+
+    Every recording has its own random numbers, so that a longer campaign begins with the shorter one's sessions.
+
+    Raises:
+        ValueError: A time does not fit another, or the supply or the fault is not known.
+    """
+    specimen = draw_rig(default_rig(cylinder, plan.supply), _generator(plan, 0, 0, 0))
+    specimen = with_fault(specimen, plan.fault)
+    specimen = replace(specimen, sensors=replace(specimen.sensors, sample_time_s=plan.sample_time_s))
+    for test, gain in THROTTLE_GAINS.items():
+        for number in range(1, plan.sessions_per_test + 1):
+            session = draw_session(
+                specimen.with_throttle(gain),
+                _generator(plan, int(test), number, 0),
+                plan.recordings_per_session * (plan.duration_s + PAUSE_S),
+                zeroed=plan.zeroed,
+                residual_offset_pa=plan.residual_offset_bar * BAR_PA,
+            )
+            yield from _session(plan, session, test, number)
+
+
+def _session(plan: CampaignPlan, session: Session, test: str, number: int) -> Iterator[RigRecording]:
+    temperature_c = session.oil_temperature_c
+    stride = round(plan.sample_time_s / 1e-3)
+    for take in range(1, plan.recordings_per_session + 1):
+        generator = _generator(plan, int(test), number, take)
+        began_s = (take - 1) * (plan.duration_s + PAUSE_S)
+        rig = session.rig
+        start = balanced_state(
+            rig,
+            position_m=rig.hydraulics.stroke_m * generator.uniform(0.2, 0.8),
+            pressure_2_pa=generator.uniform(4.0, 12.0) * BAR_PA,
+            oil_temperature_c=temperature_c,
+        )
+        lever = programme(rig, generator, plan.duration_s, turn=number + take)
+        drift = session.drift_from(began_s, plan.duration_s)
+        trace = simulate(rig, lever, start, plan.duration_s, drift, plan.time_step_s)
+        # Work goes on between recordings and warms the oil at the same rate.
+        warming_c = float(trace["oil_temperature_c"].iloc[-1]) - temperature_c
+        temperature_c += warming_c * (1.0 + PAUSE_S / plan.duration_s)
+        logger = measure(rig.sensors, trace, generator, began_s)
+        truth = trace[list(TRUTH_COLUMNS)].iloc[::stride].reset_index(drop=True)
+        yield RigRecording(_metadata(plan, rig.cylinder.name, test, number, take), logger, truth)
+
+
+def _metadata(plan: CampaignPlan, cylinder: str, test: str, number: int, take: int) -> RecordingMetadata:
+    return RecordingMetadata(
+        name=f"test{test}_session{number:02d}_recording{take:02d}",
+        test=test,
+        session=f"test{test}_session{number:02d}",
+        sample_time_s=plan.sample_time_s,
+        cylinder=cylinder,
+        load=LOADS[test],
+    )
+
+
+def _generator(plan: CampaignPlan, test: int, session: int, recording: int) -> Generator:
+    return np.random.default_rng([plan.seed, test, session, recording])

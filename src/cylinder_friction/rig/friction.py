@@ -1,0 +1,92 @@
+"""The rig's true friction, outside the model class of LuGre and its kin.
+
+Presliding and breakaway: generalised Maxwell-slip (Al-Bender, Lampaert and Swevers, 2005), elements that stick or
+slip. Strength: Stribeck curve with a lubricant film (Yanada and Sekikawa, 2008), slow to thin at rest. Level: a
+nonlinear law of both chamber pressures (seals are pressed on by the oil), direction, temperature, position, drift.
+
+Friction is positive when it opposes positive velocity. ``f`` is ``FrictionConstants`` throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+
+from cylinder_friction.rig.parameters import BAR_PA
+
+REFERENCE_C = 40.0
+
+
+@numba.njit(cache=True)
+def viscosity_ratio(f: Any, temperature_c: float) -> float:
+    """Returns the oil's viscosity over that at 40 °C."""
+    return math.exp(-f.viscosity_temperature_1_k * (temperature_c - REFERENCE_C))
+
+
+@numba.njit(cache=True)
+def coulomb_friction(
+    f: Any, pressure_1_pa: float, pressure_2_pa: float, place: float, temperature_c: float
+) -> float:
+    """Returns Coulomb friction [N], the mean of both directions.
+
+    ``F_C = F0(T) + c_p max(p1, p2)^0.8 + c_r p2^0.7`` with pressures in bar, times ``place`` (ripple and drift).
+    """
+    higher_bar = max(pressure_1_pa, pressure_2_pa, 0.0) / BAR_PA
+    rod_bar = max(pressure_2_pa, 0.0) / BAR_PA
+    free = f.coulomb_n * (1.0 - f.coulomb_temperature_1_k * (temperature_c - REFERENCE_C))
+    return place * (free + f.piston_seal_n * higher_bar**0.8 + f.rod_seal_n * rod_bar**0.7)
+
+
+@numba.njit(cache=True)
+def place_factor(f: Any, position_m: float, stroke_m: float, drift: float) -> float:
+    """Returns the factor on Coulomb friction of this place in the bore at this time: ripple, bend and drift."""
+    factor = drift + f.bend_n_per_n * (position_m / stroke_m) ** 2
+    for wave in range(len(f.ripple)):
+        angle = 2.0 * math.pi * position_m / f.ripple_length_m[wave] + f.ripple_phase_rad[wave]
+        factor += f.ripple[wave] * math.sin(angle)
+    return factor
+
+
+@numba.njit(cache=True)
+def strength(f: Any, coulomb_n: float, velocity_m_s: float, film: float, viscosity: float) -> float:
+    """Returns the Stribeck strength s [N], the mean of both directions.
+
+    ``s = F_C + [(1 - h) F_S - F_C] exp(-|v| / v_s)`` (Yanada and Sekikawa, 2008, with exponent 1); ``v_s`` grows as
+    the viscosity falls.
+    """
+    decay = math.exp(-abs(velocity_m_s) * viscosity / f.stribeck_velocity_m_s)
+    return coulomb_n * (1.0 + ((1.0 - film) * f.static_ratio - 1.0) * decay)
+
+
+@numba.njit(cache=True)
+def direction_factor(f: Any, direction: float) -> float:
+    """Returns the factor on the strength: smaller in extension (``direction`` > 0) than in retraction."""
+    return 1.0 - f.asymmetry if direction > 0.0 else 1.0 + f.asymmetry
+
+
+@numba.njit(cache=True)
+def steady_film(f: Any, velocity_m_s: float, viscosity: float) -> float:
+    """Returns the film at constant speed, ``h_ss = K_f min(|v|, v_b)^(2/3)`` [-]."""
+    part = min(abs(velocity_m_s) * viscosity / f.film_velocity_m_s, 1.0)
+    return (1.0 - 1.0 / f.static_ratio) * part ** (2.0 / 3.0)
+
+
+@numba.njit(cache=True)
+def film_rate(f: Any, film: float, velocity_m_s: float, viscosity: float) -> tuple[float, float]:
+    """Returns where the film tends to [-] and how fast [1/s]; it builds fast, thins slowly, slowest at rest."""
+    target = steady_film(f, velocity_m_s, viscosity)
+    if film <= target:
+        return target, 1.0 / f.film_build_s
+    speed = abs(velocity_m_s)
+    moving = speed / (speed + f.dwell_velocity_m_s)
+    return target, (1.0 - moving) / f.film_dwell_s + moving / f.film_squeeze_s
+
+
+@numba.njit(cache=True)
+def damping(f: Any, velocity_m_s: float, viscosity: float) -> float:
+    """Returns viscous plus presliding damping [N s/m]: what multiplies the velocity."""
+    ratio = velocity_m_s / f.damping_velocity_m_s
+    presliding = f.damping_n_s_m * math.exp(-ratio * ratio) if abs(ratio) < 6.0 else 0.0
+    return f.viscous_n_s_m * viscosity + presliding

@@ -1,0 +1,139 @@
+"""The operator's hand on the lever: moves, holds, corrections, tremor, and reversals where the piston comes to.
+
+A programme is a table of actions, made from a seed before the simulation. The compiled ``hand_step`` carries it out
+inside the simulation, because a person reverses when the piston nears an end, after a reaction time, and so closes
+the loop on the position. The lever runs from -1 (retract) to 1 (extend).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+    from numpy.typing import NDArray
+
+TICK_S = 0.001
+"""The hand is looked at this often; between two ticks the lever moves in a straight line."""
+
+KIND, TARGET, MOVE_S, HOLD_S, FREQUENCY_HZ, LOW_M, HIGH_M, REACTION_S, CHAINED = range(9)
+"""Columns of the table of actions."""
+MOVE, RAMP, SINE = 0.0, 1.0, 2.0
+"""Kinds: a minimum-jerk move to a target, a straight ramp, a sine that keeps to the middle of the stroke."""
+
+ROW, TIME_S, START, BASE, SIGN, NOTICED_S = range(6)
+"""Entries of the hand's state: the row it carries out and since when, lever at its start and now, its sign, and for
+how long it has noticed that the piston is where it shall reverse (below 0: not yet)."""
+
+RELEASED = 0.02
+"""Below this the hand lets go and the spring centres the lever: no tremor."""
+
+
+@dataclass(frozen=True)
+class LeverProgramme:
+    """What the operator means to do, and how the hand shakes.
+
+    Attributes:
+        actions: Shape ``(rows, 9)``, columns as ``KIND`` ... ``CHAINED``.
+        remnant: Shape ``(ticks,)``: what the hand adds without meaning to, at full lever.
+    """
+
+    actions: NDArray[np.float64]
+    remnant: NDArray[np.float64]
+
+
+@numba.njit(cache=True)
+def new_hand() -> Any:
+    """Returns the hand's state before the first tick."""
+    hand = np.zeros(6)
+    hand[SIGN] = 1.0
+    hand[NOTICED_S] = -1.0
+    return hand
+
+
+@numba.njit(cache=True)
+def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overlap: float, middle_m: float) -> float:
+    """Returns the lever one tick on; changes ``hand``."""
+    row = actions[int(hand[ROW])]
+    if hand[TIME_S] == 0.0 and row[CHAINED] == 0.0:
+        hand[SIGN] = 1.0
+        beyond = (row[TARGET] > 0.0 and position_m > row[HIGH_M]) or (row[TARGET] < 0.0 and position_m < row[LOW_M])
+        if beyond and row[KIND] != SINE:
+            hand[SIGN] = -1.0
+    hand[TIME_S] += TICK_S
+    hand[BASE] = _meant(hand, row, position_m, middle_m)
+    _notice(hand, row, position_m, overlap)
+    reverse = hand[NOTICED_S] >= row[REACTION_S]
+    if reverse or hand[TIME_S] >= row[MOVE_S] + row[HOLD_S]:
+        _next_row(hand, actions, reverse)
+    grip = min(max((abs(hand[BASE]) - RELEASED) / 0.1, 0.0), 1.0)
+    return min(max(hand[BASE] + grip * remnant, -1.0), 1.0)
+
+
+@numba.njit(cache=True)
+def _meant(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
+    """Returns the lever as the action means it."""
+    time_s = hand[TIME_S]
+    if row[KIND] == SINE:
+        grown = min(time_s / 0.5, 1.0, max((row[MOVE_S] + row[HOLD_S] - time_s) / 0.5, 0.0))
+        wave = math.sin(2.0 * math.pi * row[FREQUENCY_HZ] * time_s)
+        return row[TARGET] * grown * (wave - 0.5 * min(max((position_m - middle_m) / 0.05, -1.0), 1.0))
+    part = min(time_s / row[MOVE_S], 1.0)
+    if row[KIND] == MOVE:
+        # Minimum jerk (Flash and Hogan, 1985).
+        part = part * part * part * (10.0 + part * (6.0 * part - 15.0))
+    return hand[START] + (hand[SIGN] * row[TARGET] - hand[START]) * part
+
+
+@numba.njit(cache=True)
+def _notice(hand: Any, row: Any, position_m: float, overlap: float) -> None:
+    if row[KIND] == SINE:
+        return
+    near = (hand[BASE] > overlap and position_m > row[HIGH_M]) or (hand[BASE] < -overlap and position_m < row[LOW_M])
+    if hand[NOTICED_S] >= 0.0:
+        hand[NOTICED_S] += TICK_S
+    elif near:
+        hand[NOTICED_S] = 0.0
+
+
+@numba.njit(cache=True)
+def _next_row(hand: Any, actions: Any, reverse: bool) -> None:
+    """Goes on to the next action; who reverses has no eye for the corrections that belong to this one."""
+    row = (int(hand[ROW]) + 1) % len(actions)
+    while reverse and actions[row, CHAINED] != 0.0:
+        row = (row + 1) % len(actions)
+    hand[ROW] = row
+    hand[TIME_S] = 0.0
+    hand[START] = hand[BASE]
+    hand[NOTICED_S] = -1.0
+
+
+def hand_remnant(generator: Generator, duration_s: float) -> NDArray[np.float64]:
+    """Returns what the hand adds without meaning to, one a tick: drift of about 1 % and tremor of 8 to 12 Hz, 0.5 %."""
+    ticks = round(duration_s / TICK_S) + 2
+    drift = ornstein_uhlenbeck(generator, ticks, TICK_S, 1.5, 0.01)
+    frequency_hz = np.clip(10.0 + ornstein_uhlenbeck(generator, ticks, TICK_S, 0.5, 1.0), 8.0, 12.0)
+    size = 0.005 * np.abs(1.0 + ornstein_uhlenbeck(generator, ticks, TICK_S, 0.3, 0.5))
+    return np.asarray(drift + size * np.sin(2.0 * np.pi * TICK_S * np.cumsum(frequency_hz)))
+
+
+def ornstein_uhlenbeck(
+    generator: Generator, count: int, step_s: float, time_constant_s: float, deviation: float
+) -> NDArray[np.float64]:
+    """Returns a stationary Ornstein-Uhlenbeck process of this standard deviation, shape ``(count,)``."""
+    keep = math.exp(-step_s / time_constant_s)
+    shocks = generator.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), count)
+    shocks[0] = generator.normal(0.0, deviation)
+    return np.asarray(_filtered(shocks, keep))
+
+
+@numba.njit(cache=True)
+def _filtered(shocks: Any, keep: float) -> Any:
+    for index in range(1, len(shocks)):
+        shocks[index] += keep * shocks[index - 1]
+    return shocks

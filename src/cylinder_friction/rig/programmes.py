@@ -1,0 +1,168 @@
+"""What an operator does with a hand lever in a minute: mostly free work, and between it sines, staircases, ramps."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.rig.lever import MOVE, RAMP, SINE, LeverProgramme, hand_remnant
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from cylinder_friction.rig.parameters import RigParameters
+
+Row = tuple[float, ...]
+EXPECTED_FRICTION_N = 350.0
+"""What the operator's feeling for the lever reckons with."""
+
+
+def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:
+    """Returns the lever that moves the piston steadily at this speed, signed: what an operator finds by looking.
+
+    From the steady force balance with both metering edges and the throttle; full lever where that speed is out of
+    reach.
+    """
+    y = rig.hydraulics
+    speed = abs(speed_m_s)
+    if speed == 0.0:
+        return 0.0
+    into, out, ratio, throttle = y.piston_area_m2, y.annulus_area_m2, y.return_ratio_2, y.throttle_gain
+    if speed_m_s < 0.0:
+        into, out, ratio, throttle = out, into, y.return_ratio_1, math.inf
+    force = y.pump_pressure_pa * into - y.tank_pressure_pa * out - EXPECTED_FRICTION_N
+    left = force - out**3 * (speed / throttle) ** 2
+    needed = speed**2 * (into**3 + out**3 / ratio**2) / y.valve_gain**2
+    opening = math.sqrt(needed / left) if left > needed else 1.0
+    return math.copysign(y.valve_overlap + (1.0 - y.valve_overlap) * opening ** (1.0 / y.metering_exponent), speed_m_s)
+
+
+def hand_work(rig: RigParameters, generator: Generator, duration_s: float) -> list[Row]:
+    """Returns about ``duration_s`` of free work: strokes at random speeds, corrections, inching and pauses."""
+    rows: list[Row] = []
+    direction = float(generator.choice((-1.0, 1.0)))
+    while sum(row[2] + row[3] for row in rows) < duration_s:
+        kind = generator.choice(4, p=(0.68, 0.12, 0.12, 0.08))
+        if kind == 0:
+            rows += _stroke(rig, generator, direction)
+            if generator.random() < 0.45:
+                rows.append(_row(0.0, generator.uniform(0.1, 0.25), generator.uniform(0.05, 0.6)))
+        elif kind == 1:
+            rows += _inching(rig, generator, direction)
+        elif kind == 2:
+            rows.append(_row(0.0, generator.uniform(0.12, 0.3), 0.5 * (1.0 + generator.pareto(1.5))))
+        else:
+            # A change of mind in mid-stroke: straight from one direction into the other.
+            rows += _stroke(rig, generator, direction)[:1] + _stroke(rig, generator, -direction)[:1]
+        direction = -direction if generator.random() < 0.75 else direction
+    return rows
+
+
+def staircase(rig: RigParameters, generator: Generator, steps: int = 6) -> list[Row]:
+    """Returns strokes at constant speeds, spaced logarithmically from 1.5 to 45 mm/s, out and back."""
+    low, high = 0.05 * rig.hydraulics.stroke_m, 0.92 * rig.hydraulics.stroke_m
+    rows: list[Row] = [_row(lever_for_speed(rig, -0.06), 0.3, 8.0, low=0.06 * rig.hydraulics.stroke_m)]
+    for sign in (1.0, -1.0):
+        speeds = np.geomspace(0.0015, 0.045, steps) * generator.uniform(0.8, 1.25, steps)
+        rows += [
+            _row(lever_for_speed(rig, sign * speed), 0.15, 1.6 - 0.12 * step, low, high)
+            for step, speed in enumerate(speeds)
+        ]
+    return [*rows, _row(0.0, 0.2, 0.4)]
+
+
+def sines(rig: RigParameters, generator: Generator, duration_s: float) -> list[Row]:
+    """Returns two sines of the lever, each for half the time."""
+    rows: list[Row] = []
+    for _ in range(2):
+        size = lever_for_speed(rig, generator.uniform(0.015, 0.06))
+        frequency_hz = generator.uniform(0.25, 1.2)
+        rows.append((SINE, size, 0.2, duration_s / 2.0 - 0.2, frequency_hz, -1.0, 9.0, 0.3, 0.0))
+    return rows
+
+
+def breakaway_ramps(rig: RigParameters, generator: Generator, ramps: int = 3) -> list[Row]:
+    """Returns slow openings of the valve after dwells of different length, each until well after breakaway."""
+    rows: list[Row] = []
+    direction = float(generator.choice((-1.0, 1.0)))
+    for _ in range(ramps):
+        rows.append(_row(0.0, 0.15, generator.uniform(0.5, 4.0)))
+        lever = lever_for_speed(rig, direction * generator.uniform(0.004, 0.015))
+        rows.append((RAMP, lever, generator.uniform(0.8, 2.0), 0.3, 0.0, *_limits(rig, generator), 0.3, 0.0))
+        direction = -direction
+    return rows
+
+
+def programme(rig: RigParameters, generator: Generator, duration_s: float, turn: int = 0) -> LeverProgramme:
+    """Returns an operator's programme of about ``duration_s``: free work around one or two set exercises.
+
+    ``turn`` rotates the exercises, so that a session of two recordings holds them all: even turns have a staircase,
+    odd ones sines and breakaway ramps. Short recordings have the free work first.
+    """
+    if turn % 2 == 0:
+        exercises = staircase(rig, generator)
+    else:
+        exercises = sines(rig, generator, 8.0) + breakaway_ramps(rig, generator)
+    taken = sum(row[2] + row[3] for row in exercises)
+    before = generator.uniform(0.3, 0.7) * max(duration_s - taken, 0.4 * duration_s)
+    rows = hand_work(rig, generator, before) + exercises + hand_work(rig, generator, 1.5 * duration_s)
+    return LeverProgramme(np.array(rows), hand_remnant(generator, duration_s))
+
+
+def _row(
+    target: float,
+    move_s: float,
+    hold_s: float,
+    low: float = -1.0,
+    high: float = 9.0,
+    reaction_s: float = 0.3,
+    chained: bool = False,
+) -> Row:
+    return (MOVE, target, move_s, hold_s, 0.0, low, high, reaction_s, float(chained))
+
+
+def _limits(rig: RigParameters, generator: Generator) -> tuple[float, float]:
+    """Returns where the operator means to reverse; now and then only at the end stop."""
+    stroke_m = rig.hydraulics.stroke_m
+    if generator.random() < 0.08:
+        return -1.0, 9.0
+    return float(generator.uniform(0.1, 0.3) * stroke_m), float(generator.uniform(0.7, 0.9) * stroke_m)
+
+
+def _stroke(rig: RigParameters, generator: Generator, direction: float) -> list[Row]:
+    """Returns a stroke: a quick move with overshoot, one or two corrections, each held for a while."""
+    if generator.random() < 0.4:
+        target = direction * generator.uniform(0.75, 1.0)
+    else:
+        target = lever_for_speed(rig, direction * math.exp(generator.uniform(math.log(0.008), math.log(0.07))))
+        target *= float(np.clip(generator.normal(1.0, 0.04), 0.9, 1.1))
+    low, high = _limits(rig, generator)
+    reaction_s = float(generator.uniform(0.2, 0.4))
+    overshoot = 1.0 + abs(generator.normal(0.0, 0.06))
+    first = _row(
+        float(np.clip(target * overshoot, -1.0, 1.0)),
+        float(generator.uniform(0.12, 0.5)),
+        float(generator.uniform(0.05, 0.3)),
+        low,
+        high,
+        reaction_s,
+    )
+    rows = [first]
+    for _ in range(generator.integers(1, 3)):
+        corrected = float(np.clip(target * generator.normal(1.0, 0.03), -1.0, 1.0))
+        hold_s = float(generator.uniform(0.6, 3.0))
+        rows.append(_row(corrected, float(generator.uniform(0.1, 0.3)), hold_s, low, high, reaction_s, chained=True))
+    return rows
+
+
+def _inching(rig: RigParameters, generator: Generator, direction: float) -> list[Row]:
+    """Returns short pulls at the lever with stops between them."""
+    low, high = 0.15 * rig.hydraulics.stroke_m, 0.85 * rig.hydraulics.stroke_m
+    rows: list[Row] = []
+    for _ in range(generator.integers(2, 6)):
+        lever = lever_for_speed(rig, direction * generator.uniform(0.008, 0.03))
+        rows.append(_row(lever, float(generator.uniform(0.12, 0.2)), float(generator.uniform(0.05, 0.25)), low, high))
+        rows.append(_row(0.0, float(generator.uniform(0.1, 0.2)), float(generator.uniform(0.15, 0.6))))
+    return rows

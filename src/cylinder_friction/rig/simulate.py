@@ -1,0 +1,267 @@
+"""The simulation at a fixed step: linearly implicit where it is stiff, compiled, many times faster than real time.
+
+Order within a step: flows at the old pressures; the new velocity from the momentum equation with everything that is
+stiff in it (presliding springs, damping, end stops) taken at the new velocity, which is one linear equation; the
+position; the pressures with their orifices' slopes implicit; then friction elements, film, spool and oil.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+import pandas as pd
+
+from cylinder_friction.rig.friction import (
+    coulomb_friction,
+    damping,
+    direction_factor,
+    film_rate,
+    place_factor,
+    strength,
+    viscosity_ratio,
+)
+from cylinder_friction.rig.hydraulics import bulk_modulus, port_a, port_b, pump_flow, stop_force
+from cylinder_friction.rig.lever import TICK_S, LeverProgramme, hand_step, new_hand
+from cylinder_friction.rig.parameters import ELEMENTS, friction_constants, hydraulic_constants
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.rig.parameters import RigParameters
+
+DEFAULT_STEP_S = 5e-5
+DRIFT_STEP_S = 1.0
+TRACE_COLUMNS = (
+    "time_s",
+    "pressure_1_pa",
+    "pressure_2_pa",
+    "supply_pressure_pa",
+    "position_m",
+    "velocity_m_s",
+    "friction_n",
+    "film",
+    "spool",
+    "lever",
+    "oil_temperature_c",
+    "volume_1_m3",
+    "volume_2_m3",
+    "stop_force_n",
+    "drift",
+)
+
+
+@dataclass(frozen=True)
+class RigState:
+    """Where a simulation begins: at rest, all friction elements relaxed and sticking.
+
+    Attributes:
+        position_m: [m].
+        pressure_1_pa: Piston side [Pa].
+        pressure_2_pa: Rod side [Pa].
+        supply_pressure_pa: [Pa].
+        oil_temperature_c: [°C].
+        film: Lubricant film, 0 after a long dwell [-].
+    """
+
+    position_m: float
+    pressure_1_pa: float
+    pressure_2_pa: float
+    supply_pressure_pa: float
+    oil_temperature_c: float = 40.0
+    film: float = 0.0
+
+
+def balanced_state(rig: RigParameters, position_m: float, pressure_2_pa: float, oil_temperature_c: float) -> RigState:
+    """Returns a state at rest in which the oil pushes with no net force."""
+    y = rig.hydraulics
+    pressure_1_pa = pressure_2_pa * y.annulus_area_m2 / y.piston_area_m2
+    return RigState(position_m, pressure_1_pa, pressure_2_pa, y.pump_pressure_pa, oil_temperature_c)
+
+
+def simulate(
+    rig: RigParameters,
+    lever: LeverProgramme | NDArray[np.float64],
+    start: RigState,
+    duration_s: float,
+    drift: NDArray[np.float64] | None = None,
+    time_step_s: float = DEFAULT_STEP_S,
+    log_step_s: float = TICK_S,
+) -> pd.DataFrame:
+    """Returns the trace of a simulation, one row each ``log_step_s``, columns ``TRACE_COLUMNS``.
+
+    Args:
+        rig: The rig; its sensors play no part here.
+        lever: An operator's programme, or the lever itself, one value each millisecond, -1 to 1.
+        start: The state at time 0.
+        duration_s: [s].
+        drift: Slow factor on Coulomb friction, one value each second; 1 throughout when None.
+        time_step_s: Step of the integration [s]; must divide one millisecond.
+        log_step_s: Time between rows [s]; a multiple of ``time_step_s``.
+
+    Raises:
+        ValueError: A time does not fit another, the lever is too short, or the state ceased to be finite.
+    """
+    tick_steps = _whole(TICK_S, time_step_s, "the operator's tick of 0.001 s", "time_step_s")
+    log_steps = _whole(log_step_s, time_step_s, "log_step_s", "time_step_s")
+    steps = _whole(duration_s, log_step_s, "duration_s", "log_step_s") * log_steps
+    ticks = steps // tick_steps + 2
+    if drift is None:
+        drift = np.ones(2)
+    scripted = not isinstance(lever, LeverProgramme)
+    script = np.asarray(lever if scripted else lever.remnant, dtype=np.float64)  # type: ignore[union-attr]
+    actions = np.zeros((1, 9)) if isinstance(lever, np.ndarray) else lever.actions
+    if len(script) < ticks:
+        raise ValueError(f"lever: got {len(script)} values, but {duration_s} s need {ticks}, one each millisecond")
+    trace = np.empty((steps // log_steps, len(TRACE_COLUMNS)))
+    begin = (
+        start.pressure_1_pa,
+        start.pressure_2_pa,
+        start.supply_pressure_pa,
+        start.position_m,
+        start.film,
+        start.oil_temperature_c,
+    )
+    _run(
+        friction_constants(rig.friction),
+        hydraulic_constants(rig.hydraulics),
+        scripted,
+        script,
+        np.asarray(actions, dtype=np.float64),
+        np.asarray(drift, dtype=np.float64),
+        begin,
+        time_step_s,
+        tick_steps,
+        log_steps,
+        trace,
+    )
+    if not np.isfinite(trace[-1]).all():
+        raise ValueError(f"the simulation ceased to be finite; time_step_s of {time_step_s} s is too long, make it smaller")
+    return pd.DataFrame(trace, columns=list(TRACE_COLUMNS))
+
+
+def _whole(long: float, short: float, long_name: str, short_name: str) -> int:
+    count = round(long / short)
+    if count < 1 or not math.isclose(count * short, long, rel_tol=1e-9):
+        raise ValueError(f"{long_name}: got {long} s, but expected a multiple of {short_name}, {short} s")
+    return count
+
+
+@numba.njit(cache=True)
+def drift_at(drift: Any, time_s: float) -> float:
+    """Returns the slow factor on Coulomb friction, in a straight line between its values."""
+    place = time_s / DRIFT_STEP_S
+    index = min(int(place), len(drift) - 2)
+    part = min(place - index, 1.0)
+    return drift[index] + (drift[index + 1] - drift[index]) * part
+
+
+@numba.njit(cache=True)
+def _run(
+    f: Any,
+    y: Any,
+    scripted: bool,
+    script: Any,
+    actions: Any,
+    drift: Any,
+    begin: Any,
+    dt: float,
+    tick_steps: int,
+    log_steps: int,
+    trace: Any,
+) -> None:
+    p1, p2, ps, x, film, temperature = begin
+    v = spool = volume_1 = volume_2 = 0.0
+    force = np.zeros(ELEMENTS)
+    slips = np.zeros(ELEMENTS, dtype=np.bool_)
+    hand = new_hand()
+    lever_from = lever_to = script[0] if scripted else 0.0
+    for step in range(len(trace) * log_steps):
+        time_s = step * dt
+        if step % tick_steps == 0:
+            tick = step // tick_steps
+            lever_from = lever_to
+            if scripted:
+                lever_to = script[tick + 1]
+            else:
+                lever_to = hand_step(hand, actions, script[tick], x, y.valve_overlap, 0.5 * y.stroke_m)
+        lever = lever_from + (lever_to - lever_from) * (step % tick_steps) / tick_steps
+
+        viscosity = viscosity_ratio(f, temperature)
+        slow = drift_at(drift, time_s)
+        coulomb = coulomb_friction(f, p1, p2, place_factor(f, x, y.stroke_m, slow), temperature)
+        level = strength(f, coulomb, v, film, viscosity)
+        damp = damping(f, v, viscosity)
+        stop, stop_stiffness = stop_force(y, x, v)
+        if step % log_steps == 0:
+            row = trace[step // log_steps]
+            row[0], row[1], row[2], row[3], row[4], row[5] = time_s, p1, p2, ps, x, v
+            row[6] = force.sum() + damp * v
+            row[7], row[8], row[9], row[10] = film, spool, lever, temperature
+            row[11], row[12], row[13], row[14] = volume_1, volume_2, stop, slow
+
+        flow_1, slope_1 = port_a(y, spool, ps, p1, x)
+        flow_2, slope_2 = port_b(y, spool, ps, p2, x)
+        leak = y.leakage_m3_s_pa / viscosity * (p1 - p2)
+        pump, pump_slope = pump_flow(y, ps)
+
+        spring = _elements_before(f, force, slips, v, level, dt)
+        push = p1 * y.piston_area_m2 - p2 * y.annulus_area_m2 + stop - force.sum()
+        v_new = (y.mass_kg * v + dt * push) / (y.mass_kg + dt * (damp + dt * (spring + stop_stiffness)))
+        _elements_after(f, force, slips, v, v_new, level, dt)
+        v = v_new
+        x += dt * v
+
+        rate_1 = dt * bulk_modulus(y, p1) / (y.dead_volume_1_m3 + y.piston_area_m2 * x)
+        rate_2 = dt * bulk_modulus(y, p2) / (y.dead_volume_2_m3 + y.annulus_area_m2 * (y.stroke_m - x))
+        rate_s = dt * bulk_modulus(y, ps) / y.supply_volume_m3
+        change_1 = rate_1 * (flow_1 - leak - y.piston_area_m2 * v) / (1.0 + rate_1 * slope_1)
+        change_2 = rate_2 * (flow_2 + leak + y.annulus_area_m2 * v) / (1.0 + rate_2 * slope_2)
+        from_supply = (flow_1 if spool > 0.0 else 0.0) + (flow_2 if spool < 0.0 else 0.0)
+        supply_slope = pump_slope + (slope_1 if spool > 0.0 else slope_2)
+        volume_1 += dt * (flow_1 - leak) - dt * slope_1 * change_1
+        volume_2 += dt * (flow_2 + leak) - dt * slope_2 * change_2
+        p1 += change_1
+        p2 += change_2
+        ps += rate_s * (pump - from_supply) / (1.0 + rate_s * supply_slope)
+
+        target, rate = film_rate(f, film, v, viscosity)
+        film += (target - film) * dt * rate / (1.0 + dt * rate)
+        spool += (lever - spool) * dt / (y.spool_lag_s + dt)
+        heat = max(pump, 0.0) * ps - y.cooling_w_k * (temperature - y.room_temperature_c)
+        temperature += dt * heat / y.oil_heat_capacity_j_k
+
+
+@numba.njit(cache=True)
+def _elements_before(f: Any, force: Any, slips: Any, velocity_m_s: float, level_n: float, dt: float) -> float:
+    """Moves slipping elements towards their strength; returns the stiffness of the sticking ones [N/m]."""
+    spring = 0.0
+    signed = math.copysign(direction_factor(f, velocity_m_s) * level_n, velocity_m_s)
+    for i in range(ELEMENTS):
+        if slips[i]:
+            pull = dt * f.attraction_n_s
+            force[i] = (force[i] + pull * math.copysign(f.share[i], velocity_m_s)) / (1.0 + pull / abs(signed))
+        else:
+            spring += f.stiffness_n_m[i]
+    return spring
+
+
+@numba.njit(cache=True)
+def _elements_after(
+    f: Any, force: Any, slips: Any, before_m_s: float, after_m_s: float, level_n: float, dt: float
+) -> None:
+    """Stretches sticking elements by the new velocity, lets the overstretched slip, and all stick at a reversal."""
+    reversed_motion = before_m_s * after_m_s <= 0.0
+    for i in range(ELEMENTS):
+        if slips[i]:
+            slips[i] = not reversed_motion
+            continue
+        before_n = abs(force[i])
+        force[i] += dt * f.stiffness_n_m[i] * after_m_s
+        limit = f.share[i] * direction_factor(f, force[i]) * level_n
+        if force[i] * after_m_s > 0.0 and abs(force[i]) >= limit:
+            slips[i] = True
+            force[i] = math.copysign(max(limit, before_n), force[i])

@@ -1,0 +1,168 @@
+"""Causal twins of the filters for labels: pressures, velocity and acceleration without looking ahead.
+
+Each block takes raw samples, shape ``(n, 3)``, and gives, shape ``(n, 4)``: smooth pressure 1 [Pa], smooth pressure 2
+[Pa], velocity [m/s], acceleration [m/s²].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from cylinder_friction.signals.causal import (
+    CausalBlock,
+    FirFilter,
+    cascade_taps,
+    difference_taps,
+    moving_average_taps,
+    one_sided_savitzky_golay_taps,
+)
+from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, Reach, SmoothSignals
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.signals.kalman import KalmanModel
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MovingAverage:
+    """The paper's chain exactly as published (Jamshidi et al., section II A), causal and therefore late.
+
+    Pressures: moving average. Velocity: backward differences of the position's moving average. Acceleration:
+    backward differences of that velocity, moving average of ``acceleration_window``. With windows of 10 and 30 at
+    200 Hz pressures are 22.5 ms late, velocity 25 ms and acceleration 100 ms.
+
+    Attributes:
+        window: Of pressures and position, in samples.
+        acceleration_window: In samples.
+    """
+
+    window: int = 10
+    acceleration_window: int = 30
+
+    def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
+        """Returns the taps of either pressure, of velocity from position, and of acceleration from position."""
+        average, difference = moving_average_taps(self.window), difference_taps(sample_time_s)
+        velocity = cascade_taps(average, difference)
+        return average, velocity, cascade_taps(velocity, difference, moving_average_taps(self.acceleration_window))
+
+    def block(self, sample_time_s: float) -> FirFilter:
+        """Returns the chain for streaming."""
+        return FirFilter(chain_taps(*self.taps(sample_time_s)))
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        return run_causal(self.block(sample_time_s), samples)
+
+    def reach(self, sample_time_s: float) -> Reach:
+        return Reach(self.block(sample_time_s).length - 1, 0)
+
+
+@dataclass(frozen=True)
+class OneSidedSavitzkyGolay:
+    """Polynomials fitted to the last samples and evaluated at the present one: the twin of ``SavitzkyGolay``.
+
+    Attributes:
+        pressure_window, velocity_window, acceleration_window: In samples.
+        pressure_order, velocity_order, acceleration_order: Of the polynomials.
+    """
+
+    pressure_window: int = 11
+    pressure_order: int = 2
+    velocity_window: int = 21
+    velocity_order: int = 3
+    acceleration_window: int = 41
+    acceleration_order: int = 3
+
+    def block(self, sample_time_s: float) -> FirFilter:
+        """Returns the filters for streaming."""
+        taps = one_sided_savitzky_golay_taps
+        return FirFilter(
+            chain_taps(
+                taps(self.pressure_window, self.pressure_order, 0, sample_time_s),
+                taps(self.velocity_window, self.velocity_order, 1, sample_time_s),
+                taps(self.acceleration_window, self.acceleration_order, 2, sample_time_s),
+            )
+        )
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        return run_causal(self.block(sample_time_s), samples)
+
+    def reach(self, sample_time_s: float) -> Reach:
+        return Reach(self.block(sample_time_s).length - 1, 0)
+
+
+def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:
+    """Returns taps of shape ``(4, 3, lags)`` from those of one pressure, and of velocity and acceleration."""
+    taps = np.zeros((4, 3, max(len(pressure), len(velocity), len(acceleration))))
+    taps[0, PRESSURE_1, : len(pressure)] = pressure
+    taps[1, PRESSURE_2, : len(pressure)] = pressure
+    taps[2, POSITION, : len(velocity)] = velocity
+    taps[3, POSITION, : len(acceleration)] = acceleration
+    return taps
+
+
+def run_causal(block: CausalBlock, samples: Array) -> SmoothSignals:
+    """Returns what a causal block with four outputs makes of a whole recording."""
+    return SmoothSignals(*np.ascontiguousarray(block.advance(block.new_state(), samples).T))
+
+
+@dataclass
+class KalmanState:
+    """Pressure 1, pressure 2, position, velocity, acceleration; None before the first sample."""
+
+    estimate: Array | None = None
+
+
+class SteadyKalman:
+    """The Kalman filter with its steady gains: the twin of ``RtsSmoother``.
+
+    Before the first sample everything stood still at that sample.
+
+    Args:
+        pressure: Random walk.
+        position: Position, velocity, acceleration.
+    """
+
+    def __init__(self, pressure: KalmanModel, position: KalmanModel) -> None:
+        self._transition = position.transition
+        self._pressure_gain = float(pressure.gains().filter[-1, 0])
+        self._position_gain = position.gains().filter[-1]
+
+    def new_state(self) -> KalmanState:
+        return KalmanState()
+
+    def advance(self, state: KalmanState, inputs: Array) -> Array:
+        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
+        if len(inputs) == 0:
+            return np.empty((0, 4))
+        if state.estimate is None:
+            state.estimate = np.concatenate([inputs[0], np.zeros(2)])
+        return _steady_kalman(self._transition, self._pressure_gain, self._position_gain, state.estimate, inputs)
+
+
+@numba.njit(cache=True)
+def _steady_kalman(transition: Array, pressure_gain: float, position_gain: Array, last: Array, inputs: Array) -> Array:
+    result = np.empty((inputs.shape[0], 4))
+    predicted = np.empty(3)
+    for row in range(inputs.shape[0]):
+        for side in range(2):
+            last[side] += pressure_gain * (inputs[row, side] - last[side])
+        for i in range(3):
+            total = 0.0
+            for j in range(3):
+                total += transition[i, j] * last[2 + j]
+            predicted[i] = total
+        surprise = inputs[row, 2] - predicted[0]
+        for i in range(3):
+            last[2 + i] = predicted[i] + position_gain[i] * surprise
+        result[row, 0] = last[0]
+        result[row, 1] = last[1]
+        result[row, 2] = last[3]
+        result[row, 3] = last[4]
+    return result

@@ -1,0 +1,101 @@
+"""Linear models with one measured state, and the gains of their Kalman filter and Rauch-Tung-Striebel smoother."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MAXIMUM_ROWS = 100_000
+"""Gains that have not settled by then never will."""
+
+
+class Gains(NamedTuple):
+    """Gains row by row until they have settled; from there on the last one holds.
+
+    Attributes:
+        filter: Kalman gains, shape ``(rows, k)``.
+        smoother: Gains that carry the next row's smoothed state back, shape ``(rows, k, k)``.
+    """
+
+    filter: Array
+    smoother: Array
+
+
+@dataclass(frozen=True)
+class KalmanModel:
+    """``state[t+1] = transition @ state[t] + noise``; the first state is measured, with noise.
+
+    Attributes:
+        transition: Shape ``(k, k)``.
+        process_noise: Covariance a step, shape ``(k, k)``.
+        measurement_noise: Variance of the measurement.
+        first_covariance: Of the state at the first row, before its measurement, shape ``(k, k)``.
+    """
+
+    transition: Array
+    process_noise: Array
+    measurement_noise: float
+    first_covariance: Array
+
+    def gains(self) -> Gains:
+        """Returns the gains, which do not depend on what is measured (Rauch, Tung and Striebel 1965).
+
+        Raises:
+            ValueError: The gains do not settle: no noise moves the state.
+        """
+        predicted = self.first_covariance
+        filter_gains: list[Array] = []
+        smoother_gains: list[Array] = []
+        for _ in range(MAXIMUM_ROWS):
+            gain = np.asarray(predicted[:, 0] / (predicted[0, 0] + self.measurement_noise), dtype=np.float64)
+            updated = predicted - np.outer(gain, predicted[0])
+            updated = 0.5 * (updated + updated.T)
+            following = self.transition @ updated @ self.transition.T + self.process_noise
+            back: Array = np.linalg.solve(following, self.transition @ updated).T.astype(np.float64)
+            filter_gains.append(gain)
+            smoother_gains.append(back)
+            if np.allclose(following, predicted, rtol=1e-10, atol=0.0):
+                return Gains(np.array(filter_gains), np.array(smoother_gains))
+            predicted = 0.5 * (following + following.T)
+        raise ValueError(f"the Kalman gains have not settled after {MAXIMUM_ROWS} rows; raise the process noise")
+
+    def memory_rows(self, remaining: float = 0.01) -> int:
+        """Returns after how many rows no more than ``remaining`` of a disturbance is left in the filter's estimate."""
+        gain = self.gains().filter[-1]
+        corrected = self.transition - np.outer(gain, self.transition[0])
+        slowest = float(np.abs(np.linalg.eigvals(corrected)).max())
+        return max(1, math.ceil(math.log(remaining) / math.log(slowest))) if slowest > 0.0 else 1
+
+
+def random_walk(step_std: float, noise_std: float) -> KalmanModel:
+    """Returns a quantity that wanders: each step adds white noise of ``step_std``, measured with ``noise_std``."""
+    one = np.ones((1, 1))
+    return KalmanModel(one, step_std**2 * one, noise_std**2, 1e6 * (step_std**2 + noise_std**2) * one)
+
+
+def constant_jerk(jerk_std_m_s3: float, noise_std_m: float, sample_time_s: float) -> KalmanModel:
+    """Returns position, velocity and acceleration under a jerk that is constant within a step and white between steps.
+
+    Args:
+        jerk_std_m_s3: Standard deviation of the jerk [m/s³]; it belongs to one sample time.
+        noise_std_m: Standard deviation of the measured position [m].
+        sample_time_s: Time between two rows [s].
+
+    Source: Bar-Shalom, Li and Kirubarajan 2001, section 6.3 (piecewise constant white acceleration), one order up.
+    """
+    step = sample_time_s
+    transition = np.array([[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
+    effect = np.array([step**3 / 6.0, step**2 / 2.0, step])
+    jerk_noise = jerk_std_m_s3**2 * np.outer(effect, effect)
+    # One jerk a step leaves the covariance singular; a trace of independent noise keeps the smoother's inverse exact.
+    jerk_noise += 1e-6 * np.diag(np.diag(jerk_noise))
+    first = np.diag([1e6 * noise_std_m**2, 1.0, 100.0])
+    return KalmanModel(transition, jerk_noise, noise_std_m**2, first)

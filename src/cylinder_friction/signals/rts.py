@@ -1,0 +1,116 @@
+"""The Rauch-Tung-Striebel smoother: the best look back that a linear model allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from cylinder_friction.signals.causal_chain import SteadyKalman
+from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
+from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, Reach, SmoothSignals
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RtsSmoother:
+    """Constant jerk for the position, random walks for the pressures (Rauch, Tung and Striebel 1965).
+
+    The noise of each measured signal is never taken below LSB²/12, the noise of the converter, whose step is found
+    in the recording itself.
+
+    Attributes:
+        position_noise_m: Standard deviation of the position sensor [m].
+        jerk_noise_m_s3: Standard deviation of the jerk, constant within one sample and white between samples [m/s³].
+        pressure_noise_pa: Standard deviation of the pressure sensors [Pa].
+        pressure_rate_pa_s: How fast pressures wander: the standard deviation of one step, over the sample time [Pa/s].
+    """
+
+    position_noise_m: float = 3.5e-5
+    jerk_noise_m_s3: float = 100.0
+    pressure_noise_pa: float = 5.5e3
+    pressure_rate_pa_s: float = 6e5
+
+    def models(self, sample_time_s: float) -> tuple[KalmanModel, KalmanModel]:
+        """Returns the models of a pressure and of the position, with the noise as declared."""
+        return self._pressure_model(0.0, sample_time_s), self._position_model(0.0, sample_time_s)
+
+    def block(self, sample_time_s: float) -> SteadyKalman:
+        """Returns the causal twin for streaming."""
+        return SteadyKalman(*self.models(sample_time_s))
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        pressures = [
+            smooth_states(self._pressure_model(quantisation_step(samples[:, side]), sample_time_s), samples[:, side])[
+                :, 0
+            ]
+            for side in (PRESSURE_1, PRESSURE_2)
+        ]
+        position_m = samples[:, POSITION]
+        motion = smooth_states(self._position_model(quantisation_step(position_m), sample_time_s), position_m)
+        return SmoothSignals(pressures[0], pressures[1], motion[:, 1].copy(), motion[:, 2].copy())
+
+    def reach(self, sample_time_s: float) -> Reach:
+        """Returns the rows after which 1 % of a disturbance is left, either way; strictly it looks at all rows."""
+        rows = max(model.memory_rows() for model in self.models(sample_time_s))
+        return Reach(rows, rows)
+
+    def _pressure_model(self, step_pa: float, sample_time_s: float) -> KalmanModel:
+        return random_walk(self.pressure_rate_pa_s * sample_time_s, at_least_converter(self.pressure_noise_pa, step_pa))
+
+    def _position_model(self, step_m: float, sample_time_s: float) -> KalmanModel:
+        noise_m = at_least_converter(self.position_noise_m, step_m)
+        return constant_jerk(self.jerk_noise_m_s3, noise_m, sample_time_s)
+
+
+def quantisation_step(values: Array) -> float:
+    """Returns the smallest step between two different values: the converter's least significant bit, or 0."""
+    steps = np.diff(np.unique(values))
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def at_least_converter(noise_std: float, step: float) -> float:
+    """Returns the noise, but no less than that of rounding to ``step``, whose variance is step²/12."""
+    return max(noise_std, step / 12.0**0.5)
+
+
+def smooth_states(model: KalmanModel, measured: Array) -> Array:
+    """Returns the smoothed states, shape ``(n, k)``, from measurements of the first state, shape ``(n,)``."""
+    gains = model.gains()
+    # Relative to the first value numbers stay small; the first state of the model then has zero mean.
+    first = measured[0]
+    states = _smooth(model.transition, gains.filter, gains.smoother, np.ascontiguousarray(measured - first))
+    states[:, 0] += first
+    return states
+
+
+@numba.njit(cache=True)
+def _smooth(transition: Array, filter_gains: Array, smoother_gains: Array, measured: Array) -> Array:
+    rows, size, settled = measured.shape[0], transition.shape[0], filter_gains.shape[0] - 1
+    updated = np.zeros((rows, size))
+    predicted = np.zeros((rows, size))
+    for row in range(rows):
+        gain = filter_gains[min(row, settled)]
+        if row > 0:
+            for i in range(size):
+                total = 0.0
+                for j in range(size):
+                    total += transition[i, j] * updated[row - 1, j]
+                predicted[row, i] = total
+        surprise = measured[row] - predicted[row, 0]
+        for i in range(size):
+            updated[row, i] = predicted[row, i] + gain[i] * surprise
+    for row in range(rows - 2, -1, -1):
+        gain_back = smoother_gains[min(row, settled)]
+        for i in range(size):
+            total = 0.0
+            for j in range(size):
+                total += gain_back[i, j] * (updated[row + 1, j] - predicted[row + 1, j])
+            updated[row, i] += total
+    return updated

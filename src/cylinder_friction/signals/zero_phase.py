@@ -1,0 +1,119 @@
+"""Filters that look as far ahead as back, so that nothing is late: for labels, never for estimates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from cylinder_friction.signals.causal import cascade_taps
+from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
+from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, Reach, SmoothSignals
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CentredMovingAverage:
+    """The paper's chain with each of its filters moved back by its own delay.
+
+    A filter with an even number of taps has no middle sample; it is averaged with itself one sample later, so that
+    a window of 10 becomes 11 samples whose outer two count half.
+
+    Attributes:
+        window: Of pressures and position, in samples.
+        acceleration_window: In samples.
+    """
+
+    window: int = 10
+    acceleration_window: int = 30
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        pressure, velocity, acceleration = self._taps(sample_time_s)
+        return SmoothSignals(
+            run_centred(pressure, samples[:, PRESSURE_1]),
+            run_centred(pressure, samples[:, PRESSURE_2]),
+            run_centred(velocity, samples[:, POSITION]),
+            run_centred(acceleration, samples[:, POSITION]),
+        )
+
+    def reach(self, sample_time_s: float) -> Reach:
+        half = max(len(taps) // 2 for taps in self._taps(sample_time_s))
+        return Reach(half, half)
+
+    def _taps(self, sample_time_s: float) -> list[Array]:
+        return [centred_taps(taps) for taps in MovingAverage(self.window, self.acceleration_window).taps(sample_time_s)]
+
+
+@dataclass(frozen=True)
+class SavitzkyGolay:
+    """Polynomials fitted around each sample (Savitzky and Golay 1964), from raw signals.
+
+    Attributes:
+        pressure_window, velocity_window, acceleration_window: In samples, odd.
+        pressure_order, velocity_order, acceleration_order: Of the polynomials.
+
+    Raises:
+        ValueError: A window is even or not longer than its order, or the order is too low to differentiate.
+    """
+
+    pressure_window: int = 11
+    pressure_order: int = 2
+    velocity_window: int = 21
+    velocity_order: int = 3
+    acceleration_window: int = 41
+    acceleration_order: int = 3
+
+    def __post_init__(self) -> None:
+        for signal, derivative in (("pressure", 0), ("velocity", 1), ("acceleration", 2)):
+            window, order = getattr(self, f"{signal}_window"), getattr(self, f"{signal}_order")
+            if window % 2 == 0 or not derivative <= order < window:
+                raise ValueError(
+                    f"Savitzky-Golay for {signal}: expected an odd window longer than its order and an order of at "
+                    f"least {derivative}, but got window {window} and order {order}"
+                )
+
+    def twin(self) -> OneSidedSavitzkyGolay:
+        """Returns the causal filter with the same windows and orders."""
+        return OneSidedSavitzkyGolay(**vars(self))
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        longest = max(self.pressure_window, self.velocity_window, self.acceleration_window)
+        if len(samples) < longest:
+            raise ValueError(f"got {len(samples)} samples, but Savitzky-Golay needs at least its window of {longest}")
+        pressures = [
+            savgol_filter(samples[:, side], self.pressure_window, self.pressure_order)
+            for side in (PRESSURE_1, PRESSURE_2)
+        ]
+        position_m = samples[:, POSITION]
+        velocity = savgol_filter(position_m, self.velocity_window, self.velocity_order, deriv=1, delta=sample_time_s)
+        acceleration = savgol_filter(
+            position_m, self.acceleration_window, self.acceleration_order, deriv=2, delta=sample_time_s
+        )
+        return SmoothSignals(pressures[0], pressures[1], velocity, acceleration)
+
+    def reach(self, sample_time_s: float) -> Reach:  # noqa: ARG002 - windows are in samples
+        half = max(self.pressure_window, self.velocity_window, self.acceleration_window) // 2
+        return Reach(half, half)
+
+
+def centred_taps(taps: Array) -> Array:
+    """Returns an odd number of taps with the same delay in the middle; taps must be (anti)symmetric."""
+    return taps if len(taps) % 2 else cascade_taps(taps, np.array([0.5, 0.5]))
+
+
+def run_centred(taps: Array, values: Array) -> Array:
+    """Returns the filtered values, shape ``(n,)``, with no delay; at the edges the signal goes on in point symmetry."""
+    half = len(taps) // 2
+    if half == 0:
+        return taps[0] * values
+    if len(values) <= half:
+        raise ValueError(f"got {len(values)} samples, but the filter needs more than half its length, {half}")
+    before = 2.0 * values[0] - values[half:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -half - 2 : -1]
+    return np.convolve(np.concatenate([before, values, after]), taps, mode="valid")

@@ -1,0 +1,32 @@
+"""How a stage is run: check the whole configuration, do the work, note what was done, tell MLflow."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+from cylinder_friction.params import Params, load_params
+from cylinder_friction.recordings import write_json
+from cylinder_friction.stages._stage import RUNS_FOLDER
+from cylinder_friction.tracking.log_run import track_or_warn
+from cylinder_friction.tracking.resources import sampled_resources
+
+STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
+"""In the order of the pipeline."""
+
+
+def run_stage(name: str) -> None:
+    """Runs one stage in the current directory, the repository root.
+
+    Raises:
+        ParamsError: Anything in ``params.yaml`` is refused, in whichever section: no stage starts on half a truth.
+        ValueError: There is no such stage.
+    """
+    if name not in STAGES:
+        raise ValueError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
+    params: Params = load_params()
+    root = Path.cwd()
+    with sampled_resources(name, root):
+        record = importlib.import_module(f"cylinder_friction.stages.{name}").run(params)
+    write_json(RUNS_FOLDER / f"{name}.json", record.to_dict())
+    track_or_warn(record, root)

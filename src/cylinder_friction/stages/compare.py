@@ -1,0 +1,184 @@
+"""Stage ``compare``: every estimator on the held-out recordings, as metrics, figures, tables and one report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow.parquet as pq
+from tqdm import tqdm
+
+import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
+from cylinder_friction.estimators.base import DESCRIPTION_FILE, FrictionEstimator
+from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
+from cylinder_friction.evaluation.figures import all_figures, png_bytes
+from cylinder_friction.evaluation.findings import Findings, look_into
+from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
+from cylinder_friction.evaluation.plot_data import plot_tables
+from cylinder_friction.evaluation.report import ReportInputs, report_html
+from cylinder_friction.evaluation.strata import StrataLimits
+from cylinder_friction.evaluation.summary import summary
+from cylinder_friction.evaluation.tables import markdown_tables
+from cylinder_friction.evaluation.timing import StepTime, time_steps
+from cylinder_friction.evaluation.views import LearningCurve
+from cylinder_friction.recordings import (
+    RecordingError,
+    read_json,
+    read_recordings,
+    whole_folder,
+    write_json,
+    write_text,
+)
+from cylinder_friction.stages._stage import (
+    AUDIT_FOLDER,
+    BASELINES_FOLDER,
+    HYBRID_FOLDER,
+    LUGRE_FOLDER,
+    PAPER_HYBRID_FOLDER,
+    PROCESSED_FOLDERS,
+    REPORTS_FOLDER,
+    artifacts,
+    flat,
+    hash_of,
+)
+from cylinder_friction.stages.train import chosen_hybrid
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cylinder_friction.params import CompareParams, Params
+    from cylinder_friction.recordings import Recording
+
+METRICS_FILE = REPORTS_FOLDER / "metrics.json"
+TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
+TABLE_FILE = REPORTS_FOLDER / "table.md"
+REPORT_FILE = REPORTS_FOLDER / "report.html"
+FIGURES_FOLDER = REPORTS_FOLDER / "figures"
+PLOTS_FOLDER = REPORTS_FOLDER / "plots"
+LEARNING_CURVE_FILE = "learning_curve.json"
+AUDIT_FILE = AUDIT_FOLDER / "audit.json"
+MAIN, RIVAL = "hybrid", "lugre"
+
+
+def run(params: Params) -> RunRecord:
+    """Reads the models, ``data/processed/test`` and the true friction, writes ``reports/`` but for ``reports/runs``.
+
+    Raises:
+        FileNotFoundError: A model or the test recordings are not there.
+        RecordingError: See ``evaluation.comparison.compare``; or true friction does not fit its recording.
+    """
+    settings = params.compare
+    recordings = read_recordings(PROCESSED_FOLDERS["test"])
+    estimators = load_estimators()
+    truth_n = read_truth(params.ingest.truth, recordings)
+    comparison = compare(estimators, recordings, truth_n, comparison_settings(settings))
+    curves = {
+        folder.name: LearningCurve.from_dict(read_json(path), path.as_posix())
+        for folder in (HYBRID_FOLDER, PAPER_HYBRID_FOLDER)
+        for path in (folder / LEARNING_CURVE_FILE,)
+    }
+    findings = look_into(comparison, MAIN, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
+    times = {
+        name: time_steps(estimator, recordings[0], settings.timing_repeats)
+        for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator")
+    }
+    tree = metric_tree(comparison)
+    _write(params, findings, times, tree)
+    return RunRecord(
+        name="compare",
+        params=flat(settings),
+        metrics=flat_metrics(tree),
+        tags={"summary": "\n".join(summary(comparison, MAIN))},
+        artifacts=artifacts(METRICS_FILE, TIMINGS_FILE, TABLE_FILE, REPORT_FILE, FIGURES_FOLDER, PLOTS_FOLDER),
+        datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
+    )
+
+
+def comparison_settings(settings: CompareParams) -> ComparisonSettings:
+    return ComparisonSettings(
+        StrataLimits(settings.standstill_velocity_m_s, settings.stribeck_velocity_m_s, settings.reversal_window_s),
+        settings.maximum_lag_s,
+        settings.bootstrap_repeats,
+        settings.bootstrap_block_s,
+        settings.seed,
+    )
+
+
+def load_estimators() -> dict[str, FrictionEstimator]:
+    """Returns every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
+
+    Raises:
+        FileNotFoundError: One of them, or the folder of baselines, is not there.
+    """
+    if not BASELINES_FOLDER.is_dir():
+        raise FileNotFoundError(f"{BASELINES_FOLDER}: no such folder of baselines; run `dvc repro` to make it")
+    known = [folder.name for folder in BASELINES_FOLDER.iterdir() if (folder / DESCRIPTION_FILE).is_file()]
+    folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre")}
+    folders |= {name: BASELINES_FOLDER / name for name in sorted(known, key=_place)}
+    folders |= {folder.name: folder for folder in (PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
+    return {name: FrictionEstimator.load(folder) for name, folder in folders.items()}
+
+
+_ORDER = (
+    "force_balance_unfiltered",
+    "force_balance_paper",
+    "force_balance_low_pass",
+    "ridge",
+    "random_forest",
+    "paper_lstm",
+    "lstm",
+)
+
+
+def _place(name: str) -> tuple[int, str]:
+    """From simple to elaborate; a baseline the project does not know comes after those it does, by name."""
+    return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
+
+
+def read_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
+    """Returns true friction [N] by recording name, as far as ``<folder>/<name>.parquet`` is there.
+
+    Args:
+        folder: Where the rig wrote it; empty where nobody knows it.
+        recordings: Whose truth is wanted.
+
+    Raises:
+        RecordingError: A file has no ``friction_n`` or another number of rows than its recording.
+    """
+    truth: dict[str, NDArray[np.float64]] = {}
+    for recording in recordings if folder else ():
+        path = Path(folder) / f"{recording.name}.parquet"
+        if not path.is_file():
+            continue
+        columns = pq.read_schema(path).names
+        if "friction_n" not in columns:
+            raise RecordingError(f"{path}: column 'friction_n' is missing; got columns {columns}; record it again")
+        values = pq.read_table(path, columns=["friction_n"]).column(0).to_numpy().astype("float64")
+        if len(values) != len(recording):
+            raise RecordingError(
+                f"{path}: true friction has {len(values)} rows, expected {len(recording)} as in recording "
+                f"{recording.name!r}; they must come from the same run of the record stage"
+            )
+        truth[recording.name] = values
+    return truth
+
+
+def _write(params: Params, findings: Findings, times: dict[str, StepTime], tree: MetricTree) -> None:
+    chosen = chosen_hybrid(params)[1].model_dump()
+    audit: Any | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
+    inputs = ReportInputs(times, params.search.space.model_dump(), chosen, audit)
+    report = report_html(findings, inputs)
+    with whole_folder(FIGURES_FOLDER) as folder:
+        for name, figure in tqdm(all_figures(findings).items(), desc="figures", unit="figure"):
+            (folder / f"{name}.png").write_bytes(png_bytes(figure))
+    with whole_folder(PLOTS_FOLDER) as folder:
+        for name, text in plot_tables(findings).items():
+            write_text(folder / name, text)
+    write_text(REPORT_FILE, report)
+    write_text(TABLE_FILE, markdown_tables(findings.comparison))
+    write_json(TIMINGS_FILE, {name: time.to_dict() for name, time in times.items()})
+    write_json(METRICS_FILE, tree)

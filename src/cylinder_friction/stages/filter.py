@@ -1,0 +1,36 @@
+"""Stage ``filter``: smooth pressures, velocity and acceleration beside the raw signals, off line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from cylinder_friction.recordings import iterate_recordings, recording_paths, whole_folder, write_recording
+from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER, flat, hash_of
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from cylinder_friction.params import Params
+
+
+def run(params: Params) -> RunRecord:
+    """Reads ``data/interim/recordings``, writes ``data/interim/signals``; the raw columns stay as they are.
+
+    Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``.
+    """
+    chosen = filters_by_method(**params.filter.model_dump(exclude={"method"}))[params.filter.method]
+    rows = 0
+    count = len(recording_paths(RECORDINGS_FOLDER))
+    with whole_folder(SIGNALS_FOLDER) as folder:
+        for recording in tqdm(iterate_recordings(RECORDINGS_FOLDER), "filter", count, unit="recording", disable=None):
+            signals = chosen.smooth(recording.samples(), recording.sample_time_s)
+            write_recording(folder, recording.with_columns(**signals.columns()))
+            rows += len(recording)
+    return RunRecord(
+        name="filter",
+        params=flat(params.filter),
+        metrics={"recordings": float(count), "rows": float(rows)},
+        datasets={"signals": hash_of(SIGNALS_FOLDER)},
+    )

@@ -1,0 +1,139 @@
+"""Stage ``label``: friction from the equation of motion, usable rows, splits, and the audit of labels against truth."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from cylinder_friction.evaluation.splits import split_sessions
+from cylinder_friction.labelling import Audit, AuditRow, Labeller, Stiffness
+from cylinder_friction.recordings import (
+    read_metadata,
+    read_recording,
+    read_truth,
+    recording_paths,
+    whole_folder,
+    write_json,
+    write_recording,
+    write_text,
+)
+from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.stages._stage import (
+    AUDIT_FOLDER,
+    PROCESSED_FOLDERS,
+    SIGNALS_FOLDER,
+    artifacts,
+    cylinder_from,
+    flat,
+    hash_of,
+)
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from cylinder_friction.params import LabelParams, Params
+    from cylinder_friction.recordings import Recording
+    from cylinder_friction.signals.smooth import SignalFilter
+
+NO_TRUTH = "true friction of no recording is known, so labels cannot be audited"
+
+
+def run(params: Params) -> RunRecord:
+    """Reads ``data/interim/signals``, writes ``data/processed/{train,validation,test,audit}``.
+
+    Raises:
+        RecordingError: A test has too few sessions to split, or truth does not belong to its recording.
+    """
+    settings = params.label
+    filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
+    labeller = Labeller(cylinder_from(params.cylinder), stiffness_from(settings), settings.end_stop_margin_m)
+    metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
+    split = split_sessions(metadata, **settings.split.model_dump())
+    metrics: dict[str, float] = {}
+    for role, names in split.items():
+        metrics |= write_labelled(role, names, labeller, filters[params.filter.method])
+    audit, audited = audit_labels([entry.name for entry in metadata], params, labeller, filters)
+    write_audit(audit)
+    return RunRecord(
+        name="label",
+        params=flat(settings) | {"filter": params.filter.method},
+        metrics=metrics | {"audited_recordings": float(audited)} | _audit_metrics(audit),
+        artifacts=artifacts(AUDIT_FOLDER),
+        datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
+    )
+
+
+def stiffness_from(settings: LabelParams) -> Stiffness:
+    """Returns which spring enters the equation of motion, from the configuration."""
+    return Stiffness(
+        mode=settings.stiffness,
+        bulk_modulus_pa=settings.bulk_modulus_pa,
+        external_stiffness_n_m=settings.external_stiffness_n_m,
+        reference_m=settings.stiffness_reference_m,
+        dead_volume_m3=settings.dead_volume_m3,
+    )
+
+
+def write_labelled(role: str, names: Sequence[str], labeller: Labeller, used_filter: SignalFilter) -> dict[str, float]:
+    """Writes one role's recordings with their labels; returns how many recordings, rows and usable rows."""
+    rows, usable = 0, 0
+    with whole_folder(PROCESSED_FOLDERS[role]) as folder:
+        for recording in _filtered(names, f"label {role}"):
+            labelled = labeller.label(recording, used_filter.reach(recording.sample_time_s))
+            write_recording(folder, labelled)
+            rows, usable = rows + len(labelled), usable + int(labelled.usable().sum())
+    return {
+        f"{role}.recordings": float(len(names)),
+        f"{role}.rows": float(rows),
+        f"{role}.usable_rows": float(usable),
+    }
+
+
+def audit_labels(
+    names: Sequence[str], params: Params, labeller: Labeller, filters: Mapping[str, SignalFilter]
+) -> tuple[list[AuditRow], int]:
+    """Returns the audit of every filter and the number of recordings whose truth is known."""
+    folder = Path(params.ingest.truth)
+    known = [name for name in names if params.ingest.truth and (folder / f"{name}.parquet").is_file()]
+    audit = Audit(params.label.event_window_s)
+    for recording in _filtered(known, "audit labels"):
+        truth = read_truth(folder, recording)
+        assert truth is not None
+        labeller.audit(recording, truth, filters, audit)
+    return audit.rows(), len(known)
+
+
+def write_audit(rows: Sequence[AuditRow]) -> None:
+    """Writes ``audit.json``, nested by filter, test and stratum, and ``audit.csv``, one line a row."""
+    nested: dict[str, Any] = {} if rows else {"note": NO_TRUTH}
+    for row in rows:
+        content = row.to_dict()
+        place = nested.setdefault(content.pop("filter"), {}).setdefault(content.pop("test"), {})
+        place[content.pop("stratum")] = content
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [field.name for field in fields(AuditRow)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(row.to_dict() for row in rows)
+    with whole_folder(AUDIT_FOLDER) as folder:
+        write_json(folder / "audit.json", nested)
+        write_text(folder / "audit.csv", text.getvalue())
+
+
+def _filtered(names: Sequence[str], what: str) -> Iterator[Recording]:
+    """Yields the named recordings one at a time, with a progress bar."""
+    for name in tqdm(names, what, unit="recording", disable=None):
+        yield read_recording(SIGNALS_FOLDER / f"{name}.parquet")
+
+
+def _audit_metrics(rows: Sequence[AuditRow]) -> dict[str, float]:
+    return {
+        f"audit.{row.filter}.test_{row.test}.{row.stratum}_mae_n": row.mae_n
+        for row in rows
+        if row.stratum in ("steady", "events")
+    }

@@ -1,0 +1,95 @@
+"""Stage ``lugre``: identifies LuGre, plain and pressure-scaled, on one test's training recordings alone."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
+from cylinder_friction.recordings import (
+    RecordingError,
+    read_metadata,
+    read_recording,
+    recording_paths,
+    whole_folder,
+    write_json,
+)
+from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, cylinder_from, flat, hash_of
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.friction_models import Identification
+    from cylinder_friction.params import Params
+
+STRIBECK_FILE = "stribeck_points.json"
+
+
+def run(params: Params) -> RunRecord:
+    """Reads ``data/processed/train``, writes ``models/lugre`` with one folder an estimator and the Stribeck points.
+
+    Raises:
+        RecordingError: No training recording is of the test that ``lugre.test`` names.
+    """
+    paths = paths_of_test(PROCESSED_FOLDERS["train"], params.lugre.test)
+    recordings = [read_recording(path) for path in paths]
+    estimators = [kind(cylinder_from(params.cylinder), **params.lugre.model_dump()) for kind in KINDS]
+    metrics: dict[str, float] = {}
+    curves: dict[str, list[float]] = {}
+    with whole_folder(LUGRE_FOLDER) as folder:
+        for estimator in estimators:
+            estimator.fit(recordings)
+            estimator.save(folder / estimator.kind)
+            found = estimator.identification
+            assert found is not None
+            metrics |= _metrics(estimator.kind, found)
+            curves[f"{estimator.kind}.search_error_n"] = list(found.history)
+        plain = estimators[0].identification
+        assert plain is not None
+        write_json(folder / STRIBECK_FILE, _stribeck_content(plain))
+    return RunRecord(
+        name="lugre",
+        params=flat(params.lugre),
+        metrics=metrics,
+        curves=curves,
+        tags={f"{estimator.kind}.velocity_filter": estimator.velocity_filter for estimator in estimators},
+        artifacts=artifacts(LUGRE_FOLDER),
+        datasets={"train": hashlib.sha256("".join(hash_of(path) for path in paths).encode()).hexdigest()},
+    )
+
+
+KINDS = (LugreEstimator, PressureLugreEstimator)
+
+
+def paths_of_test(folder: Path, test: str) -> list[Path]:
+    """Returns the recordings of one test in a folder, sorted by name; raises ``RecordingError`` if there is none."""
+    tests = {path: read_metadata(path).test for path in recording_paths(folder)}
+    chosen = [path for path, its_test in tests.items() if its_test == test]
+    if not chosen:
+        raise RecordingError(
+            f"{folder}: no recording of test {test!r}; got tests {sorted(set(tests.values()))}; "
+            "name one of them as lugre.test in params.yaml"
+        )
+    return chosen
+
+
+def _metrics(kind: str, found: Identification) -> dict[str, float]:
+    metrics = {
+        f"{kind}.train_mae_n": found.error_n,
+        f"{kind}.train_mae_percent": found.error_percent,
+        f"{kind}.steady_curve_mae_n": found.first_error_n,
+    }
+    metrics |= {f"{kind}.{name}": value for name, value in asdict(found.parameters).items()}
+    for name, (lower, upper) in found.intervals.items():
+        metrics |= {f"{kind}.{name}.lower": lower, f"{kind}.{name}.upper": upper}
+    return metrics
+
+
+def _stribeck_content(found: Identification) -> dict[str, Any]:
+    return {
+        "points": [point.to_dict() for point in found.points],
+        "curve": asdict(found.curve),
+        "units": {"velocity_m_s": "m/s", "friction_n": "N", "rows": "samples"},
+    }

@@ -1,0 +1,104 @@
+"""Stage ``register``: the trained hybrid becomes a version in the registry, and the champion if the gate lets it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.estimators import FrictionEstimator
+from cylinder_friction.evaluation.metrics import errors
+from cylinder_friction.recordings import SAMPLE_COLUMNS, iterate_recordings, read_json, recording_paths, write_json
+from cylinder_friction.recordings.storage import read_recording
+from cylinder_friction.stages._stage import (
+    HYBRID_FOLDER,
+    PAPER_HYBRID_FOLDER,
+    PROCESSED_FOLDERS,
+    REGISTERED_FILE,
+    REPORTS_FOLDER,
+    artifacts,
+    flat,
+    hash_of,
+)
+from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.tracking.versions import origin_of
+
+if TYPE_CHECKING:
+    from cylinder_friction.params import Params
+
+METRICS_FILE = REPORTS_FOLDER / "metrics.json"
+EXAMPLE_ROWS = 5
+_FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
+
+
+def run(params: Params) -> RunRecord:
+    """Registers the candidate and writes ``models/registered.json``: the decision and what it was made on.
+
+    Raises:
+        TrackingError: The registry cannot be reached: without it nobody knows the incumbent, so nothing is decided.
+        LineageError: ``dvc.lock`` does not say which data the candidate was made from.
+    """
+    from cylinder_friction.tracking.registry import Candidate, register
+
+    settings = params.register_
+    folder = _FOLDERS[settings.candidate]
+    test_folder = PROCESSED_FOLDERS["test"]
+    origin = origin_of(Path(), params.ingest.source, [path.as_posix() for path in PROCESSED_FOLDERS.values()])
+    candidate = Candidate(
+        model_name=settings.model_name,
+        folder=folder.as_posix(),
+        model_key=hash_of(folder),
+        errors_percent=_reported_errors(settings.candidate),
+        test_data_md5=origin.data[test_folder.as_posix()],
+        origin=origin,
+        example=_example(test_folder),
+    )
+    registered = register(candidate, Path(), settings.tolerance_percent, measured_errors)
+    write_json(REGISTERED_FILE, registered.to_dict())
+    return RunRecord(
+        name="register",
+        params=flat(settings),
+        metrics={f"test_{test}.label_percent": value for test, value in candidate.errors_percent.items()}
+        | {"promoted": float(registered.promote)},
+        tags={"gate_reason": registered.reason, "model_key": candidate.model_key, **origin.tags()},
+        artifacts=artifacts(REGISTERED_FILE, METRICS_FILE),
+        datasets={"test": candidate.test_data_md5},
+    )
+
+
+def measured_errors(folder: Path) -> dict[str, float]:
+    """Returns the error a test [percent of mean |label|] of the estimator in ``folder`` on the held-out recordings."""
+    estimator = FrictionEstimator.load(folder)
+    labels: dict[str, list[np.ndarray]] = {}
+    estimates: dict[str, list[np.ndarray]] = {}
+    for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):
+        usable = recording.usable()
+        test = recording.metadata.test
+        labels.setdefault(test, []).append(recording.column("friction_n")[usable])
+        estimates.setdefault(test, []).append(estimator.estimate(recording)[usable])
+    result = {}
+    for test in sorted(labels):
+        label, estimate = np.concatenate(labels[test]), np.concatenate(estimates[test])
+        result[test] = errors(label, estimate, np.ones(len(label), dtype=np.bool_)).percent
+    return result
+
+
+def _reported_errors(candidate: str) -> dict[str, float]:
+    """Returns the candidate's error a test from the comparison's report."""
+    report = read_json(METRICS_FILE)
+    if candidate not in report:
+        raise TrackingError(
+            f"{METRICS_FILE}: has no estimator {candidate!r}, but {sorted(report)}; run the compare stage"
+        )
+    return {test: numbers["label_percent"] for test, numbers in sorted(report[candidate].items())}
+
+
+def _example(folder: Path) -> dict[str, list[float]]:
+    """Returns the first rows of the first held-out recording, by column."""
+    paths = recording_paths(folder)
+    if not paths:
+        raise TrackingError(f"{folder}: holds no held-out recording; run the label stage")
+    first = read_recording(paths[0])
+    return {column: first.column(column)[:EXAMPLE_ROWS].tolist() for column in SAMPLE_COLUMNS}

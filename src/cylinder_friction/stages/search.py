@@ -1,0 +1,111 @@
+"""Stage ``search``: looks for the hybrid's best hyperparameters on the validation recordings."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from cylinder_friction.estimators import Architecture, ForestPlan, HybridEstimator, lstm_multiply_adds
+from cylinder_friction.estimators.front_end import feature_count
+from cylinder_friction.estimators.search import SearchPlan, SearchSpace, Trial, best_trial, run_search
+from cylinder_friction.evaluation.search_figures import write_search_page
+from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.recordings import read_recordings, whole_folder, write_json
+from cylinder_friction.stages._stage import (
+    PROCESSED_FOLDERS,
+    SEARCH_FOLDER,
+    artifacts,
+    cylinder_from,
+    flat,
+    hash_of,
+    resume_folder,
+)
+from cylinder_friction.stages._training import device_from, training_plan
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.search import Report, Value
+    from cylinder_friction.params import Params, SearchParams
+
+BEST_FILE = SEARCH_FOLDER / "best.json"
+
+
+def run(params: Params) -> RunRecord:
+    """Reads the training and validation recordings, writes the trials, the best parameters and the plots."""
+    settings = params.search
+    train = read_recordings(PROCESSED_FOLDERS["train"])
+    validation = read_recordings(PROCESSED_FOLDERS["validation"])
+    cylinder = cylinder_from(params.cylinder)
+    datasets = {role: hash_of(PROCESSED_FOLDERS[role]) for role in ("train", "validation")}
+    journal = resume_folder("search", settings, params.cylinder, datasets) / "trials.json"
+    epochs = settings.training.epochs
+    bar = tqdm(total=settings.trials * epochs, desc="search", unit="epoch")
+
+    def objective(values: dict[str, Value], report: Report) -> float:
+        estimator = HybridEstimator(
+            cylinder,
+            settings.hybrid,
+            Architecture(int(values["layers"]), int(values["nodes"]), values["dropout"], values["learning_rate"]),
+            training_plan(settings.training),
+            ForestPlan(
+                int(values["forest_trees"]),
+                int(values["forest_depth"]),
+                settings.training.forest_rows,
+                settings.training.forest_leaf,
+            ),
+            settings.seed,
+            device_from(params.train.device),
+        )
+
+        def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:  # noqa: ARG001
+            bar.update(1)
+            report(validation_mae_n)
+
+        estimator.fit_with_validation(train, validation, report=after_epoch)
+        return mean_absolute_error_n(estimator, validation)
+
+    finished: list[Trial] = []
+
+    def after_trial(trial: Trial) -> None:
+        finished.append(trial)
+        bar.update(len(finished) * epochs - bar.n)
+
+    plan = SearchPlan(settings.trials, settings.startup_trials, settings.maximum_multiply_adds, settings.seed)
+    space = SearchSpace(**{key: tuple(value) for key, value in settings.space.model_dump().items()})
+    trials = run_search(space, plan, lambda values: _cost(settings, values), objective, journal, after_trial)
+    bar.close()
+    best = best_trial(trials)
+    with whole_folder(SEARCH_FOLDER) as folder:
+        write_json(folder / "trials.json", [asdict(trial) for trial in trials])
+        write_json(folder / "best.json", {"hybrid": settings.hybrid, **best.params})
+        write_search_page(trials, space, plan, folder / "search.html")
+    return RunRecord(
+        name="search",
+        params=flat(settings),
+        metrics={"best_validation_mae_n": best.value or 0.0, "best_multiply_adds": float(best.multiply_adds)}
+        | {f"best_{name}": float(value) for name, value in best.params.items()},
+        tags={"trials": str(len(trials)), "pruned": str(sum(trial.value is None for trial in trials))},
+        artifacts=artifacts(SEARCH_FOLDER),
+        datasets=datasets,
+        children=tuple(_child(number, trial) for number, trial in enumerate(trials)),
+    )
+
+
+def _cost(settings: SearchParams, values: dict[str, Value]) -> int:
+    network = lstm_multiply_adds(int(values["layers"]), int(values["nodes"]), feature_count(settings.hybrid))
+    return network + int(values["forest_trees"]) * int(values["forest_depth"])
+
+
+def _child(number: int, trial: Trial) -> RunRecord:
+    metrics = {"multiply_adds": float(trial.multiply_adds)}
+    if trial.value is not None:
+        metrics["validation_mae_n"] = trial.value
+    return RunRecord(
+        name=f"trial {number:03d}",
+        params=dict(trial.params),
+        metrics=metrics,
+        curves={"network_validation_mae_n": trial.reported} if trial.reported else {},
+        tags={"state": trial.state},
+    )

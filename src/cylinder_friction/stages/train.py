@@ -1,0 +1,153 @@
+"""Stage ``train``: the default hybrid, the paper's hybrid, and the baselines that they have to beat."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from cylinder_friction.estimators import (
+    Checkpoint,
+    ForceBalanceEstimator,
+    ForestEstimator,
+    FrictionEstimator,
+    HybridEstimator,
+    LearningCurve,
+    LowPassForceBalanceEstimator,
+    RidgeEstimator,
+)
+from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.params import HybridParams, TrainingParams
+from cylinder_friction.recordings import read_json, read_recordings, whole_folder, write_json
+from cylinder_friction.stages._stage import (
+    BASELINES_FOLDER,
+    HYBRID_FOLDER,
+    PAPER_HYBRID_FOLDER,
+    PROCESSED_FOLDERS,
+    artifacts,
+    cylinder_from,
+    flat,
+    hash_of,
+    resume_folder,
+)
+from cylinder_friction.stages._training import architecture_of, device_from, forest_plan, training_plan
+from cylinder_friction.stages.search import BEST_FILE
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from cylinder_friction.estimators.front_end import Design
+    from cylinder_friction.params import Params
+    from cylinder_friction.recordings import Recording
+
+RIDGE_LAGS = 20
+
+
+def run(params: Params) -> RunRecord:
+    """Reads the training and validation recordings and the best parameters, writes every learnt estimator."""
+    train = read_recordings(PROCESSED_FOLDERS["train"])
+    validation = read_recordings(PROCESSED_FOLDERS["validation"])
+    datasets = {role: hash_of(PROCESSED_FOLDERS[role]) for role in ("train", "validation")}
+    settings = params.train
+    design, chosen = chosen_hybrid(params)
+    hybrid = _trained(params, design, chosen, settings.training, train, validation, datasets)
+    paper = _trained(params, "paper", settings.paper_hybrid, settings.paper_training, train, validation, datasets)
+    baselines = _baselines(params, train) | {"lstm": hybrid.without_forest(), "paper_lstm": paper.without_forest()}
+    for folder, estimator in ((HYBRID_FOLDER, hybrid), (PAPER_HYBRID_FOLDER, paper)):
+        with whole_folder(folder) as draft:
+            estimator.save(draft)
+            _write_curve(draft / "learning_curve.json", estimator.learning_curve)
+            write_json(draft / "training_data.json", _sources(train, validation))
+    with whole_folder(BASELINES_FOLDER) as draft:
+        for name, baseline in baselines.items():
+            baseline.save(draft / name)
+    named: dict[str, FrictionEstimator] = {"hybrid": hybrid, "paper_hybrid": paper, **baselines}
+    return RunRecord(
+        name="train",
+        params=flat(settings) | flat(chosen, "chosen."),
+        metrics={f"{name}_validation_mae_n": mean_absolute_error_n(each, validation) for name, each in named.items()}
+        | {f"{name}_multiply_adds": float(each.multiply_adds()) for name, each in named.items()},
+        curves={
+            f"{name}_{part}_mae_n": getattr(each.learning_curve, f"{part}_mae")
+            for name, each in (("hybrid", hybrid), ("paper_hybrid", paper))
+            for part in ("train", "validation")
+        },
+        artifacts=artifacts(HYBRID_FOLDER, PAPER_HYBRID_FOLDER, BASELINES_FOLDER),
+        datasets=datasets,
+    )
+
+
+def chosen_hybrid(params: Params) -> tuple[Design, HybridParams]:
+    """Returns the design and hyperparameters to train: the search's best, or those in ``train.hybrid``."""
+    if not params.train.use_search:
+        return params.search.hybrid, params.train.hybrid
+    best = read_json(BEST_FILE)
+    return best.pop("hybrid"), HybridParams(**best)
+
+
+def _trained(
+    params: Params,
+    design: Design,
+    chosen: HybridParams,
+    training: TrainingParams,
+    train: Sequence[Recording],
+    validation: Sequence[Recording],
+    datasets: dict[str, str],
+) -> HybridEstimator:
+    estimator = HybridEstimator(
+        cylinder_from(params.cylinder),
+        design,
+        architecture_of(chosen),
+        training_plan(training),
+        forest_plan(chosen, training),
+        params.train.seed,
+        device_from(params.train.device),
+    )
+    folder = resume_folder(
+        "train", params.cylinder, chosen, training, datasets, {"design": design, "seed": params.train.seed}
+    )
+    with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch") as bar:
+
+        def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:
+            bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
+            bar.update(epoch - bar.n)
+
+        estimator.fit_with_validation(train, validation, Checkpoint(folder), after_epoch)
+    return estimator
+
+
+def _baselines(params: Params, train: Sequence[Recording]) -> dict[str, FrictionEstimator]:
+    cylinder = cylinder_from(params.cylinder)
+    trees = forest_plan(params.train.paper_hybrid, params.train.paper_training)
+    baselines: dict[str, FrictionEstimator] = {
+        "force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none"),
+        "force_balance_paper": ForceBalanceEstimator(cylinder, "paper"),
+        "force_balance_low_pass": LowPassForceBalanceEstimator(cylinder),
+        "ridge": RidgeEstimator(RIDGE_LAGS),
+        "random_forest": ForestEstimator(cylinder, trees, params.train.seed),
+    }
+    for estimator in tqdm(baselines.values(), desc="train baselines", unit="estimator"):
+        estimator.fit(train)
+    return baselines
+
+
+def _write_curve(path: Path, curve: LearningCurve) -> None:
+    write_json(
+        path,
+        {
+            "epoch": list(range(1, len(curve.train_mae) + 1)),
+            "train_mae_n": curve.train_mae,
+            "validation_mae_n": curve.validation_mae,
+            "best_epoch": curve.best_epoch,
+        },
+    )
+
+
+def _sources(train: Sequence[Recording], validation: Sequence[Recording]) -> dict[str, dict[str, str]]:
+    """Returns the hash of every source file that was learnt from or listened to."""
+    return {
+        role: {recording.name: recording.metadata.source_sha256 for recording in recordings}
+        for role, recordings in (("train", train), ("validation", validation))
+    }

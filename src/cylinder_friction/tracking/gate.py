@@ -1,0 +1,84 @@
+"""The promotion gate: may a candidate take the incumbent's place? A pure function of their figures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the gate decided, and why, in words that stand in the registry."""
+
+    promote: bool
+    reason: str
+
+
+def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None, tolerance_percent: float) -> Decision:
+    """Decides whether a candidate is promoted.
+
+    A candidate is promoted when there is no incumbent, or when it is better overall (mean over the tests) and in
+    no single test worse. A regression in one test refuses it however good the mean: a controller works in one
+    operating condition at a time, not in their average.
+
+    Args:
+        candidate: Error a test [percent of mean |friction|], measured on the held-out recordings.
+        incumbent: The same of the model in use, on the same recordings; None where there is none.
+        tolerance_percent: How many percentage points worse in one test still count as not worse.
+
+    Raises:
+        ValueError: The tolerance is negative or not finite.
+    """
+    if not (math.isfinite(tolerance_percent) and tolerance_percent >= 0.0):
+        raise ValueError(f"tolerance_percent must be a number not below 0, but got {tolerance_percent!r}")
+    unusable = _unusable("candidate", candidate)
+    if unusable is not None:
+        return Decision(False, unusable)
+    if incumbent is None:
+        return Decision(True, f"promoted: there is no incumbent; mean error {_mean(candidate):.3f} %")
+    unusable = _unusable("incumbent", incumbent) or _uncompared(candidate, incumbent)
+    if unusable is not None:
+        return Decision(False, unusable)
+    new, old = _mean(candidate), _mean(incumbent)
+    means = f"mean error {new:.3f} % against the incumbent's {old:.3f} %"
+    worse = [
+        f"test {test}: {candidate[test]:.3f} % against {incumbent[test]:.3f} %"
+        for test in sorted(candidate)
+        if candidate[test] > incumbent[test] + tolerance_percent
+    ]
+    if not new < old:
+        return Decision(False, f"refused: not better overall, {means}")
+    if worse:
+        return Decision(
+            False,
+            f"refused: worse in {'; '.join(worse)} (tolerance {tolerance_percent:g} percentage points), "
+            f"although better overall, {means}",
+        )
+    return Decision(True, f"promoted: better overall and in no test worse, {means}")
+
+
+def _unusable(who: str, errors: Mapping[str, float]) -> str | None:
+    if not errors:
+        return f"refused: the {who} has no figure of any test; run the compare stage"
+    for test in sorted(errors):
+        if not (math.isfinite(errors[test]) and errors[test] >= 0.0):
+            return f"refused: the {who}'s error in test {test} is {errors[test]}, but expected a number not below 0"
+    return None
+
+
+def _uncompared(candidate: Mapping[str, float], incumbent: Mapping[str, float]) -> str | None:
+    for who, missing in (
+        ("candidate", sorted(set(incumbent) - set(candidate))),
+        ("incumbent", sorted(set(candidate) - set(incumbent))),
+    ):
+        if missing:
+            return f"refused: the {who} has no figure of test {', '.join(missing)}; both need the same tests"
+    return None
+
+
+def _mean(errors: Mapping[str, float]) -> float:
+    return math.fsum(errors.values()) / len(errors)

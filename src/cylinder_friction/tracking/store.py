@@ -1,0 +1,122 @@
+"""Where runs and models are kept: SQLite in the repository, or any server that ``MLFLOW_TRACKING_URI`` names."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import socket
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import mlflow
+from mlflow import MlflowClient
+from mlflow.exceptions import MlflowException
+
+from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.repository import repository_root
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+EXPERIMENT = "cylinder-friction"
+LOCAL_FOLDER = ".cylinder-friction"
+"""What belongs to this machine and is neither versioned nor shared."""
+
+_CONNECT_TIMEOUT_S = 3.0
+
+
+@dataclass(frozen=True)
+class Store:
+    """An open tracking store.
+
+    Attributes:
+        uri: Tracking and registry URI.
+        root: Absolute root of the repository.
+        client: Talks to that URI.
+        experiment_id: The project's experiment.
+    """
+
+    uri: str
+    root: Path
+    client: MlflowClient
+    experiment_id: str
+
+
+def tracking_uri(root: Path) -> str:
+    """Returns ``MLFLOW_TRACKING_URI`` where it is set, else SQLite at the repository's root by absolute path."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{repository_root(root) / 'mlflow.db'}"
+
+
+def artifact_folder(root: Path) -> Path:
+    """Returns where the default store keeps its artifacts."""
+    return repository_root(root) / "mlartifacts"
+
+
+@contextmanager
+def open_store(root: Path) -> Iterator[Store]:
+    """Yields the store, made if it is not there yet; other processes of this repository wait until the block ends.
+
+    The lock makes "look whether it is there, else log it" one step, and a killed process gives it back.
+
+    Raises:
+        TrackingError: The server does not answer.
+    """
+    uri = tracking_uri(root)
+    _refuse_silent_server(uri)
+    with _locked(repository_root(root) / LOCAL_FOLDER / "tracking.lock"):
+        mlflow.set_tracking_uri(uri)
+        mlflow.set_registry_uri(uri)
+        _quiet()
+        client = MlflowClient(tracking_uri=uri, registry_uri=uri)
+        experiment_id = _experiment(client, uri, root)
+        _quiet()  # creating the schema sets its own levels
+        yield Store(uri, repository_root(root), client, experiment_id)
+
+
+def _experiment(client: MlflowClient, uri: str, root: Path) -> str:
+    found = client.get_experiment_by_name(EXPERIMENT)
+    if found is not None:
+        if found.lifecycle_stage == "deleted":
+            client.restore_experiment(found.experiment_id)
+        return str(found.experiment_id)
+    location = artifact_folder(root).as_uri() if uri.startswith("sqlite:") else None
+    try:
+        return str(client.create_experiment(EXPERIMENT, artifact_location=location))
+    except MlflowException:
+        # A shared server: another machine may have made it between the look and the creation.
+        found = client.get_experiment_by_name(EXPERIMENT)
+        if found is None:
+            raise
+        return str(found.experiment_id)
+
+
+def _refuse_silent_server(uri: str) -> None:
+    """MLflow retries for minutes; one short knock tells whether anybody is there."""
+    parts = urlsplit(uri)
+    if parts.scheme not in ("http", "https"):
+        return
+    port = parts.port or (443 if parts.scheme == "https" else 80)
+    try:
+        socket.create_connection((parts.hostname or "", port), timeout=_CONNECT_TIMEOUT_S).close()
+    except OSError as error:
+        raise TrackingError(
+            f"MLFLOW_TRACKING_URI is {uri}, but nothing answers there ({error}); start the tracking server, correct "
+            "the variable, or unset it to use the repository's own store"
+        ) from error
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _quiet() -> None:
+    for name in ("mlflow", "alembic", "sqlalchemy"):
+        logging.getLogger(name).setLevel(logging.WARNING)

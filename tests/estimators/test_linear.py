@@ -1,0 +1,92 @@
+"""Force balance, low-pass and ridge against what can be worked out by hand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.estimators import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators import FrictionEstimator
+    from cylinder_friction.recordings import Recording
+
+
+def error_n(estimator: FrictionEstimator, recordings: list[Recording]) -> float:
+    errors = [np.abs(estimator.estimate(r) - r.column("friction_n")) for r in recordings]
+    return float(np.mean(np.concatenate(errors)))
+
+
+def test_unfiltered_force_balance_is_pressures_times_areas(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    estimator = ForceBalanceEstimator(cylinder, "none")
+    estimator.fit(labelled_recordings)
+    samples = labelled_recordings[0].samples()
+    expected = samples[:, 0] * cylinder.piston_area_m2 - samples[:, 1] * cylinder.annulus_area_m2
+    np.testing.assert_allclose(estimator.estimate(labelled_recordings[0]), expected, rtol=1e-12)
+
+
+def test_paper_force_balance_takes_inertia_off(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+    estimator = ForceBalanceEstimator(cylinder, "paper")
+    estimator.fit(labelled_recordings)
+    time_s = 0.005 * np.arange(400)
+    acceleration_m_s2 = 3.0
+    stream = estimator.stream()
+    for t in time_s:
+        force_n = stream.step(2e5, 1e5, 0.5 * acceleration_m_s2 * t**2)
+    balance_n = 2e5 * cylinder.piston_area_m2 - 1e5 * cylinder.annulus_area_m2
+    assert force_n == pytest.approx(balance_n - cylinder.moving_mass_kg * acceleration_m_s2, rel=1e-6)
+
+
+def test_paper_filters_delay_a_pressure_ramp_by_half_their_window(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    estimator = ForceBalanceEstimator(cylinder, "paper")
+    estimator.fit(labelled_recordings)
+    stream = estimator.stream()
+    rate_pa_s = 1e6
+    for step in range(100):
+        force_n = stream.step(rate_pa_s * 0.005 * step, 0.0, 0.1)
+    lag_s = 0.005 * 99 - force_n / (cylinder.piston_area_m2 * rate_pa_s)
+    assert lag_s == pytest.approx(4.5 * 0.005)
+
+
+def test_the_low_pass_is_tuned_to_beat_no_filter(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+    raw, tuned = ForceBalanceEstimator(cylinder, "none"), LowPassForceBalanceEstimator(cylinder)
+    raw.fit(labelled_recordings)
+    tuned.fit(labelled_recordings)
+    assert tuned.weight is not None
+    assert 0.05 < tuned.weight < 0.95
+    assert error_n(tuned, labelled_recordings) < 0.9 * error_n(raw, labelled_recordings)
+    for other in (0.5 * tuned.weight, min(1.0, 1.5 * tuned.weight)):
+        beside = LowPassForceBalanceEstimator(cylinder, other)
+        beside._begin_fit(labelled_recordings)
+        assert error_n(tuned, labelled_recordings) <= error_n(beside, labelled_recordings)
+
+
+def test_ridge_finds_the_areas_when_the_label_is_linear(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    linear = [
+        recording.with_columns(
+            friction_n=recording.samples() @ [cylinder.piston_area_m2, -cylinder.annulus_area_m2, 0.0]
+        )
+        for recording in labelled_recordings
+    ]
+    estimator = RidgeEstimator(lags=1, penalty=1e-6)
+    estimator.fit(linear)
+    assert error_n(estimator, linear) < 1e-3
+
+
+def test_ridge_refuses_no_lags() -> None:
+    with pytest.raises(ValueError, match="lags must be at least 1 sample, but got 0"):
+        RidgeEstimator(lags=0)
+
+
+def test_an_unknown_filter_is_refused(cylinder: Cylinder) -> None:
+    with pytest.raises(ValueError, match="filtering must be 'none' or 'paper', but got 'kalman'"):
+        ForceBalanceEstimator(cylinder, "kalman")  # type: ignore[arg-type]

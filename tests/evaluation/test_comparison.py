@@ -1,0 +1,95 @@
+"""The comparison: figures by hand, label and truth kept apart, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare, with_gaps
+from cylinder_friction.evaluation.metric_tree import flat_metrics, metric_tree
+from cylinder_friction.recordings import RecordingError
+
+
+def test_scores_by_hand(compared, strokes):
+    comparison = compared(hybrid=3.0, lugre=-30.0)
+    assert comparison.tests == ("1", "2", "3", "4")
+    for test in comparison.tests:
+        labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.test == test])
+        score = comparison.label["hybrid"][test]
+        assert score.errors.mae_n == pytest.approx(3.0)
+        assert score.errors.mean_abs_friction_n == pytest.approx(np.abs(labels).mean())
+        assert score.errors.percent == pytest.approx(300.0 / np.abs(labels).mean())
+        assert score.errors.rows == 2 * 1990
+        assert score.interval_percent[0] <= score.errors.percent <= score.interval_percent[1]
+        assert score.lag_s == pytest.approx(0.0, abs=1e-3)
+        assert comparison.label["lugre"][test].errors.bias_n == pytest.approx(-30.0)
+    assert comparison.multiply_adds == {"hybrid": 2, "lugre": 2}
+    assert comparison.truth == {}
+
+
+def test_strata_hold_the_rows_of_both_recordings(compared):
+    strata = compared(hybrid=3.0, lugre=1.0).label["hybrid"]["1"].strata
+    assert "standstill" not in strata
+    assert strata["sliding"].rows == 2 * 1990
+    assert strata["extend"].rows + strata["retract"].rows == 2 * 1990
+    assert strata["after_reversal"].rows == 2 * 9 * 20  # nine reversals a recording, 100 ms each
+
+
+def test_truth_has_its_own_scores_and_its_own_denominator(compared, strokes):
+    truth = {r.name: r.column("friction_n") + 5.0 for r in strokes if r.metadata.test != "4"}
+    comparison = compared(truth, hybrid=3.0, lugre=5.0)
+    assert comparison.label["hybrid"]["1"].errors.mae_n == pytest.approx(3.0)
+    assert comparison.truth["hybrid"]["1"].errors.mae_n == pytest.approx(2.0)
+    assert comparison.truth["lugre"]["1"].errors.mae_n == pytest.approx(0.0, abs=1e-9)
+    assert comparison.truth[LABEL_ITSELF]["1"].errors.mae_n == pytest.approx(5.0)
+    denominator = np.mean([np.abs(truth[r.name][10:]).mean() for r in strokes if r.metadata.test == "1"])
+    assert comparison.truth["hybrid"]["1"].errors.mean_abs_friction_n == pytest.approx(denominator)
+    assert "4" not in comparison.truth["hybrid"]
+    tree = metric_tree(comparison)
+    assert tree["hybrid"]["1"]["label_mae_n"] == pytest.approx(3.0)
+    assert tree["hybrid"]["1"]["truth_mae_n"] == pytest.approx(2.0)
+    assert not [name for name in tree["hybrid"]["4"] if name.startswith("truth_")]
+
+
+def test_one_comparison_twice_is_the_same_to_the_last_bit(compared):
+    trees = [metric_tree(compared(hybrid=(3.0, 2.0), lugre=9.0)) for _ in range(2)]
+    assert trees[0] == trees[1]
+    flat = flat_metrics(trees[0])
+    assert flat["hybrid.test_1.label_percent"] == trees[0]["hybrid"]["1"]["label_percent"]
+    assert all(np.isfinite(list(flat.values())))
+
+
+def test_residuals_are_label_minus_estimate_with_gaps_between_recordings(compared):
+    residual, usable = compared(hybrid=3.0, lugre=1.0).residuals("hybrid")
+    assert len(residual) == 8 * 2001
+    assert not usable[2000::2001].any()
+    assert residual[usable] == pytest.approx(-3.0)
+
+
+def test_with_gaps_puts_unusable_zeros_between_parts():
+    values, usable = with_gaps(
+        [np.array([1.0, np.nan]), np.array([2.0])], [np.array([True, False]), np.array([True])], 2
+    )
+    assert values.tolist() == [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0]
+    assert usable.tolist() == [True, False, False, False, True, False, False]
+
+
+def settings() -> ComparisonSettings:
+    from cylinder_friction.evaluation.strata import StrataLimits
+
+    return ComparisonSettings(StrataLimits(0.001, 0.008, 0.1), 0.05, 10, 0.5, 0)
+
+
+def test_nothing_to_compare_is_refused(strokes):
+    with pytest.raises(RecordingError, match="got 0 estimators and 8 held-out recordings"):
+        compare({}, strokes, {}, settings(), progress=False)
+
+
+def test_truth_of_another_length_is_refused(compared, strokes):
+    with pytest.raises(RecordingError, match=r"'t1_1': true friction has shape \(5,\), expected \(2000,\)"):
+        compared({strokes[0].name: np.zeros(5)}, hybrid=1.0, lugre=1.0)
+
+
+def test_an_estimate_that_is_not_finite_is_refused_by_name(compared):
+    with pytest.raises(RecordingError, match="test 1, hybrid against the label: estimate is nan at row 10"):
+        compared(hybrid=float("nan"), lugre=1.0)

@@ -1,0 +1,220 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.friction_models import (
+    Identification,
+    LugreParameters,
+    SearchEffort,
+    identify,
+    new_bristle,
+    simulate,
+    steady_points,
+)
+from cylinder_friction.friction_models.identification import (
+    Motion,
+    Motions,
+    bristle_damping,
+    bristle_stiffness,
+    confidence_intervals,
+    damping_velocity,
+    with_dead_band,
+)
+from cylinder_friction.friction_models.identification.refinement import Coordinates
+from cylinder_friction.recordings import Recording, RecordingMetadata
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+SAMPLE_TIME_S = 0.005
+FINE = 20
+DEAD_BAND_M_S = 6e-4
+
+
+def known(mass_kg: float, slope_n_pa: float = 0.0) -> LugreParameters:
+    damping = bristle_damping(0.5, 2e6, mass_kg, 1500.0)
+    return LugreParameters(
+        coulomb_n=240.0,
+        static_n=360.0,
+        stribeck_velocity_m_s=8e-3,
+        stribeck_exponent=1.5,
+        viscous_n_s_m=1500.0,
+        bristle_stiffness_n_m=2e6,
+        bristle_damping_n_s_m=damping,
+        damping_velocity_m_s=damping_velocity(8e-3, 240.0, damping),
+        retract_ratio=1.2,
+        pressure_slope_n_pa=slope_n_pa,
+    )
+
+
+def synthetic_recording(truth: LugreParameters, seed: int, seconds: float = 30.0, noise_n: float = 10.0) -> Recording:
+    """Returns strokes at log-spaced speeds both ways, with pauses; friction simulated at 4 kHz, label with noise."""
+    generator = np.random.default_rng(seed)
+    rows = round(seconds / SAMPLE_TIME_S)
+    targets: list[float] = []
+    while len(targets) < rows * FINE:
+        speed = float(np.exp(generator.uniform(np.log(1e-3), np.log(0.12)))) * (-1.0) ** int(generator.integers(2))
+        held, paused = (int(length * 4000) for length in (generator.uniform(0.4, 1.0), generator.uniform(0.0, 0.3)))
+        targets += [speed] * held + [0.0] * paused
+    width = 400  # 0.1 s from one speed to the next
+    smooth = np.convolve(targets[: rows * FINE], np.hanning(width) / np.hanning(width).sum(), mode="same")
+    time_s = SAMPLE_TIME_S * np.arange(rows)
+    pressure_2 = 1e6 + 5e5 * np.sin(0.7 * time_s + seed)
+    pressure_1 = 5e5 + 4e5 * np.sin(1.3 * time_s)
+    fine_pressure = np.repeat(pressure_1 + pressure_2, FINE)
+    friction = simulate(truth, smooth, SAMPLE_TIME_S / FINE, new_bristle(), fine_pressure)[FINE - 1 :: FINE]
+    table = pd.DataFrame(
+        {
+            "time_s": time_s,
+            "pressure_1_pa": pressure_1,
+            "pressure_2_pa": pressure_2,
+            "position_m": 0.125 + np.cumsum(smooth)[FINE - 1 :: FINE] * SAMPLE_TIME_S / FINE,
+            "velocity_m_s": smooth[FINE - 1 :: FINE],
+            "friction_n": friction + generator.normal(0.0, noise_n, rows),
+            "usable": time_s > 0.5,
+        }
+    )
+    return Recording(RecordingMetadata(f"r{seed}", "1", f"s{seed}", SAMPLE_TIME_S), table)
+
+
+def identified(
+    recordings: list[Recording], mass_kg: float, with_pressure: bool, effort: SearchEffort
+) -> Identification:
+    return identify(
+        recordings,
+        {"exact": lambda recording: recording.column("velocity_m_s")},
+        (lambda recording: recording.samples()[:, :2].sum(axis=1)) if with_pressure else None,
+        effort,
+        mass_kg=mass_kg,
+        damping_ratio=0.5,
+        dead_band_m_s=DEAD_BAND_M_S,
+        confidence=0.95,
+    )
+
+
+@pytest.fixture(scope="module")
+def plain_recordings(cylinder: Cylinder) -> list[Recording]:
+    return [synthetic_recording(known(cylinder.moving_mass_kg), seed) for seed in range(4)]
+
+
+def test_steady_points_lie_on_the_curve(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
+    points = steady_points(plain_recordings, DEAD_BAND_M_S)
+    curve = known(cylinder.moving_mass_kg).curve
+    velocity = np.array([point.velocity_m_s for point in points])
+    friction = np.array([point.friction_n for point in points])
+    assert min((velocity < 0.0).sum(), (velocity > 0.0).sum()) >= 6
+    assert np.all(np.diff(velocity) > 0.0)
+    assert np.abs(friction - curve.friction(velocity)).max() < 15.0
+    assert all(point.lower_quartile_n <= point.friction_n <= point.upper_quartile_n for point in points)
+
+
+def test_unusable_rows_give_no_points(plain_recordings: list[Recording]) -> None:
+    nothing = [recording.with_columns(usable=np.zeros(len(recording), dtype=bool)) for recording in plain_recordings]
+    assert steady_points(nothing, DEAD_BAND_M_S) == []
+
+
+def test_bristle_stiffness_has_the_right_order(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
+    assert 2e5 < bristle_stiffness(plain_recordings, 240.0, DEAD_BAND_M_S) < 2e7
+
+
+def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
+    truth = known(cylinder.moving_mass_kg)
+    found = identified(plain_recordings, cylinder.moving_mass_kg, False, SearchEffort(1, 6, 12, 2))
+    assert found.parameters.coulomb_n == pytest.approx(truth.coulomb_n, rel=0.02)
+    assert found.parameters.static_n == pytest.approx(truth.static_n, rel=0.05)
+    assert found.parameters.stribeck_velocity_m_s == pytest.approx(truth.stribeck_velocity_m_s, rel=0.1)
+    assert found.parameters.viscous_n_s_m == pytest.approx(truth.viscous_n_s_m, rel=0.03)
+    assert found.parameters.retract_ratio == pytest.approx(truth.retract_ratio, rel=0.02)
+    assert found.parameters.bristle_stiffness_n_m == pytest.approx(truth.bristle_stiffness_n_m, rel=0.5)
+    assert found.parameters.is_passive()
+    # Normal noise of 10 N has a mean absolute value of 8 N, which no parameters can undo.
+    assert found.error_n < 1.25 * 10.0 * np.sqrt(2.0 / np.pi)
+    assert found.error_n <= found.first_error_n
+    assert set(found.intervals) == {
+        "coulomb_n",
+        "static_n",
+        "stribeck_velocity_m_s",
+        "stribeck_exponent",
+        "viscous_n_s_m",
+        "bristle_stiffness_n_m",
+        "retract_ratio",
+    }
+
+
+def test_the_pressure_slope_comes_back(cylinder: Cylinder) -> None:
+    truth = known(cylinder.moving_mass_kg, slope_n_pa=4e-5)
+    recordings = [synthetic_recording(truth, seed) for seed in range(3)]
+    found = identified(recordings, cylinder.moving_mass_kg, True, SearchEffort(1, 6, 12, 2))
+    assert found.parameters.pressure_slope_n_pa == pytest.approx(4e-5, rel=0.1)
+    assert found.parameters.coulomb_n == pytest.approx(240.0, rel=0.05)
+    assert "pressure_slope_n_pa" in found.intervals
+
+
+def test_the_same_seed_finds_the_same_bits(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
+    effort = SearchEffort(7, 4, 3, 1)
+    first, second = (identified(plain_recordings[:1], cylinder.moving_mass_kg, False, effort) for _ in range(2))
+    assert first == second
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_about_as_often_as_they_say(cylinder: Cylinder) -> None:
+    """Where the model is right, 80 % intervals of Coulomb friction, viscosity and ratio hold it most of the time."""
+    truth = known(cylinder.moving_mass_kg)
+    names = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
+    inside = 0
+    for seed in range(8):
+        recordings = [synthetic_recording(truth, 100 + seed, noise_n=20.0)]
+        found = identified(recordings, cylinder.moving_mass_kg, False, SearchEffort(1, 2, 1, 1))
+        velocity = with_dead_band(recordings[0].column("velocity_m_s"), DEAD_BAND_M_S)
+        motions = Motions.of(
+            [Motion(velocity, np.zeros(len(velocity)), recordings[0].column("friction_n"), recordings[0].usable())],
+            SAMPLE_TIME_S,
+        )
+        intervals = confidence_intervals(motions, found.parameters, tuple(found.intervals), 0.8)
+        inside += sum(intervals[name][0] <= getattr(truth, name) <= intervals[name][1] for name in names)
+    assert 12 <= inside <= 24
+
+
+def test_what_the_motion_says_nothing_about_gets_a_wide_interval(cylinder: Cylinder) -> None:
+    truth = known(cylinder.moving_mass_kg)
+    velocity = np.full(4000, 0.1)
+    friction = simulate(truth, velocity, SAMPLE_TIME_S, new_bristle())
+    label = friction + np.random.default_rng(0).normal(0.0, 5.0, len(velocity))
+    motions = Motions.of([Motion(velocity, np.zeros(4000), label, np.arange(4000) > 1000)], SAMPLE_TIME_S)
+    interval = confidence_intervals(motions, truth, ("coulomb_n", "retract_ratio"), 0.95)
+    assert interval["retract_ratio"][1] / interval["retract_ratio"][0] == pytest.approx(1e6)
+    assert interval["coulomb_n"][1] / interval["coulomb_n"][0] < 1.05
+
+
+@pytest.mark.parametrize("reference_pressure_pa", [0.0, 1.5e6])
+def test_a_point_of_the_search_is_its_parameters_and_back(cylinder: Cylinder, reference_pressure_pa: float) -> None:
+    truth = known(cylinder.moving_mass_kg, slope_n_pa=4e-5 if reference_pressure_pa else 0.0)
+    coordinates = Coordinates.around(truth.curve, cylinder.moving_mass_kg, 0.5, reference_pressure_pa)
+    back = coordinates.parameters(coordinates.point(truth))
+    for name, value in truth.__dict__.items():
+        assert getattr(back, name) == pytest.approx(value, rel=1e-9), name
+
+
+def test_every_corner_of_the_search_is_physical_and_passive(cylinder: Cylinder) -> None:
+    coordinates = Coordinates.around(known(6.0).curve, cylinder.moving_mass_kg, 0.5, 1.5e6)
+    generator = np.random.default_rng(0)
+    for _ in range(200):
+        corner = np.where(generator.random(8) < 0.5, coordinates.lower, coordinates.upper)
+        assert coordinates.parameters(corner).is_passive()
+
+
+def test_without_a_dead_band_points_are_found_all_the_same(plain_recordings: list[Recording]) -> None:
+    assert len(steady_points(plain_recordings, 0.0)) >= 12
+
+
+def test_no_usable_row_is_refused() -> None:
+    with pytest.raises(ValueError, match="1 motions without one usable row among them; check the mask"):
+        Motions.of([Motion(np.ones(3), np.zeros(3), np.ones(3), np.zeros(3, dtype=bool))], SAMPLE_TIME_S)
+
+
+def test_the_dead_band_silences_what_is_slower() -> None:
+    np.testing.assert_array_equal(with_dead_band(np.array([5e-4, -7e-4, 6e-4]), 6e-4), [0.0, -7e-4, 6e-4])

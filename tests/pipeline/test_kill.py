@@ -1,0 +1,94 @@
+"""``kill -9`` in the middle of a stage, then ``dvc repro``: the result equals the undisturbed one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import time
+from typing import TYPE_CHECKING
+
+import mlflow
+import pytest
+from pipeline_workspace import copy_of, environment, run, without_results_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
+
+AFTER = {
+    "search": ("search", "train", "lugre", "compare", "register"),
+    "train": ("train", "compare", "register"),
+    "register": ("register",),
+}
+
+
+def one_trial_is_finished(folder: Path) -> bool:
+    return any((folder / ".cylinder-friction/resume").glob("search-*/trials.json"))
+
+
+def one_epoch_is_finished(folder: Path) -> bool:
+    return any((folder / ".cylinder-friction/resume").glob("train-*/checkpoint.npz"))
+
+
+def the_store_has(table: str) -> Callable[[Path], bool]:
+    def told(folder: Path) -> bool:
+        if not (folder / "mlflow.db").is_file():
+            return False
+        try:
+            with sqlite3.connect(f"file:{folder / 'mlflow.db'}?mode=ro", uri=True) as store:
+                return store.execute(f"select count(*) from {table}").fetchone()[0] > 0
+        except sqlite3.Error:
+            return False
+
+    return told
+
+
+def kill_when(folder: Path, stage: str, is_time: Callable[[Path], bool]) -> None:
+    """Starts ``dvc repro``, waits for the moment, and kills it and everything it started."""
+    process = subprocess.Popen(
+        ["dvc", "repro", stage],
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120.0
+    while not is_time(folder):
+        assert process.poll() is None, f"{stage} ended before it could be killed"
+        assert time.monotonic() < deadline, f"{stage} did not come so far in two minutes"
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+@pytest.mark.parametrize(
+    ("stage", "is_time"),
+    [
+        pytest.param("search", one_trial_is_finished, id="search"),
+        pytest.param("train", one_epoch_is_finished, id="train"),
+        pytest.param("register", the_store_has("logged_models"), id="register-while-logging-the-model"),
+        pytest.param("register", the_store_has("model_versions"), id="register-before-the-alias"),
+    ],
+)
+def test_after_kill_9_a_repro_ends_as_if_nothing_had_been(
+    finished_pipeline: Path, tmp_path: Path, stage: str, is_time: Callable[[Path], bool]
+) -> None:
+    folder = copy_of(finished_pipeline, tmp_path)
+    without_results_of(folder, *AFTER[stage])
+    resume = folder / ".cylinder-friction/resume"
+    for file in resume.rglob("*") if resume.exists() else ():
+        if file.is_file():
+            file.unlink()
+    kill_when(folder, stage, is_time)
+    run(folder, "dvc", "repro")
+    for result in ("reports/metrics.json", "models/hybrid/network.onnx", "models/search/trials.json"):
+        assert (folder / result).read_bytes() == (finished_pipeline / result).read_bytes()
+    client = mlflow.MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
+    versions = client.search_model_versions("name='friction-estimator'")
+    assert len(versions) == 1
+    assert client.get_model_version_by_alias("friction-estimator", "champion").version == versions[0].version

@@ -1,0 +1,113 @@
+"""Every command in the README is run here; one that nobody runs fails the test."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from pipeline_workspace import BIN, PROJECT, copy_of, environment, run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
+
+MAKE = ("make", f"VENV={BIN.parent}", "-o", f"{BIN.parent}/.installed", "-o", f"{BIN.parent}/.installed-dev")
+"""Make with the environment that the tests run in, so that nothing is installed."""
+
+RUN_IN_A_FINISHED_PIPELINE = {
+    "make reproduce": "figures",
+    "make readme": "",
+    'make params ARGS="experiment=smoke"': "",
+    'make params ARGS="search.trials=30 train.training.epochs=40"': "",
+    "make params": "",
+    'make params ARGS="experiment=own"': "",
+    "dvc metrics diff": "",
+    "dvc plots show": "index.html",
+    "cylinder-friction track": "0 runs logged",
+    "cylinder-friction lineage models:/friction-estimator@champion": "git commit",
+}
+RUN_ELSEWHERE = {
+    "make test": "is what runs this",
+    "make ui": "test_the_servers_answer",
+    "make serve": "test_the_servers_answer",
+    "dvc repro": "every test of this folder",
+    'make seeds ARGS="1 2 3"': "test_seeds_prints_its_table",
+    "dvc exp run -S record.seed=2 --dry": "test_an_experiment_composes_the_configuration",
+}
+
+
+def commands_of_the_readme() -> list[str]:
+    blocks = re.findall(r"```bash\n(.*?)```", (PROJECT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    return [line for block in blocks for line in block.splitlines() if line.strip()]
+
+
+def test_every_command_is_run_by_a_test() -> None:
+    assert set(commands_of_the_readme()) == set(RUN_IN_A_FINISHED_PIPELINE) | set(RUN_ELSEWHERE)
+
+
+@pytest.mark.parametrize("command", sorted(RUN_IN_A_FINISHED_PIPELINE))
+def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path, command: str) -> None:
+    folder = finished_pipeline if command.startswith("cylinder") else copy_of(finished_pipeline, tmp_path)
+    words = [word.strip('"') for word in re.findall(r'(?:[^\s"]|"[^"]*")+', command.replace('="', "=").rstrip('"'))]
+    if words[0] == "make":
+        target, *rest = command.removeprefix("make ").split(" ", 1)
+        words = [*MAKE, target, *(part.replace('"', "") for part in rest)]
+    done = run(folder, *words)
+    assert RUN_IN_A_FINISHED_PIPELINE[command] in done.stdout
+
+
+@pytest.mark.parametrize(("target", "sign"), [("ui", "http://"), ("serve", "curl")])
+def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> None:
+    process = subprocess.Popen(
+        [*MAKE, target],
+        cwd=finished_pipeline,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        assert process.stdout is not None
+        printed = ""
+        deadline = time.monotonic() + 90.0
+        while sign not in printed:
+            assert time.monotonic() < deadline, printed
+            line = process.stdout.readline()
+            assert line or process.poll() is None, printed
+            printed += line
+        if target == "serve":
+            while "}'" not in printed:
+                printed += process.stdout.readline()
+            curl = printed[printed.index("curl") : printed.index("}'") + 2]
+            answer = subprocess.run(["bash", "-c", curl], capture_output=True, text=True, check=True, timeout=30)
+            assert '"friction_n"' in answer.stdout
+    finally:
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait(timeout=20)
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def test_an_experiment_composes_the_configuration(finished_pipeline: Path, tmp_path: Path) -> None:
+    folder = copy_of(finished_pipeline, tmp_path)
+    run(folder, "dvc", "exp", "run", "-S", "record.seed=2", "--dry")
+    assert "seed: 2" in (folder / "params.yaml").read_text()
+
+
+def test_seeds_prints_its_table(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*MAKE, "seeds", "ARGS=5 experiment=smoke"],
+        cwd=PROJECT,
+        env={**environment(), "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert "of 8 claims hold" in done.stdout, done.stderr
+    assert "seed 5  label  1  hybrid" in done.stdout

@@ -1,0 +1,167 @@
+"""The whole pipeline as a user runs it: real stages, real DVC, real MLflow, on the smoke recipe."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mlflow
+import pytest
+import yaml
+from pipeline_workspace import PROJECT, commit, copy_of, environment, new_repository, run
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
+
+STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
+
+
+def client_of(folder: Path) -> mlflow.MlflowClient:
+    return mlflow.MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
+
+
+def runs_of(folder: Path) -> list[mlflow.entities.Run]:
+    client = client_of(folder)
+    experiment = client.get_experiment_by_name("cylinder-friction")
+    return list(client.search_runs([experiment.experiment_id], max_results=1000))
+
+
+def metrics_of(folder: Path) -> str:
+    return (folder / "reports/metrics.json").read_text(encoding="utf-8")
+
+
+def test_one_name_four_times() -> None:
+    stages = list(yaml.safe_load((PROJECT / "dvc.yaml").read_text())["stages"])
+    assert stages == list(STAGES)
+    for stage in stages:
+        assert (PROJECT / "src/cylinder_friction/stages" / f"{stage}.py").is_file()
+        assert (PROJECT / "conf" / stage).is_dir()
+        assert stage in yaml.safe_load((PROJECT / "params.yaml").read_text())
+
+
+def test_a_second_repro_runs_nothing(finished_pipeline: Path) -> None:
+    done = run(finished_pipeline, "dvc", "repro")
+    assert "Running stage" not in done.stdout
+    assert "up to date" in done.stdout
+
+
+def test_a_second_run_from_nothing_gives_the_same_metrics_bit_for_bit(
+    finished_pipeline: Path, tmp_path: Path
+) -> None:
+    again = new_repository(tmp_path / "again")
+    run(again, "dvc", "repro", "compare")
+    assert metrics_of(again) == metrics_of(finished_pipeline)
+
+
+def test_every_estimator_is_scored_in_every_test_against_label_and_truth(finished_pipeline: Path) -> None:
+    metrics = json.loads(metrics_of(finished_pipeline))
+    expected = {
+        "hybrid", "paper_hybrid", "lstm", "paper_lstm", "random_forest", "ridge", "lugre", "pressure_lugre",
+        "force_balance_unfiltered", "force_balance_paper", "force_balance_low_pass",
+    }  # fmt: skip
+    assert set(metrics) == expected
+    for name in expected:
+        assert set(metrics[name]) == {"1", "2", "3", "4"}
+        for numbers in metrics[name].values():
+            assert 0.0 < numbers["label_percent"] < 200.0
+            assert 0.0 < numbers["truth_percent"] < 200.0
+
+
+def test_no_estimator_stage_reads_truth_or_test_recordings() -> None:
+    stages = yaml.safe_load((PROJECT / "dvc.yaml").read_text())["stages"]
+    for stage in ("ingest", "filter", "search", "train", "lugre"):
+        read = " ".join(stages[stage]["deps"])
+        assert "truth" not in read
+        assert "processed/test" not in read
+
+
+def test_nothing_that_is_stored_is_a_pickle(finished_pipeline: Path) -> None:
+    suffixes = {path.suffix for path in (finished_pipeline / "models").rglob("*") if path.is_file()}
+    assert suffixes <= {".json", ".onnx", ".html", ".md", ".csv", ".gitignore", ""}
+    logged = {path.suffix for path in (finished_pipeline / "mlartifacts").rglob("*") if path.is_file()}
+    assert not logged & {".pkl", ".pickle", ".joblib", ".pt", ".pth"}
+
+
+def test_every_stage_has_its_run_and_every_trial_its_child_run(finished_pipeline: Path) -> None:
+    runs = runs_of(finished_pipeline)
+    named = {run.info.run_name: run for run in runs}
+    assert set(STAGES) <= set(named)
+    assert all(run.info.status == "FINISHED" for run in runs)
+    parent = named["search"].info.run_id
+    children = [run for run in runs if run.data.tags.get("mlflow.parentRunId") == parent]
+    assert len(children) == 3
+
+
+def test_the_champion_is_registered_with_its_way_back(finished_pipeline: Path) -> None:
+    version = client_of(finished_pipeline).get_model_version_by_alias("friction-estimator", "champion")
+    head = run(finished_pipeline, "git", "rev-parse", "HEAD").stdout.strip()
+    assert version.tags["git_commit"] == head
+    shown = run(finished_pipeline, "cylinder-friction", "lineage", "models:/friction-estimator@champion")
+    assert head in shown.stdout
+
+
+def test_lineage_says_which_link_is_broken(finished_pipeline: Path, tmp_path: Path) -> None:
+    folder = copy_of(finished_pipeline, tmp_path)
+    shown = next((folder / "data/raw/rig").glob("*.csv"))
+    text = shown.read_text()
+    shown.unlink()
+    shown.write_text(text.replace("1", "2"))
+    for cached in (folder / ".dvc/cache/files").rglob("*"):
+        if cached.is_file():
+            cached.chmod(0o644)
+    uri = f"sqlite:///{finished_pipeline / 'mlflow.db'}"
+    import subprocess
+
+    done = subprocess.run(
+        ["cylinder-friction", "lineage", "models:/friction-estimator@champion"],
+        cwd=folder,
+        env={**environment(), "MLFLOW_TRACKING_URI": uri},
+        capture_output=True,
+        text=True,
+    )
+    assert "data/raw/rig" in done.stdout
+
+
+def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
+    finished_pipeline: Path, tmp_path: Path
+) -> None:
+    source = copy_of(finished_pipeline, tmp_path / "source")
+    run(source, "dvc", "remote", "add", "--default", "shelf", str(tmp_path / "shelf"))
+    commit(source, "finished")
+    run(source, "dvc", "push")
+    clone = tmp_path / "clone"
+    run(tmp_path, "git", "clone", "--quiet", str(source), str(clone))
+    run(clone, "dvc", "pull")
+    for _ in range(2):
+        run(clone, "cylinder-friction", "track")
+        assert len(runs_of(clone)) == len(runs_of(finished_pipeline))
+        versions = client_of(clone).search_model_versions("name='friction-estimator'")
+        assert len(versions) == 1
+    assert client_of(clone).get_model_version_by_alias("friction-estimator", "champion").version == versions[0].version
+
+
+def test_metrics_and_plots_are_declared(finished_pipeline: Path, tmp_path: Path) -> None:
+    shown = json.loads(run(finished_pipeline, "dvc", "metrics", "show", "--json").stdout)
+    assert "reports/metrics.json" in json.dumps(shown)
+    run(finished_pipeline, "dvc", "plots", "show", "--out", str(tmp_path / "plots"))
+    assert (tmp_path / "plots/index.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("serach:\n  trials: 3\n", "serach: unknown key"),
+        ("record: 5\n", "record: "),
+    ],
+)
+def test_a_bad_configuration_is_refused_before_any_stage_does_anything(
+    finished_pipeline: Path, tmp_path: Path, line: str, message: str
+) -> None:
+    folder = copy_of(finished_pipeline, tmp_path)
+    content = yaml.safe_load((folder / "params.yaml").read_text())
+    content.update(yaml.safe_load(line))
+    (folder / "params.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    before = sorted(path for path in (folder / "data").rglob("*"))
+    done = run(folder, "cylinder-friction", "stage", "record", check=False)
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert sorted(path for path in (folder / "data").rglob("*")) == before

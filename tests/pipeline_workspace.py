@@ -1,0 +1,74 @@
+"""Repositories of their own, in which tests run the shipped pipeline as a user does."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+PROJECT = Path(__file__).parents[1]
+BIN = Path(sys.executable).parent
+
+
+def environment() -> dict[str, str]:
+    """Returns the environment of a user who has activated this virtual environment and set nothing else."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("MLFLOW_", "DVC_"))}
+    return {**kept, "PATH": f"{BIN}:{os.environ['PATH']}", "DVC_NO_ANALYTICS": "true"}
+
+
+def run(folder: Path, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+    """Runs a command in a folder; its output is shown where it fails."""
+    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True)
+    if check:
+        assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+def commit(folder: Path, message: str) -> None:
+    """Commits everything under a neutral name."""
+    run(folder, "git", "add", "--all")
+    who = ("-c", "user.name=test", "-c", "user.email=test@localhost")
+    run(folder, "git", *who, "commit", "--quiet", "--message", message)
+
+
+def new_repository(folder: Path) -> Path:
+    """Copies what git holds or would hold into ``folder``, as a repository with one commit and the smoke recipe."""
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+        cwd=PROJECT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    for name in listed.stdout.splitlines():
+        if (PROJECT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(PROJECT / name, folder / name)
+    (folder / "dvc.lock").unlink(missing_ok=True)
+    run(folder, "git", "init", "--quiet")
+    run(folder, "cylinder-friction", "params", "experiment=smoke")
+    commit(folder, "smoke")
+    return folder
+
+
+def copy_of(pipeline: Path, parent: Path) -> Path:
+    """Returns a copy of a finished pipeline's repository, its data, cache and store included."""
+    return Path(shutil.copytree(pipeline, parent / "project", symlinks=True))
+
+
+def without_results_of(folder: Path, *stages: str) -> None:
+    """Makes these stages new again: their lock entries, the run cache and the tracking store are gone."""
+    lock = folder / "dvc.lock"
+    kept, skipping = [], False
+    for line in lock.read_text(encoding="utf-8").splitlines(keepends=True):
+        if line.startswith("  ") and not line.startswith("   ") and line.rstrip().endswith(":"):
+            skipping = line.strip().rstrip(":") in stages
+        if not skipping:
+            kept.append(line)
+    lock.write_text("".join(kept), encoding="utf-8")
+    shutil.rmtree(folder / ".dvc/cache/runs", ignore_errors=True)
+    shutil.rmtree(folder / "mlartifacts", ignore_errors=True)
+    for store in folder.glob("mlflow.db*"):
+        store.unlink()

@@ -1,0 +1,169 @@
+"""The compare stage: what it reads, what it leaves behind, twice the same, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.estimators import (
+    ForceBalanceEstimator,
+    FrictionEstimator,
+    LowPassForceBalanceEstimator,
+    RidgeEstimator,
+)
+from cylinder_friction.params import CompareParams, HybridParams, IngestParams, Params, SearchParams, TrainParams
+from cylinder_friction.recordings import RecordingError, write_json, write_recording
+from cylinder_friction.stages import compare
+from cylinder_friction.stages._stage import hash_of
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings import Recording
+
+SETTINGS = CompareParams(
+    figure_duration_s=2.0,
+    autocorrelation_lags=40,
+    timing_repeats=5,
+    standstill_velocity_m_s=0.001,
+    stribeck_velocity_m_s=0.008,
+    reversal_window_s=0.1,
+    maximum_lag_s=0.1,
+    bootstrap_repeats=50,
+    bootstrap_block_s=1.0,
+    seed=0,
+)
+TRUTH_FOLDER = Path("data/raw/rig_truth")
+DETERMINISTIC = ("metrics.json", "figures", "plots", "table.md")
+
+
+def tiny_params(truth: str = TRUTH_FOLDER.as_posix()) -> Params:
+    """Only what the stage reads; the rest of the configuration is another test's affair."""
+    hybrid = HybridParams(layers=1, nodes=8, dropout=0.0, learning_rate=1e-3, forest_trees=4, forest_depth=3)
+    space = {
+        "layers": [1],
+        "nodes": [8],
+        "dropout": [0.0],
+        "learning_rate": (1e-3, 1e-2),
+        "forest_trees": (4, 8),
+        "forest_depth": (3, 5),
+    }
+    search = SearchParams.model_construct(hybrid="force_balance", space=SpaceLike(space))
+    return Params.model_construct(
+        compare=SETTINGS,
+        ingest=IngestParams.model_construct(truth=truth),
+        search=search,
+        train=TrainParams.model_construct(use_search=False, hybrid=hybrid),
+    )
+
+
+class SpaceLike:
+    """Stands for ``SpaceParams``: the stage only asks for its content."""
+
+    def __init__(self, content: dict[str, object]) -> None:
+        self._content = content
+
+    def model_dump(self) -> dict[str, object]:
+        return self._content
+
+
+@pytest.fixture
+def workplace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> Path:
+    monkeypatch.chdir(tmp_path)
+    train, test = labelled_recordings[::2], labelled_recordings[1::2]
+    for recording in test:
+        write_recording(Path("data/processed/test"), recording)
+        TRUTH_FOLDER.mkdir(parents=True, exist_ok=True)
+        truth = pd.DataFrame({"time_s": recording.column("time_s"), "friction_n": recording.column("friction_n") + 1.0})
+        truth.to_parquet(TRUTH_FOLDER / f"{recording.name}.parquet")
+    models: dict[str, FrictionEstimator] = {
+        "hybrid": RidgeEstimator(12),
+        "paper_hybrid": ForceBalanceEstimator(cylinder, "paper"),
+        "lugre/lugre": ForceBalanceEstimator(cylinder, "paper"),
+        "lugre/pressure_lugre": RidgeEstimator(1),
+        "baselines/force_balance_low_pass": LowPassForceBalanceEstimator(cylinder),
+        "baselines/force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none"),
+        "baselines/a_users_own": RidgeEstimator(3),
+    }
+    for name, estimator in models.items():
+        estimator.fit(train)
+        estimator.save(Path("models") / name)
+    for name in ("hybrid", "paper_hybrid"):
+        curve = {"epoch": [1, 2], "train_mae_n": [9.0, 5.0], "validation_mae_n": [9.5, 6.0], "best_epoch": 2}
+        write_json(Path("models") / name / "learning_curve.json", curve)
+    write_json(Path("reports/runs/train.json"), {"kept": True})
+    write_json(Path("data/processed/audit/audit.json"), {"savitzky_golay": {"mae_n": 12.25}})
+    return tmp_path
+
+
+def test_the_stage_leaves_everything_whole_and_others_files_alone(workplace, labelled_recordings):
+    record = compare.run(tiny_params())
+    metrics = json.loads(compare.METRICS_FILE.read_text())
+    assert list(compare.load_estimators()) == [
+        "lugre",
+        "pressure_lugre",
+        "force_balance_unfiltered",
+        "force_balance_low_pass",
+        "a_users_own",
+        "paper_hybrid",
+        "hybrid",
+    ]
+    assert set(metrics) == set(compare.load_estimators())
+    held_out = labelled_recordings[1]
+    estimate = FrictionEstimator.load(Path("models/hybrid")).estimate(held_out)
+    error = np.abs(estimate - held_out.column("friction_n"))
+    expected = 100 * error.mean() / np.abs(held_out.column("friction_n")).mean()
+    assert metrics["hybrid"]["1"]["label_percent"] == pytest.approx(expected)
+    assert record.metrics["hybrid.test_1.label_percent"] == metrics["hybrid"]["1"]["label_percent"]
+    assert metrics["hybrid"]["1"]["truth_mae_n"] != metrics["hybrid"]["1"]["label_mae_n"]
+    assert metrics["hybrid"]["1"]["multiply_adds"] == 36
+    for path, recorded in record.artifacts.items():
+        assert hash_of(Path(path)) == recorded
+    assert len(list(compare.FIGURES_FOLDER.glob("*.png"))) == 11
+    assert {path.suffix for path in compare.PLOTS_FOLDER.iterdir()} == {".csv"}
+    assert set(json.loads(compare.TIMINGS_FILE.read_text())) == set(metrics)
+    assert "a users own" in compare.TABLE_FILE.read_text()
+    assert "12.25" in compare.REPORT_FILE.read_text()
+    assert json.loads(Path("reports/runs/train.json").read_text()) == {"kept": True}
+    assert not list(Path("reports").glob(".*"))
+
+
+@pytest.mark.slow
+def test_run_twice_all_but_timings_is_equal_to_the_byte(workplace):
+    compare.run(tiny_params())
+    first = {name: hash_of(Path("reports") / name) for name in DETERMINISTIC}
+    compare.run(tiny_params())
+    assert {name: hash_of(Path("reports") / name) for name in DETERMINISTIC} == first
+
+
+def test_without_truth_there_is_no_truth_anywhere(workplace):
+    compare.run(tiny_params(truth=""))
+    assert "truth_" not in compare.METRICS_FILE.read_text()
+    assert "True friction is not known" in compare.TABLE_FILE.read_text()
+
+
+def test_truth_of_another_run_is_refused(workplace, labelled_recordings):
+    recording = labelled_recordings[1]
+    short = pd.DataFrame({"friction_n": [1.0, 2.0]})
+    short.to_parquet(TRUTH_FOLDER / f"{recording.name}.parquet")
+    expected = r"true friction has 2 rows, expected 4000 as in recording 'test1_session2'"
+    with pytest.raises(RecordingError, match=expected):
+        compare.read_truth(TRUTH_FOLDER.as_posix(), [recording])
+    short.rename(columns={"friction_n": "force"}).to_parquet(TRUTH_FOLDER / f"{recording.name}.parquet")
+    with pytest.raises(RecordingError, match="column 'friction_n' is missing; got columns"):
+        compare.read_truth(TRUTH_FOLDER.as_posix(), [recording])
+
+
+def test_a_model_that_is_missing_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FileNotFoundError, match="models/baselines: no such folder of baselines; run `dvc repro`"):
+        compare.load_estimators()
+    Path("models/baselines").mkdir(parents=True)
+    with pytest.raises(FileNotFoundError, match="models/lugre/lugre"):
+        compare.load_estimators()

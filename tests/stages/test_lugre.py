@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.params import CylinderParams, LugreParams, Params
+from cylinder_friction.recordings import RecordingError, write_recording
+from cylinder_friction.stages import lugre
+from cylinder_friction.stages._stage import LUGRE_FOLDER, hash_of
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings import Recording
+    from cylinder_friction.tracking.run_record import RunRecord
+
+
+def tiny_params(cylinder: Cylinder, test: str = "1") -> Params:
+    section = LugreParams(
+        seed=1,
+        test=test,
+        population=2,
+        generations=2,
+        simulated_recordings=1,
+        velocity_dead_band_m_s=6e-4,
+        damping_ratio=0.5,
+        confidence=0.95,
+    )
+    return Params.model_construct(cylinder=CylinderParams(**cylinder.__dict__), lugre=section)
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, labelled_recordings: list[Recording]) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for recording in labelled_recordings[:3]:
+        write_recording(Path("data/processed/train"), recording)
+    return tmp_path
+
+
+def run_once(cylinder: Cylinder) -> tuple[RunRecord, str]:
+    return lugre.run(tiny_params(cylinder)), hash_of(LUGRE_FOLDER)
+
+
+def test_the_stage_leaves_both_estimators_and_the_points(workplace: Path, cylinder: Cylinder) -> None:
+    record, _ = run_once(cylinder)
+    for kind in ("lugre", "pressure_lugre"):
+        assert FrictionEstimator.load(LUGRE_FOLDER / kind).kind == kind
+        assert 0.0 < record.metrics[f"{kind}.train_mae_percent"] < 10.0
+        assert record.metrics[f"{kind}.coulomb_n.lower"] < record.metrics[f"{kind}.coulomb_n.upper"]
+        assert len(record.curves[f"{kind}.search_error_n"]) >= 1
+    points = json.loads((LUGRE_FOLDER / lugre.STRIBECK_FILE).read_text())
+    assert {"velocity_m_s", "friction_n", "rows"} <= set(points["points"][0])
+    assert points["curve"]["coulomb_n"] > 0.0
+    assert record.name == "lugre"
+    assert record.artifacts == {"models/lugre": hash_of(LUGRE_FOLDER)}
+    assert record.params["test"] == "1"
+
+
+def test_two_runs_leave_the_same_bytes(workplace: Path, cylinder: Cylinder) -> None:
+    first, second = run_once(cylinder), run_once(cylinder)
+    assert first == second
+    assert first[0].key() == second[0].key()
+
+
+def test_a_test_that_nobody_recorded_is_refused_and_nothing_is_written(workplace: Path, cylinder: Cylinder) -> None:
+    with pytest.raises(RecordingError, match=r"no recording of test '7'; got tests \['1', '2'\]; name one of them"):
+        lugre.run(tiny_params(cylinder, test="7"))
+    assert not LUGRE_FOLDER.exists()
+
+
+def test_recordings_of_other_tests_change_nothing(
+    workplace: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    before, bytes_before = run_once(cylinder)
+    write_recording(Path("data/processed/train"), labelled_recordings[-1])
+    after, bytes_after = run_once(cylinder)
+    assert (before, bytes_before) == (after, bytes_after)

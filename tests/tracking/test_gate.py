@@ -1,0 +1,75 @@
+"""The promotion gate: a table of cases, and laws that hold for any figures."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.tracking.gate import decide
+
+ERROR = st.floats(0.0, 1e3)
+FIGURES = st.dictionaries(st.sampled_from(["1", "2", "3", "4"]), ERROR, min_size=1)
+
+
+@pytest.mark.parametrize(
+    ("candidate", "incumbent", "promote", "reason"),
+    [
+        ({"1": 3.0}, None, True, "there is no incumbent"),
+        ({"1": 3.0, "2": 3.0}, {"1": 4.0, "2": 3.0}, True, "better overall and in no test worse"),
+        ({"1": 1.0, "2": 3.2}, {"1": 4.0, "2": 3.0}, False, "worse in test 2: 3.200 % against 3.000 %"),
+        ({"1": 1.0, "2": 3.2}, {"1": 4.0, "2": 3.0}, False, "although better overall, mean error 2.100 %"),
+        ({"1": 1.0, "2": 3.1}, {"1": 4.0, "2": 3.0}, True, "promoted"),
+        ({"1": 4.0, "2": 4.0}, {"1": 4.0, "2": 4.0}, False, "not better overall"),
+        ({"1": 5.0, "2": 4.0}, {"1": 4.0, "2": 4.0}, False, "not better overall"),
+        ({"1": math.nan}, {"1": 4.0}, False, "the candidate's error in test 1 is nan"),
+        ({"1": math.nan}, None, False, "the candidate's error in test 1 is nan"),
+        ({"1": 3.0}, {"1": math.inf}, False, "the incumbent's error in test 1 is inf"),
+        ({}, None, False, "the candidate has no figure of any test"),
+        ({"1": 1.0}, {"1": 4.0, "2": 4.0}, False, "the candidate has no figure of test 2"),
+        ({"1": 1.0, "3": 1.0}, {"1": 4.0}, False, "the incumbent has no figure of test 3"),
+    ],
+)
+def test_decides_as_the_table_says(
+    candidate: dict[str, float], incumbent: dict[str, float] | None, promote: bool, reason: str
+) -> None:
+    decision = decide(candidate, incumbent, tolerance_percent=0.15)
+    assert decision.promote is promote
+    assert reason in decision.reason
+
+
+@pytest.mark.parametrize("tolerance", [-0.1, math.nan, math.inf])
+def test_refuses_a_tolerance_that_is_none(tolerance: float) -> None:
+    with pytest.raises(ValueError, match="tolerance_percent must be a number not below 0, but got"):
+        decide({"1": 1.0}, None, tolerance)
+
+
+@given(FIGURES)
+def test_a_model_never_replaces_its_equal(figures: dict[str, float]) -> None:
+    assert not decide(figures, figures, 0.0).promote
+
+
+@given(FIGURES, FIGURES, st.floats(0.0, 10.0))
+def test_a_promoted_candidate_is_better_overall_and_nowhere_worse_than_tolerated(
+    candidate: dict[str, float], incumbent: dict[str, float], tolerance: float
+) -> None:
+    if decide(candidate, incumbent, tolerance).promote:
+        assert candidate.keys() == incumbent.keys()
+        assert sum(candidate.values()) < sum(incumbent.values())
+        assert all(candidate[test] <= incumbent[test] + tolerance for test in candidate)
+
+
+@given(FIGURES, FIGURES)
+def test_two_models_never_each_replace_the_other(one: dict[str, float], other: dict[str, float]) -> None:
+    assert not (decide(one, other, 1.0).promote and decide(other, one, 1.0).promote)
+
+
+@given(FIGURES, st.sampled_from([math.nan, math.inf, -1.0]), st.data())
+def test_one_impossible_figure_refuses_whatever_the_rest(
+    figures: dict[str, float], impossible: float, data: st.DataObject
+) -> None:
+    test = data.draw(st.sampled_from(sorted(figures)))
+    assert not decide({**figures, test: impossible}, None, 0.0).promote
+    assert not decide({**figures, test: impossible}, figures, 1e6).promote

@@ -1,0 +1,173 @@
+"""Run records in MLflow: whole, once, and never at the cost of a stage's result."""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from mlflow import MlflowClient
+
+from cylinder_friction.tracking import log_run as module
+from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.log_run import log_run, track_or_warn
+from cylinder_friction.tracking.resources import RESOURCES_FOLDER, sampled_resources
+from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mlflow.entities import Run
+
+
+def client_of(root: Path) -> MlflowClient:
+    return MlflowClient(tracking_uri(root))
+
+
+def runs_of(root: Path, condition: str = "") -> list[Run]:
+    client = client_of(root)
+    experiment = client.get_experiment_by_name(EXPERIMENT)
+    assert experiment is not None
+    return list(client.search_runs([experiment.experiment_id], condition))
+
+
+@pytest.fixture
+def record(root: Path) -> RunRecord:
+    (root / "reports/figures").mkdir(parents=True)
+    (root / "reports/table.md").write_text("a table", encoding="utf-8")
+    (root / "reports/figures/one.png").write_bytes(b"a picture")
+    return RunRecord(
+        "train",
+        params={"layers": 2, "hybrid.dropout": 0.1, "design": "paper"},
+        metrics={"mae_n": 3.5, "MAE (%)": 2.0},
+        curves={"validation_mae_n": [float(step) for step in range(2500)]},
+        tags={"summary": "it went well"},
+        artifacts={path: hash_of(root / path) for path in ("reports/table.md", "reports/figures")},
+        datasets={"train": "ab" * 32},
+        children=tuple(RunRecord(f"trial {number}", {"number": number}, {"v": 1.0}) for number in range(3)),
+    )
+
+
+def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> None:
+    run_id = log_run(record, root)
+    client = client_of(root)
+    run = client.get_run(run_id)
+    assert run.info.status == "FINISHED"
+    assert run.info.run_name == "train"
+    assert run.data.params == {"layers": "2", "hybrid.dropout": "0.1", "design": "paper"}
+    assert run.data.metrics["mae_n"] == 3.5
+    assert run.data.metrics["MAE ___"] == 2.0, "characters that MLflow refuses become underscores"
+    assert run.data.tags["summary"] == "it went well"
+    assert run.data.tags["git_commit"] == "unknown", "there is no git here"
+    history = client.get_metric_history(run_id, "validation_mae_n")
+    assert sorted((one.step, one.value) for one in history) == [(step, float(step)) for step in range(2500)]
+    assert [one.path for one in client.list_artifacts(run_id, "reports")] == ["reports/figures", "reports/table.md"]
+    assert [one.path for one in client.list_artifacts(run_id, "reports/figures")] == ["reports/figures/one.png"]
+    dataset = run.inputs.dataset_inputs[0]
+    assert (dataset.dataset.name, dataset.dataset.digest) == ("train", ("ab" * 32)[:36])
+    assert dataset.tags[0].value == "train"
+    children = runs_of(root, f"tags.`mlflow.parentRunId` = '{run_id}'")
+    assert sorted(child.info.run_name for child in children) == ["trial 0", "trial 1", "trial 2"]
+    assert all(child.info.status == "FINISHED" for child in children)
+
+
+def test_a_record_is_logged_once_however_often_it_is_logged(root: Path, record: RunRecord) -> None:
+    assert log_run(record, root) == log_run(record, root) == log_run(RunRecord.from_dict(record.to_dict()), root)
+    assert len(runs_of(root)) == 4
+    reread = RunRecord.from_dict(json.loads(json.dumps(record.to_dict())))
+    assert log_run(reread, root) == log_run(record, root), "a record that went through a file is the same record"
+
+
+def test_another_result_is_another_run(root: Path) -> None:
+    assert log_run(RunRecord("train", metrics={"mae_n": 1.0}), root) != log_run(RunRecord("train"), root)
+
+
+def test_what_a_kill_left_half_written_is_done_again(
+    root: Path, record: RunRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(module, "_write_datasets", killed)
+        log_run(record, root)
+    (half,) = runs_of(root)
+    assert half.info.status == "RUNNING"
+    whole = log_run(record, root)
+    assert whole != half.info.run_id
+    assert len(runs_of(root)) == 4
+    assert len(client_of(root).get_metric_history(whole, "validation_mae_n")) == 2500
+
+
+def test_a_small_record_is_logged_in_under_two_seconds(root: Path, record: RunRecord) -> None:
+    log_run(RunRecord("warm up"), root)
+    started = time.monotonic()
+    log_run(record, root)
+    assert time.monotonic() - started < 2.0
+
+
+def test_an_experiment_of_dvc_is_named(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DVC_EXP_NAME", "rusty-seal")
+    assert client_of(root).get_run(log_run(RunRecord("label"), root)).data.tags["dvc_exp_name"] == "rusty-seal"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda path: path.unlink(), "reports/table.md is not there; run `dvc pull` or `dvc repro`"),
+        (lambda path: path.write_text("other"), "reports/table.md is not what the stage wrote: its hash is"),
+    ],
+)
+def test_an_artifact_that_is_not_the_recorded_one_is_refused(
+    root: Path, record: RunRecord, change: object, message: str
+) -> None:
+    assert callable(change)
+    change(root / "reports/table.md")
+    with pytest.raises(TrackingError, match=message):
+        log_run(record, root)
+    assert runs_of(root) == [], "nothing is half-logged"
+
+
+def test_a_silent_server_costs_no_result_and_no_patience(
+    root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://127.0.0.1:{probe.getsockname()[1]}")
+        started = time.monotonic()
+        with caplog.at_level(logging.WARNING):
+            assert track_or_warn(RunRecord("label"), root) is None
+    assert time.monotonic() - started < 5.0
+    assert "label: its results are written, but its MLflow run is not: MLFLOW_TRACKING_URI is http://" in caplog.text
+    assert "Run `cylinder-friction track`" in caplog.text
+
+
+def test_what_a_stage_cost_stands_in_the_system_metrics(root: Path) -> None:
+    with sampled_resources("label", root, interval_s=0.05):
+        time.sleep(0.2)
+    record = RunRecord("label", metrics={"rows": 5.0})
+    run = client_of(root).get_run(log_run(record, root))
+    assert 0.0 <= run.data.metrics["system/cpu_utilization_percentage"] <= 100.0
+    assert run.data.metrics["system/stage_memory_megabytes"] > 1.0
+    assert len(client_of(root).get_metric_history(run.info.run_id, "system/stage_memory_megabytes")) >= 3
+
+
+def test_samples_of_one_run_are_never_given_to_another(root: Path) -> None:
+    with sampled_resources("label", root, interval_s=0.05):
+        pass
+    log_run(RunRecord("label"), root)
+    other = client_of(root).get_run(log_run(RunRecord("label", metrics={"rows": 5.0}), root))
+    assert set(other.data.metrics) == {"rows"}, "this record came from a cache; nobody measured what it cost"
+
+
+def test_a_stage_that_fails_is_sampled_too_and_a_broken_file_is_no_obstacle(root: Path) -> None:
+    with pytest.raises(ValueError, match="it failed"), sampled_resources("label", root, interval_s=0.05):
+        raise ValueError("it failed")
+    assert (root / RESOURCES_FOLDER / "label.json").is_file()
+    (root / RESOURCES_FOLDER / "label.json").write_text("{broken", encoding="utf-8")
+    log_run(RunRecord("label"), root)

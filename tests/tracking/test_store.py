@@ -1,0 +1,78 @@
+"""Where runs go: one place a repository, whoever writes and from wherever."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.tracking.repository import commit_of, repository_root
+from cylinder_friction.tracking.store import EXPERIMENT, open_store, tracking_uri
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WRITER = """
+import sys
+from pathlib import Path
+from cylinder_friction.tracking.log_run import log_run
+from cylinder_friction.tracking.run_record import RunRecord
+for number in range(3):
+    log_run(RunRecord("label", metrics={"number": float(number)}), Path(sys.argv[1]))
+"""
+
+
+def test_the_default_is_sqlite_at_the_root_by_absolute_path(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    inside = root / "data" / "raw"
+    inside.mkdir(parents=True)
+    monkeypatch.chdir(inside)
+    assert tracking_uri(inside) == f"sqlite:///{root}/mlflow.db"
+    with open_store(inside) as store:
+        experiment = store.client.get_experiment_by_name(EXPERIMENT)
+        assert experiment is not None
+        assert experiment.artifact_location == f"file://{root}/mlartifacts"
+
+
+def test_the_variable_has_the_last_word(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://tracking:5000")
+    assert tracking_uri(root) == "http://tracking:5000"
+
+
+def test_an_experiment_in_dvcs_throw_away_folder_writes_to_the_real_repository(root: Path) -> None:
+    temporary = root / ".dvc/tmp/exps/tmpab12"
+    (temporary / ".git").mkdir(parents=True)
+    (temporary / "reports").mkdir()
+    assert repository_root(temporary / "reports") == root
+
+
+def test_outside_any_repository_the_folder_itself_is_the_root(tmp_path: Path) -> None:
+    assert repository_root(tmp_path) == tmp_path
+
+
+def test_a_deleted_experiment_comes_back(root: Path) -> None:
+    with open_store(root) as store:
+        store.client.delete_experiment(store.experiment_id)
+    with open_store(root) as store:
+        assert store.client.get_experiment(store.experiment_id).lifecycle_stage == "active"
+
+
+@pytest.mark.slow
+def test_many_processes_share_a_store_that_none_has_made_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    writers = [subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)]) for _ in range(2)]
+    assert [writer.wait(timeout=120) for writer in writers] == [0, 0]
+    with open_store(tmp_path) as store:
+        assert len(store.client.search_runs([store.experiment_id])) == 3, "both wrote the same three records"
+
+
+def test_only_changes_that_shape_a_result_make_a_commit_dirty(pipeline: Path) -> None:
+    clean = commit_of(pipeline)
+    assert len(clean.sha) == 40
+    assert not clean.dirty
+    (pipeline / "dvc.lock").write_text("{}", encoding="utf-8")
+    (pipeline / "notes.txt").write_text("a note", encoding="utf-8")
+    assert not commit_of(pipeline).dirty
+    (pipeline / "params.yaml").write_text("{}", encoding="utf-8")
+    assert commit_of(pipeline).dirty
