@@ -6,6 +6,7 @@ module: the layers below take plain arguments.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -43,18 +44,32 @@ class CylinderParams(_Section):
 
 
 class RecordParams(_Section):
-    """The simulated rig's campaign."""
+    """The simulated rig's campaign; its hand lever and its trace run in milliseconds."""
 
     seed: Seed
     sessions_per_test: Annotated[int, Field(ge=0)]
     recordings_per_session: Count
     duration_s: Positive
     sample_time_s: Positive
-    time_step_s: Positive
+    time_step_s: Annotated[float, Field(gt=0.0, le=2e-4)]
     supply: Literal["didactic", "industrial"]
     zeroed: bool
     residual_offset_bar: NotNegative
     fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
+
+    @field_validator("duration_s", "sample_time_s")
+    @classmethod
+    def _whole_milliseconds(cls, seconds: float) -> float:
+        if not math.isclose(seconds, round(seconds, 3), rel_tol=1e-9) or round(seconds, 3) == 0.0:
+            raise ValueError("must be a whole number of milliseconds, such as 0.005")
+        return seconds
+
+    @field_validator("time_step_s")
+    @classmethod
+    def _divides_a_millisecond(cls, seconds: float) -> float:
+        if not math.isclose(round(1e-3 / seconds) * seconds, 1e-3, rel_tol=1e-9):
+            raise ValueError("must divide one millisecond without remainder, such as 5.0e-5")
+        return seconds
 
 
 class ChannelParams(_Section):
@@ -70,6 +85,7 @@ class CsvParams(_Section):
 
     delimiter: Annotated[str, Field(min_length=1, max_length=1)]
     decimal: Literal[".", ","]
+    encoding: str
 
 
 class IngestParams(_Section):
@@ -189,9 +205,17 @@ class SpaceParams(_Section):
     layers: list[Count]
     nodes: list[Count]
     dropout: list[Fraction]
-    learning_rate: tuple[Positive, Positive]
-    forest_trees: tuple[Count, Count]
-    forest_depth: tuple[Count, Count]
+    learning_rate: Annotated[tuple[Positive, Positive], Field(strict=False)]
+    forest_trees: Annotated[tuple[Count, Count], Field(strict=False)]
+    forest_depth: Annotated[tuple[Count, Count], Field(strict=False)]
+
+    @model_validator(mode="after")
+    def _ranges_go_up(self) -> SpaceParams:
+        for key in ("learning_rate", "forest_trees", "forest_depth"):
+            lowest, highest = getattr(self, key)
+            if lowest > highest:
+                raise ValueError(f"{key}: lowest {lowest} is above highest {highest}; swap them")
+        return self
 
 
 class SearchParams(_Section):

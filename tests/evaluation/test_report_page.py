@@ -16,7 +16,10 @@ from cylinder_friction.evaluation.report.audit import audit_table
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve, agreement, excerpt, histogram, velocity_profile
 
-AUDIT = {"rts": {"steady": {"mae_n": 6.5}, "events": {"mae_n": 24.0}}, "moving_average": {"steady": {"mae_n": 9.0}}}
+AUDIT = {
+    "rts": {"all": {"steady": {"mae_n": 6.5}, "events": {"mae_n": 24.0}}, "1": {"steady": {"mae_n": 77.25}}},
+    "moving_average": {"all": {"steady": {"mae_n": 9.0}}},
+}
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +110,24 @@ def test_text_from_recordings_cannot_break_the_page(compared, curves, strokes):
 def test_audit_rows_are_named_by_the_keys_that_lead_to_them():
     table = audit_table(AUDIT)
     assert table.head == ("", "mae n")
-    assert table.rows == (("rts, steady", "6.50"), ("rts, events", "24.00"), ("moving average, steady", "9.00"))
+    assert table.rows == (
+        ("rts, all, steady", "6.50"),
+        ("rts, all, events", "24.00"),
+        ("rts, 1, steady", "77.25"),
+        ("moving average, all, steady", "9.00"),
+    )
+
+
+def test_the_audit_shows_all_tests_at_once_first_and_each_in_a_fold(page):
+    own = page.replace(get_plotlyjs(), "")
+    audit = own[own.index(">Label audit</h2>") :]
+    assert audit.count("6.50") == 2
+    assert audit.index("9.00") < audit.index("<details>") < audit.index("77.25")
+
+
+def test_an_audit_without_truth_says_its_note(findings):
+    page = report_html(findings, ReportInputs({}, {}, {}, {"note": "true friction is unknown here"}))
+    assert "true friction is unknown here" in page
 
 
 def test_plot_tables_have_equal_columns_in_every_row(findings):

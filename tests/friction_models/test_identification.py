@@ -117,6 +117,16 @@ def test_unusable_rows_give_no_points(plain_recordings: list[Recording]) -> None
     assert steady_points(nothing, DEAD_BAND_M_S) == []
 
 
+def test_a_few_seconds_of_sine_give_points_too(plain_recordings: list[Recording]) -> None:
+    recording = plain_recordings[0]
+    short = recording.table.iloc[:1200].reset_index(drop=True)
+    velocity = 0.05 * np.sin(8.0 * short["time_s"].to_numpy())
+    wavy = Recording(recording.metadata, short.assign(velocity_m_s=velocity, friction_n=300.0 * np.sign(velocity)))
+    points = steady_points([wavy], DEAD_BAND_M_S)
+    assert len(points) >= 6
+    assert {point.friction_n for point in points} == {-300.0, 300.0}
+
+
 def test_bristle_stiffness_has_the_right_order(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
     assert 2e5 < bristle_stiffness(plain_recordings, 240.0, DEAD_BAND_M_S) < 2e7
 

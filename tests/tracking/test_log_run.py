@@ -93,9 +93,10 @@ def test_what_a_kill_left_half_written_is_done_again(
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+    with monkeypatch.context() as patch:
         patch.setattr(module, "_write_datasets", killed)
-        log_run(record, root)
+        with pytest.raises(KeyboardInterrupt):
+            log_run(record, root)
     (half,) = runs_of(root)
     assert half.info.status == "RUNNING"
     whole = log_run(record, root)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import mlflow
+import pandas as pd  # noqa: TC002 - MLflow reads predict's type hints at run time
 from mlflow.exceptions import MlflowException
 from mlflow.protos.databricks_pb2 import INVALID_PARAMETER_VALUE
 from mlflow.pyfunc.model import PythonModel
@@ -21,8 +22,7 @@ class FrictionScoringModel(PythonModel):
         """Loads the estimator from the model's artifact ``estimator``."""
         self._estimator = load_onnx(Path(context.artifacts["estimator"]))
 
-    # MLflow would take a type hint of ``model_input`` for the signature; the signature is given when it is logged.
-    def predict(self, context, model_input, params=None):  # type: ignore[no-untyped-def]  # noqa: ARG002
+    def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
         """Returns ``friction_n`` and ``in_training_range`` a row; what cannot be scored is answered with 400."""
         try:
             return score(self._estimator, model_input)

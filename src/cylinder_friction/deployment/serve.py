@@ -90,7 +90,7 @@ def free_port() -> int:
 
 def _example_of(model: str, root: Path) -> dict[str, Any]:
     """Returns the example that the model carries: real rows of a held-out recording."""
-    from cylinder_friction.tracking.registry import example_rows
+    from cylinder_friction.tracking.model_folder import example_rows
 
     return example_rows(model, root)
 

@@ -15,6 +15,7 @@ from cylinder_friction.estimators.linear import (
     RidgeEstimator,
 )
 from cylinder_friction.estimators.lstm import lstm_multiply_adds
+from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.estimators.network_training import Architecture, LearningCurve, TrainingPlan
 
 __all__ = [
@@ -28,7 +29,9 @@ __all__ = [
     "HybridEstimator",
     "LearningCurve",
     "LowPassForceBalanceEstimator",
+    "LugreEstimator",
     "NotFittedError",
+    "PressureLugreEstimator",
     "RidgeEstimator",
     "TrainingPlan",
     "TrainingRange",

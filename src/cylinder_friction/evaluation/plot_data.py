@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +20,8 @@ def plot_tables(findings: Findings) -> dict[str, str]:
     """Returns CSV text by file name: learning curves, friction over time, errors by test, residual histograms."""
     tables = {f"learning_curve_{name}.csv": _learning_curve(findings, name) for name in findings.curves}
     for index, part in enumerate(findings.excerpts):
-        tables[f"friction_over_time_test_{part.test}.csv"] = _excerpt(findings, index)
+        in_a_file_name = re.sub(r"[^A-Za-z0-9.-]+", "_", part.test)
+        tables[f"friction_over_time_test_{in_a_file_name}.csv"] = _excerpt(findings, index)
     tables["errors_by_test.csv"] = _errors(findings)
     for name, counted in findings.histograms.items():
         tables[f"residuals_{name}.csv"] = _csv(
@@ -53,9 +57,11 @@ def _errors(findings: Findings) -> str:
 
 
 def _csv(head: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
-    lines = [",".join(head)]
-    lines += [",".join(_cell(value) for value in row) for row in rows]
-    return "\n".join(lines) + "\n"
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue()
 
 
 def _cell(value: object) -> str:

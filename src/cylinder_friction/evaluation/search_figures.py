@@ -46,5 +46,7 @@ def _importance_can_be_told(trials: Sequence[Trial]) -> bool:
 
 
 def _div(name: str, figure: go.Figure, first: bool) -> str:
-    html: str = figure.to_html(full_html=False, include_plotlyjs=first, div_id=name)
+    html: str = figure.to_html(
+        full_html=False, include_plotlyjs=first, div_id=name, config={"displaylogo": False, "showSendToCloud": False}
+    )
     return html

@@ -18,6 +18,10 @@ HUBER_NOISE_MULTIPLE = 1.345
 """Where Huber's loss turns from square to absolute, in standard deviations (95 % efficient on normal noise)."""
 
 
+CURVE_PARAMETERS = 6
+"""How many points a fit needs at least: one a parameter."""
+
+
 @dataclass(frozen=True)
 class StribeckCurve:
     """Friction in steady sliding, positive when it opposes positive velocity.
@@ -86,12 +90,12 @@ def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = 
         weight: How much each point counts, shape ``(n,)``; all alike where there is none.
 
     Raises:
-        ValueError: There are fewer points than the six parameters.
+        ValueError: There are fewer points than parameters.
     """
     velocity, friction = np.asarray(velocity_m_s, dtype=np.float64), np.asarray(friction_n, dtype=np.float64)
-    if len(velocity) < 6:
+    if len(velocity) < CURVE_PARAMETERS:
         raise ValueError(
-            f"a Stribeck curve has six parameters, but got {len(velocity)} points of steady sliding; "
+            f"a Stribeck curve has {CURVE_PARAMETERS} parameters, but got {len(velocity)} points of steady sliding; "
             "record more strokes at constant velocity, in both directions"
         )
     root_weight = np.sqrt(np.ones_like(velocity) if weight is None else weight / np.mean(weight))

@@ -83,8 +83,9 @@ class CampaignPlan:
     residual_offset_bar: float = 0.05
     fault: str = "none"
 
-    def __len__(self) -> int:
-        """Returns the number of recordings."""
+    @property
+    def recordings(self) -> int:
+        """How many recordings there will be."""
         return len(THROTTLE_GAINS) * self.sessions_per_test * self.recordings_per_session
 
 

@@ -26,9 +26,7 @@ def viscosity_ratio(f: Any, temperature_c: float) -> float:
 
 
 @numba.njit(cache=True)
-def coulomb_friction(
-    f: Any, pressure_1_pa: float, pressure_2_pa: float, place: float, temperature_c: float
-) -> float:
+def coulomb_friction(f: Any, pressure_1_pa: float, pressure_2_pa: float, place: float, temperature_c: float) -> float:
     """Returns Coulomb friction [N], the mean of both directions.
 
     ``F_C = F0(T) + c_p max(p1, p2)^0.8 + c_r p2^0.7`` with pressures in bar, times ``place`` (ripple and drift).

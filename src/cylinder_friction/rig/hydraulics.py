@@ -21,7 +21,11 @@ def bulk_modulus(y: Any, pressure_pa: float) -> float:
     # Below a fiftieth of the atmosphere the oil itself boils; the law is held there.
     ratio = y.atmosphere_pa / max(y.atmosphere_pa + pressure_pa, 0.02 * y.atmosphere_pa)
     air = y.air_fraction * ratio ** (1.0 / y.polytropic_exponent)
-    return y.oil_modulus_pa * (1.0 + air) / (1.0 + air * ratio * y.oil_modulus_pa / (y.polytropic_exponent * y.atmosphere_pa))
+    return (
+        y.oil_modulus_pa
+        * (1.0 + air)
+        / (1.0 + air * ratio * y.oil_modulus_pa / (y.polytropic_exponent * y.atmosphere_pa))
+    )
 
 
 @numba.njit(cache=True)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections import namedtuple
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.cylinder import Cylinder
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
 
 BAR_PA = 1e5
 ELEMENTS = 4
@@ -48,11 +49,11 @@ class FrictionParameters:
         bend_n_per_n: Relative friction of a bent rod at full stroke; 0 when straight [-].
     """
 
-    coulomb_n: float = 245.0
+    coulomb_n: float = 235.0
     asymmetry: float = 0.0943
     coulomb_temperature_1_k: float = 0.002
-    piston_seal_n: float = 8.0
-    rod_seal_n: float = 7.0
+    piston_seal_n: float = 9.0
+    rod_seal_n: float = 8.0
     static_ratio: float = 1.5
     stribeck_velocity_m_s: float = 0.008
     film_velocity_m_s: float = 0.04
@@ -200,7 +201,7 @@ class RigParameters:
         return replace(self, hydraulics=replace(self.hydraulics, throttle_gain=gain))
 
 
-THROTTLE_GAINS = {"1": 2e-6, "2": 6e-8, "3": 3.2e-8, "4": 2.2e-8}
+THROTTLE_GAINS = {"1": 2e-6, "2": 5.5e-8, "3": 3.2e-8, "4": 2.2e-8}
 """The four settings of the meter-out throttle [m³/s/√Pa]: no load, then three growing loads on extension."""
 
 PUMP_FLOWS_M3_S = {"didactic": 3.0 / 60e3, "industrial": 10.0 / 60e3}
@@ -226,7 +227,7 @@ def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters
 
 
 def _tuple_class(name: str, parameters: type) -> Any:
-    return namedtuple(name, [entry.name for entry in fields(parameters)], module=__name__)  # noqa: PYI024
+    return namedtuple(name, [entry.name for entry in fields(parameters)], module=__name__)
 
 
 FrictionConstants = _tuple_class("FrictionConstants", FrictionParameters)

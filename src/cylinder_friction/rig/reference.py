@@ -29,8 +29,6 @@ from cylinder_friction.rig.lever import TICK_S
 from cylinder_friction.rig.parameters import ELEMENTS, friction_constants, hydraulic_constants
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from cylinder_friction.rig.parameters import RigParameters
@@ -65,8 +63,8 @@ def solve_reference(
     wanted_s = log_step_s * np.arange(round(duration_s / log_step_s))
     time_s = 0.0
     while time_s < duration_s:
-        solution = solve_ivp(
-            lambda t, z, modes=slips.copy(): _derivatives(f, y, lever, modes, t, z * SCALE) / SCALE,
+        solution: Any = solve_ivp(
+            _right_hand_side(f, y, lever, slips),
             (time_s, duration_s),
             state / SCALE,
             method="Radau",
@@ -142,10 +140,19 @@ def _over_limit(f: Any, y: Any, state: Any, i: int) -> float:
     return abs(force) - f.share[i] * direction_factor(f, force) * _level(f, y, state)
 
 
-def _events(f: Any, y: Any, slips: NDArray[np.bool_]) -> list[Callable[[float, NDArray[np.float64]], float]]:
+def _right_hand_side(f: Any, y: Any, lever: NDArray[np.float64], slips: NDArray[np.bool_]) -> Any:
+    """Returns the scaled derivatives while these elements slip."""
+
+    def slope(time_s: float, scaled: NDArray[np.float64]) -> Any:
+        return _derivatives(f, y, lever, slips, time_s, scaled * SCALE) / SCALE
+
+    return slope
+
+
+def _events(f: Any, y: Any, slips: NDArray[np.bool_]) -> list[Any]:
     """Returns one event an element: a sticking one reaches its limit, a slipping one reverses."""
 
-    def event(i: int) -> Callable[[float, NDArray[np.float64]], float]:
+    def event(i: int) -> Any:
         def reverses(_: float, z: NDArray[np.float64]) -> float:
             return float(z[VELOCITY])
 
@@ -155,7 +162,7 @@ def _events(f: Any, y: Any, slips: NDArray[np.bool_]) -> list[Callable[[float, N
         found: Any = reverses if slips[i] else yields
         found.terminal = True
         found.direction = 0.0 if slips[i] else 1.0
-        return found  # type: ignore[no-any-return]
+        return found
 
     return [event(i) for i in range(ELEMENTS)]
 

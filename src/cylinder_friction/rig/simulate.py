@@ -139,7 +139,9 @@ def simulate(
         trace,
     )
     if not np.isfinite(trace[-1]).all():
-        raise ValueError(f"the simulation ceased to be finite; time_step_s of {time_step_s} s is too long, make it smaller")
+        raise ValueError(
+            f"the simulation ceased to be finite; time_step_s of {time_step_s} s is too long, make it smaller"
+        )
     return pd.DataFrame(trace, columns=list(TRACE_COLUMNS))
 
 

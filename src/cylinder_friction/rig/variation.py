@@ -90,7 +90,7 @@ def draw_session(
             stays in the offset and ±0.3 % in the gain.
         residual_offset_pa: Largest offset that zeroing leaves [Pa].
     """
-    day = float(np.clip(generator.normal(1.0, 0.02), 0.96, 1.04))
+    day = float(np.clip(generator.normal(1.0, 0.03), 0.95, 1.05))
     count = math.ceil(duration_s / DRIFT_STEP_S) + 4
     wander = np.clip(ornstein_uhlenbeck(generator, count, DRIFT_STEP_S, 300.0, 0.015), -0.03, 0.03)
     sensors = _calibrated(rig.sensors, generator, zeroed, residual_offset_pa)

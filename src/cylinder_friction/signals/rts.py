@@ -33,7 +33,7 @@ class RtsSmoother:
     """
 
     position_noise_m: float = 3.5e-5
-    jerk_noise_m_s3: float = 100.0
+    jerk_noise_m_s3: float = 12.0
     pressure_noise_pa: float = 5.5e3
     pressure_rate_pa_s: float = 6e5
 

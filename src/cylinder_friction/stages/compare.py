@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pyarrow.parquet as pq
+import numpy as np
 from tqdm import tqdm
 
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
@@ -22,9 +22,9 @@ from cylinder_friction.evaluation.tables import markdown_tables
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings import (
-    RecordingError,
     read_json,
     read_recordings,
+    read_truth,
     whole_folder,
     write_json,
     write_text,
@@ -47,7 +47,6 @@ from cylinder_friction.tracking.run_record import RunRecord
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from cylinder_friction.params import CompareParams, Params
@@ -74,7 +73,7 @@ def run(params: Params) -> RunRecord:
     settings = params.compare
     recordings = read_recordings(PROCESSED_FOLDERS["test"])
     estimators = load_estimators()
-    truth_n = read_truth(params.ingest.truth, recordings)
+    truth_n = known_truth(params.ingest.truth, recordings)
     comparison = compare(estimators, recordings, truth_n, comparison_settings(settings))
     curves = {
         folder.name: LearningCurve.from_dict(read_json(path), path.as_posix())
@@ -139,37 +138,15 @@ def _place(name: str) -> tuple[int, str]:
     return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
 
 
-def read_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
-    """Returns true friction [N] by recording name, as far as ``<folder>/<name>.parquet`` is there.
-
-    Args:
-        folder: Where the rig wrote it; empty where nobody knows it.
-        recordings: Whose truth is wanted.
-
-    Raises:
-        RecordingError: A file has no ``friction_n`` or another number of rows than its recording.
-    """
-    truth: dict[str, NDArray[np.float64]] = {}
-    for recording in recordings if folder else ():
-        path = Path(folder) / f"{recording.name}.parquet"
-        if not path.is_file():
-            continue
-        columns = pq.read_schema(path).names
-        if "friction_n" not in columns:
-            raise RecordingError(f"{path}: column 'friction_n' is missing; got columns {columns}; record it again")
-        values = pq.read_table(path, columns=["friction_n"]).column(0).to_numpy().astype("float64")
-        if len(values) != len(recording):
-            raise RecordingError(
-                f"{path}: true friction has {len(values)} rows, expected {len(recording)} as in recording "
-                f"{recording.name!r}; they must come from the same run of the record stage"
-            )
-        truth[recording.name] = values
-    return truth
+def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
+    """Returns true friction [N] by recording name, as far as it is known; ``folder`` is empty where nobody knows it."""
+    truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings} if folder else {}
+    return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}
 
 
 def _write(params: Params, findings: Findings, times: dict[str, StepTime], tree: MetricTree) -> None:
     chosen = chosen_hybrid(params)[1].model_dump()
-    audit: Any | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
+    audit: dict[str, Any] | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
     inputs = ReportInputs(times, params.search.space.model_dump(), chosen, audit)
     report = report_html(findings, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:

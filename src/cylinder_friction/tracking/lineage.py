@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
-import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import mlflow
 import yaml
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.data_versions import where_data_lies
-from cylinder_friction.tracking.errors import LineageError
-from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, LINEAGE_ARTIFACT, artifact_path
+from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.model_folder import (
+    ESTIMATOR_ARTIFACT,
+    LINEAGE_ARTIFACT,
+    artifact_path,
+    download_model,
+    version_of,
+)
 from cylinder_friction.tracking.repository import git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction.tracking.versions import LOCK_FILE, PARAMS_FILE, locked_hashes, params_hash, shaping_params
@@ -25,8 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from mlflow.entities.model_registry import ModelVersion
-
-_URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def lineage(uri: str, root: Path) -> Lineage:
     """
     root = repository_root(root)
     with open_store(root) as store, tempfile.TemporaryDirectory() as scratch:
-        version = _version(store, uri)
+        version = version_of(store, uri)
         folder = _download(store, version, Path(scratch))
         origin = _origin(folder)
         links = [
@@ -87,27 +89,10 @@ def lineage(uri: str, root: Path) -> Lineage:
     )
 
 
-def _version(store: Store, uri: str) -> ModelVersion:
-    parts = _URI.match(uri)
-    if parts is None:
-        raise LineageError(
-            f"{uri!r} names no registered model; expected models:/<name>@<alias> or models:/<name>/<version>"
-        )
-    try:
-        if parts["alias"]:
-            return store.client.get_model_version_by_alias(parts["name"], parts["alias"])
-        return store.client.get_model_version(parts["name"], parts["version"])
-    except MlflowException as error:
-        raise LineageError(
-            f"{uri}: the registry at {store.uri} has no such version ({error.message}); run `dvc repro`, or "
-            "`cylinder-friction track` where the results came from DVC"
-        ) from error
-
-
 def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None:
     try:
-        return Path(mlflow.artifacts.download_artifacts(version.source, dst_path=str(scratch), tracking_uri=store.uri))
-    except (MlflowException, OSError):
+        return download_model(store, version, scratch)
+    except TrackingError:
         return None
 
 

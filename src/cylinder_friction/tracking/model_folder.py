@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import json
+import re
+import tempfile
 import warnings
 from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mlflow import artifacts
+from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
+from cylinder_friction.tracking.errors import LineageError, TrackingError
+from cylinder_friction.tracking.store import Store, open_store
+
 if TYPE_CHECKING:
     import pandas as pd
+    from mlflow.entities.model_registry import ModelVersion
 
 SCORING_MODULE = "cylinder_friction.deployment.scoring_model"
 ESTIMATOR_ARTIFACT = "estimator"
 LINEAGE_ARTIFACT = "lineage"
 LINEAGE_FILE = "lineage.json"
 REQUIREMENTS = ("cylinder-friction", "mlflow", "numpy", "pandas", "numba", "onnx", "onnxruntime")
+
+_URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
 SIGNATURE = ModelSignature(
     inputs=Schema(
@@ -59,6 +69,55 @@ def save_model_folder(
         pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
         mlflow_model=mlflow_model,
     )
+
+
+def version_of(store: Store, uri: str) -> ModelVersion:
+    """Returns the registered version that ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` names.
+
+    Raises:
+        LineageError: The URI has another form, or the registry has no such version.
+    """
+    parts = _URI.match(uri)
+    if parts is None:
+        raise LineageError(
+            f"{uri!r} names no registered model; expected models:/<name>@<alias> or models:/<name>/<version>"
+        )
+    try:
+        if parts["alias"]:
+            return store.client.get_model_version_by_alias(parts["name"], parts["alias"])
+        return store.client.get_model_version(parts["name"], parts["version"])
+    except MlflowException as error:
+        raise LineageError(
+            f"{uri}: the registry at {store.uri} has no such version ({error.message}); run `dvc repro`, or "
+            "`cylinder-friction track` where the results came from DVC"
+        ) from error
+
+
+def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
+    """Returns the model folder of a registered version, copied below ``folder``.
+
+    Raises:
+        TrackingError: Its files cannot be read.
+    """
+    try:
+        location = store.client.get_logged_model(str(version.source).removeprefix("models:/")).artifact_location
+        return Path(artifacts.download_artifacts(location, dst_path=str(folder), tracking_uri=store.uri))
+    except (MlflowException, OSError) as error:
+        raise TrackingError(
+            f"{version.name} version {version.version}: its files at {version.source} cannot be read ({error})"
+        ) from error
+
+
+def example_rows(uri: str, root: Path) -> dict[str, Any]:
+    """Returns the input example inside a registered model, as ``{"columns": [...], "data": [[...], ...]}``.
+
+    Raises:
+        TrackingError: The registry cannot be reached or has no such model.
+    """
+    with open_store(root) as store, tempfile.TemporaryDirectory() as scratch:
+        folder = download_model(store, version_of(store, uri), Path(scratch))
+        content = json.loads((folder / "input_example.json").read_text(encoding="utf-8"))
+    return {"columns": content["columns"], "data": content["data"]}
 
 
 def artifact_path(model_folder: Path, artifact: str) -> Path:

@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-import mlflow
 import pandas as pd
 from mlflow.entities import LoggedModelOutput
 from mlflow.entities.logged_model_status import LoggedModelStatus
@@ -21,7 +20,12 @@ from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.gate import Decision, decide
 from cylinder_friction.tracking.log_run import log_in
-from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, artifact_path, save_model_folder
+from cylinder_friction.tracking.model_folder import (
+    ESTIMATOR_ARTIFACT,
+    artifact_path,
+    download_model,
+    save_model_folder,
+)
 from cylinder_friction.tracking.repository import commit_of
 from cylinder_friction.tracking.run_record import RunRecord
 from cylinder_friction.tracking.store import Store, open_store
@@ -122,7 +126,7 @@ def register(
     with open_store(root) as store:
         version = _ensure_version(store, candidate, root)
         champion = _champion(store, candidate.model_name)
-        if champion is not None and champion.version == version.version and _DECISION in version.tags:
+        if _same(champion, version) and _DECISION in version.tags:
             return _decided_before(candidate, version, tolerance_percent)
         incumbent = _incumbent(store, champion, candidate, measure_again)
         decision = decide(
@@ -158,7 +162,7 @@ def register_again(root: Path) -> str | None:
         if registered.promote and (champion is None or champion.tags.get(_KEY) == beaten):
             _promote(store, version, champion)
             champion = version
-        role = f"{ALIAS}" if champion is not None and champion.version == version.version else f"not {ALIAS}"
+        role = f"{ALIAS}" if _same(champion, version) else f"not {ALIAS}"
     return f"{candidate.model_name} version {version.version} ({role})"
 
 
@@ -261,6 +265,10 @@ def _champion(store: Store, model_name: str) -> ModelVersion | None:
         raise
 
 
+def _same(champion: ModelVersion | None, version: ModelVersion) -> bool:
+    return champion is not None and str(champion.version) == str(version.version)
+
+
 def _incumbent(
     store: Store, champion: ModelVersion | None, candidate: Candidate, measure_again: Callable[[Path], Errors]
 ) -> Incumbent | None:
@@ -271,7 +279,7 @@ def _incumbent(
     if champion.tags.get(_TEST_DATA) == candidate.test_data_md5:
         return Incumbent(key, json.loads(champion.tags[_ERRORS]))
     with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(mlflow.artifacts.download_artifacts(champion.source, dst_path=scratch, tracking_uri=store.uri))
+        folder = download_model(store, champion, Path(scratch))
         return Incumbent(key, measure_again(artifact_path(folder, ESTIMATOR_ARTIFACT)))
 
 
@@ -307,21 +315,3 @@ def _promote(store: Store, version: ModelVersion, champion: ModelVersion | None)
     for key, value in tags.items():
         store.client.set_model_version_tag(version.name, version.version, key, value)
     store.client.set_registered_model_alias(version.name, ALIAS, version.version)
-
-
-def example_rows(model: str, root: Path) -> dict[str, Any]:
-    """Returns the input example inside a registered model, as ``{"columns": [...], "data": [[...], ...]}``.
-
-    Raises:
-        TrackingError: The registry cannot be reached or has no such model.
-    """
-    with open_store(root) as store, tempfile.TemporaryDirectory() as scratch:
-        try:
-            folder = mlflow.artifacts.download_artifacts(model, dst_path=scratch, tracking_uri=store.uri)
-        except MlflowException as error:
-            raise TrackingError(
-                f"{model}: not in the registry at {store.uri} ({error.message}); run `dvc repro`, or "
-                "`cylinder-friction track` where the results came from DVC"
-            ) from error
-        content = json.loads((Path(folder) / "input_example.json").read_text(encoding="utf-8"))
-    return {"columns": content["columns"], "data": content["data"]}

@@ -67,9 +67,7 @@ def open_store(root: Path) -> Iterator[Store]:
     """
     uri = tracking_uri(root)
     _refuse_silent_server(uri)
-    with _locked(repository_root(root) / LOCAL_FOLDER / "tracking.lock"):
-        mlflow.set_tracking_uri(uri)
-        mlflow.set_registry_uri(uri)
+    with _locked(repository_root(root) / LOCAL_FOLDER / "tracking.lock"), _default_for_mlflow(uri):
         _quiet()
         client = MlflowClient(tracking_uri=uri, registry_uri=uri)
         experiment_id = _experiment(client, uri, root)
@@ -115,6 +113,19 @@ def _locked(path: Path) -> Iterator[None]:
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
+
+
+@contextmanager
+def _default_for_mlflow(uri: str) -> Iterator[None]:
+    """MLflow's registry asks its own global for the store of models; it gets it, and the environment back after."""
+    before = os.environ.get("MLFLOW_TRACKING_URI")
+    mlflow.set_tracking_uri(uri)
+    try:
+        yield
+    finally:
+        mlflow.set_tracking_uri(None)  # type: ignore[arg-type]  # None is MLflow's "ask the environment"
+        if before is not None:
+            os.environ["MLFLOW_TRACKING_URI"] = before
 
 
 def _quiet() -> None:

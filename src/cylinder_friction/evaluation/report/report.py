@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.timing import StepTime
 
 
+ALL_TESTS = "all"
+"""In the label audit: all tests together."""
+
+
 @dataclass(frozen=True)
 class ReportInputs:
     """What the report says beside the findings.
@@ -36,13 +40,13 @@ class ReportInputs:
         times: Measured seconds a step by estimator.
         searched: Ranges of the hyperparameter search by name.
         chosen: Hyperparameters of the default hybrid by name.
-        audit: The label audit, as the label stage wrote it; None where there is none.
+        audit: The label audit, as the label stage wrote it: by filter, test and stratum; None where there is none.
     """
 
     times: Mapping[str, StepTime]
     searched: Mapping[str, Any]
     chosen: Mapping[str, Any]
-    audit: Any | None
+    audit: dict[str, Any] | None
 
 
 def report_html(findings: Findings, inputs: ReportInputs) -> str:
@@ -65,13 +69,7 @@ def report_html(findings: Findings, inputs: ReportInputs) -> str:
     _residuals(page, findings)
     _training(page, findings, inputs)
     _cost(page, findings, inputs)
-    if inputs.audit is not None:
-        page.section("Label audit")
-        page.text(
-            "How far the label is from true friction, for each way of filtering: over all rows, in steady motion, and "
-            "within the event window of starts, stops and reversals."
-        )
-        page.table(audit_table(inputs.audit))
+    _label_audit(page, inputs)
     _definitions(page)
     return page.html()
 
@@ -191,6 +189,23 @@ def _cost(page: Page, findings: Findings, inputs: ReportInputs) -> None:
         "Python on one machine; they differ from run to run. The published times come from another machine."
     )
     page.table(cost_table(findings.comparison, inputs.times))
+
+
+def _label_audit(page: Page, inputs: ReportInputs) -> None:
+    if inputs.audit is None:
+        return
+    page.section("Label audit")
+    if "note" in inputs.audit:
+        page.text(f"{inputs.audit['note']}")
+        return
+    page.text(
+        "How far the label is from true friction, for each way of filtering: over all rows, in steady motion, and "
+        "within the event window of starts, stops and reversals. Recordings of training, validation and test alike."
+    )
+    brief = {name: tests[ALL_TESTS] for name, tests in inputs.audit.items() if ALL_TESTS in tests}
+    page.table(audit_table(brief or inputs.audit))
+    if brief:
+        page.folded("By test", audit_table(inputs.audit))
 
 
 def _definitions(page: Page) -> None:

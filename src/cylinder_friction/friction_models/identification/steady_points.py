@@ -9,6 +9,8 @@ import numba
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from cylinder_friction.friction_models.stribeck import CURVE_PARAMETERS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -60,8 +62,12 @@ def steady_rows(recording: Recording, slowest_m_s: float, variation: float) -> N
     least = minimum_filter1d(velocity, window, mode="nearest")
     one_way = (least > slowest_m_s) | (greatest < -slowest_m_s)
     alike = greatest - least <= variation * np.abs(0.5 * (greatest + least))
-    slid = _travel_one_way(velocity, slowest_m_s) * recording.sample_time_s > PRESLIDING_TRAVEL_M
-    return np.asarray(recording.usable() & one_way & alike & slid)
+    return np.asarray(recording.usable() & one_way & alike & _has_slid(recording, slowest_m_s))
+
+
+def _has_slid(recording: Recording, slowest_m_s: float) -> NDArray[np.bool_]:
+    travel_m = _travel_one_way(recording.column("velocity_m_s"), slowest_m_s) * recording.sample_time_s
+    return np.asarray(travel_m > PRESLIDING_TRAVEL_M)
 
 
 @numba.njit(cache=True)
@@ -81,7 +87,8 @@ def steady_points(
 
     Speeds are binned on a logarithmic scale, each direction by itself, and a bin gives the medians of its rows.
     A hand never moves at perfectly constant velocity, so the tolerance widens, step by step, until both
-    directions have at least half the bins filled or the widest is reached.
+    directions have at least half the bins filled. Where even the widest leaves fewer points than a curve has
+    parameters, as in recordings of a few seconds, every row that has left presliding counts.
 
     Args:
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``).
@@ -93,14 +100,25 @@ def steady_points(
     points: list[SteadyPoint] = []
     for variation in STEADY_VARIATIONS:
         masks = [steady_rows(recording, slowest_m_s, variation) for recording in recordings]
-        velocity = _joined(recordings, masks, "velocity_m_s")
-        friction = _joined(recordings, masks, "friction_n")
-        retracting = _binned(velocity, friction, -1.0, slowest_m_s, bins, rows_a_point)
-        extending = _binned(velocity, friction, 1.0, slowest_m_s, bins, rows_a_point)
-        points = sorted(retracting + extending, key=lambda point: point.velocity_m_s)
-        if min(len(retracting), len(extending)) >= bins // 2:
-            break
+        points = _points(recordings, masks, slowest_m_s, bins, rows_a_point)
+        if min(sum(point.velocity_m_s * way > 0.0 for point in points) for way in (-1.0, 1.0)) >= bins // 2:
+            return points
+    if len(points) < CURVE_PARAMETERS:
+        masks = [recording.usable() & _has_slid(recording, slowest_m_s) for recording in recordings]
+        points = _points(recordings, masks, slowest_m_s, bins, rows_a_point // 4)
     return points
+
+
+def _points(
+    recordings: Sequence[Recording],
+    masks: Sequence[NDArray[np.bool_]],
+    slowest_m_s: float,
+    bins: int,
+    rows_a_point: int,
+) -> list[SteadyPoint]:
+    velocity, friction = _joined(recordings, masks, "velocity_m_s"), _joined(recordings, masks, "friction_n")
+    both_ways = [_binned(velocity, friction, way, slowest_m_s, bins, rows_a_point) for way in (-1.0, 1.0)]
+    return sorted(both_ways[0] + both_ways[1], key=lambda point: point.velocity_m_s)
 
 
 def _joined(recordings: Sequence[Recording], masks: Sequence[NDArray[np.bool_]], column: str) -> Array:

@@ -1,0 +1,64 @@
+"""Stage ``record``: the simulated rig's campaign, written as a logger would; the truth in its own folder."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tqdm import tqdm
+
+from cylinder_friction.recordings import whole_folder, write_text
+from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
+from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat, hash_of
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pandas as pd
+
+    from cylinder_friction.params import Params
+
+EMPTY_FILE = "README.txt"
+EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_test is 0.\n"
+
+
+def run(params: Params) -> RunRecord:
+    """Writes ``data/raw/rig`` (CSV: s, bar, bar, mm) and ``data/raw/rig_truth`` (Parquet, SI), one file a recording.
+
+    With ``record.sessions_per_test`` 0, when one's own recordings are used, both folders hold a note alone.
+
+    Raises:
+        ValueError: See ``rig.campaign.campaign``.
+    """
+    plan = CampaignPlan(**params.record.model_dump())
+    recordings = campaign(cylinder_from(params.cylinder), plan)
+    magnitudes_n: defaultdict[str, list[float]] = defaultdict(list)
+    with whole_folder(RIG_FOLDER) as logger_folder, whole_folder(RIG_TRUTH_FOLDER) as truth_folder:
+        if plan.recordings == 0:
+            write_text(logger_folder / EMPTY_FILE, EMPTY_TEXT)
+            write_text(truth_folder / EMPTY_FILE, EMPTY_TEXT)
+        for recording in tqdm(recordings, "record", plan.recordings, unit="recording", disable=None):
+            write_logger_csv(logger_folder / f"{recording.metadata.name}.csv", recording.logger)
+            recording.truth.to_parquet(truth_folder / f"{recording.metadata.name}.parquet", index=False)
+            magnitudes_n[recording.metadata.test].append(_mean_magnitude_n(recording))
+    return RunRecord(
+        name="record",
+        params=flat(params.record) | flat(params.cylinder, "cylinder."),
+        metrics={
+            "recordings": float(plan.recordings),
+            "seconds": plan.recordings * plan.duration_s,
+            **{f"test_{test}.mean_friction_n": float(np.mean(values)) for test, values in magnitudes_n.items()},
+        },
+        datasets={"rig": hash_of(RIG_FOLDER), "rig_truth": hash_of(RIG_TRUTH_FOLDER)},
+    )
+
+
+def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
+    """Writes a table as the logger does: three decimals, finer than its converter's step in bar and in millimetres."""
+    table.to_csv(path, index=False, float_format="%.3f", lineterminator="\n")
+
+
+def _mean_magnitude_n(recording: RigRecording) -> float:
+    return float(recording.truth["friction_n"].abs().mean())

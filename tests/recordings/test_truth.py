@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.recordings import RecordingError, read_truth
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.recordings import Recording
+
+
+def test_truth_is_read_where_it_is(tmp_path: Path, labelled_recordings: list[Recording]) -> None:
+    recording = labelled_recordings[0]
+    assert read_truth(tmp_path, recording) is None
+    recording.table.to_parquet(tmp_path / f"{recording.name}.parquet")
+    truth = read_truth(tmp_path, recording)
+    assert truth is not None
+    np.testing.assert_array_equal(truth["friction_n"], recording.column("friction_n"))
+
+
+@pytest.mark.parametrize("what", ["column", "rows", "times"])
+def test_truth_of_something_else_is_refused(tmp_path: Path, labelled_recordings: list[Recording], what: str) -> None:
+    recording = labelled_recordings[0]
+    table, message = {
+        "column": (recording.table.drop(columns="friction_n"), "column 'friction_n' is missing"),
+        "rows": (recording.table.iloc[:-1], r"has 3999 rows, but recording 'test1_session1' has 4000"),
+        "times": (recording.table.assign(time_s=recording.column("time_s") * 2), "expected the truth of this very"),
+    }[what]
+    table.to_parquet(tmp_path / f"{recording.name}.parquet")
+    with pytest.raises(RecordingError, match=message):
+        read_truth(tmp_path, recording)

@@ -1,0 +1,31 @@
+"""A rig at each throttle setting, and one recording's trace of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.rig import THROTTLE_GAINS, RigParameters, balanced_state, default_rig, programme, simulate
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cylinder_friction.cylinder import Cylinder
+
+
+@pytest.fixture(scope="session")
+def rigs(cylinder: Cylinder) -> dict[str, RigParameters]:
+    return {test: default_rig(cylinder).with_throttle(gain) for test, gain in THROTTLE_GAINS.items()}
+
+
+@pytest.fixture(scope="session")
+def traces(rigs: dict[str, RigParameters]) -> dict[str, pd.DataFrame]:
+    """Two minutes by hand at each setting, in one table each."""
+    made = {}
+    for test, rig in rigs.items():
+        generator = np.random.default_rng([7, int(test)])
+        hand = programme(rig, generator, 120.0)
+        made[test] = simulate(rig, hand, balanced_state(rig, 0.1, 8e5, 35.0), 120.0)
+    return made

@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.rig import TRUTH_COLUMNS, CampaignPlan, RigRecording, campaign, default_rig
+from cylinder_friction.rig.variation import draw_rig, draw_session
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+SHORT = CampaignPlan(seed=3, sessions_per_test=1, recordings_per_session=2, duration_s=15.0)
+
+
+@pytest.fixture(scope="module")
+def recordings(cylinder: Cylinder) -> list[RigRecording]:
+    return list(campaign(cylinder, SHORT))
+
+
+def test_every_test_session_and_recording_is_there_by_name(recordings: list[RigRecording]) -> None:
+    assert [recording.metadata.name for recording in recordings] == [
+        f"test{test}_session01_recording{take:02d}" for test in "1234" for take in (1, 2)
+    ]
+    assert recordings[2].metadata.session == "test2_session01"
+    assert recordings[2].metadata.test == "2"
+    assert len(recordings) == SHORT.recordings
+
+
+def test_logger_and_truth_share_their_rows_and_tell_of_the_same_motion(recordings: list[RigRecording]) -> None:
+    for recording in recordings:
+        logger, truth = recording.logger, recording.truth
+        assert tuple(truth.columns) == TRUTH_COLUMNS
+        assert len(logger) == len(truth) == 3000
+        assert np.array_equal(logger["Time [s]"], truth["time_s"])
+        assert np.abs(logger["Position [mm]"] * 1e-3 - truth["position_m"]).mean() < 3e-4
+        assert np.abs(logger["P1 [bar]"] * 1e5 - truth["pressure_1_pa"]).mean() < 2e4
+
+
+def test_zeroed_sensors_tell_friction_within_a_few_percent(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    for recording in recordings:
+        logger, truth = recording.logger, recording.truth
+        balance = (
+            logger["P1 [bar]"] * 1e5 * cylinder.piston_area_m2 - logger["P2 [bar]"] * 1e5 * cylinder.annulus_area_m2
+        )
+        inside = truth["position_m"].between(0.003, cylinder.stroke_m - 0.003)
+        error = np.abs(balance - truth["friction_n"])[inside].mean() / truth["friction_n"][inside].abs().mean()
+        assert 0.02 < error < 0.10
+
+
+def test_equal_plans_give_equal_bits(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    again = next(campaign(cylinder, SHORT))
+    pd.testing.assert_frame_equal(again.logger, recordings[0].logger, check_exact=True)
+    pd.testing.assert_frame_equal(again.truth, recordings[0].truth, check_exact=True)
+
+
+def test_another_seed_gives_another_campaign(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    other = next(campaign(cylinder, CampaignPlan(seed=4, sessions_per_test=1, duration_s=15.0)))
+    assert not other.truth["friction_n"].equals(recordings[0].truth["friction_n"])
+
+
+def test_a_longer_campaign_begins_with_the_shorter_one(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    longer = next(
+        campaign(cylinder, CampaignPlan(seed=3, sessions_per_test=5, recordings_per_session=2, duration_s=15.0))
+    )
+    assert longer.truth.equals(recordings[0].truth)
+
+
+def test_sessions_differ_and_their_recordings_share_the_calibration(cylinder: Cylinder) -> None:
+    rig = default_rig(cylinder)
+    sessions = [
+        draw_session(rig, np.random.default_rng(seed), 600.0, zeroed=True, residual_offset_pa=5e3) for seed in range(20)
+    ]
+    offsets = np.array([session.rig.sensors.pressure_offset_pa for session in sessions])
+    assert np.abs(offsets).max() <= 5e3
+    assert len(np.unique(offsets)) == 40
+    assert np.ptp([session.oil_temperature_c for session in sessions]) > 8.0
+    drift = np.concatenate([session.drift for session in sessions])
+    assert 0.01 < drift.std() < 0.05
+    assert np.abs(drift - 1.0).max() <= 0.08 + 1e-9
+    loose = draw_session(rig, np.random.default_rng(0), 600.0, zeroed=False, residual_offset_pa=5e3)
+    assert np.abs(loose.rig.sensors.pressure_offset_pa).max() > 5e3
+
+
+def test_specimens_differ_within_their_tolerances(cylinder: Cylinder) -> None:
+    drawn = [draw_rig(default_rig(cylinder), np.random.default_rng(seed)) for seed in range(20)]
+    assert all(0.08 <= rig.hydraulics.valve_overlap <= 0.15 for rig in drawn)
+    ripples = np.array([sum(rig.friction.ripple) for rig in drawn])
+    assert ripples.min() > 0.028
+    assert ripples.max() < 0.052
+    assert len({rig.friction.coulomb_n for rig in drawn}) == 20

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.rig import LOGGER_COLUMNS, SensorParameters, measure
+
+SILENT = SensorParameters(pressure_noise_pa=0.0, position_noise_m=0.0, backlash_m=0.0)
+
+
+def still(p1_bar: float = 20.0, p2_bar: float = 10.0, position_m: float = 0.1, seconds: float = 5.0) -> pd.DataFrame:
+    time_s = 0.001 * np.arange(round(seconds / 0.001))
+    return pd.DataFrame(
+        {
+            "time_s": time_s,
+            "pressure_1_pa": np.full(len(time_s), p1_bar * 1e5),
+            "pressure_2_pa": np.full(len(time_s), p2_bar * 1e5),
+            "position_m": np.full(len(time_s), position_m),
+        }
+    )
+
+
+def seen(sensors: SensorParameters, trace: pd.DataFrame, session_time_s: float = 0.0) -> pd.DataFrame:
+    return measure(sensors, trace, np.random.default_rng(0), session_time_s)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.0, 240.0), st.floats(0.0, 240.0), st.floats(0.0, 0.25))
+def test_without_noise_only_the_bits_are_lost(p1: float, p2: float, x: float) -> None:
+    table = seen(SILENT, still(p1, p2, x, 0.1))
+    assert tuple(table.columns) == LOGGER_COLUMNS
+    assert np.abs(table["P1 [bar]"] - p1).max() <= 0.5 * 250.0 / 4096 + 1e-9
+    assert np.abs(table["P2 [bar]"] - p2).max() <= 0.5 * 250.0 / 4096 + 1e-9
+    assert np.abs(table["Position [mm]"] - 1e3 * x).max() <= 0.5 * 250.0 / 4096 + 1e-9
+
+
+def test_it_samples_at_two_hundred_hertz() -> None:
+    assert np.diff(seen(SILENT, still())["Time [s]"]) == pytest.approx(0.005)
+
+
+def test_noise_is_as_stated() -> None:
+    table = seen(SensorParameters(), still())
+    step = 250.0 / 4096
+    assert table["P1 [bar]"].std() == pytest.approx(np.hypot(0.05, step / np.sqrt(12.0)), rel=0.1)
+    assert table["Position [mm]"].std() == pytest.approx(np.hypot(0.03, step / np.sqrt(12.0)), rel=0.15)
+    assert np.corrcoef(table["P1 [bar]"], table["P2 [bar]"])[0, 1] == pytest.approx(0.0, abs=0.1)
+
+
+def test_offset_gain_and_drift_are_seen() -> None:
+    sensors = replace(
+        SILENT, bits=24, pressure_offset_pa=(0.5e5, -0.5e5), pressure_gain=(1.01, 1.0), pressure_drift_pa_s=(0.0, 100.0)
+    )
+    table = seen(sensors, still(20.0, 10.0), session_time_s=60.0)
+    assert table["P1 [bar]"].mean() == pytest.approx(20.7, abs=1e-3)
+    assert table["P2 [bar]"].iloc[0] == pytest.approx(9.5 + 0.06, abs=1e-3)
+    assert table["P2 [bar]"].iloc[-1] - table["P2 [bar]"].iloc[0] == pytest.approx(0.005, abs=1e-3)
+
+
+def test_the_anti_alias_filter_takes_what_the_logger_cannot_see() -> None:
+    trace = still()
+    trace["pressure_1_pa"] += 5e5 * np.sin(2.0 * np.pi * 195.0 * trace["time_s"])
+    table = seen(replace(SILENT, bits=24), trace)
+    assert np.abs(table["P1 [bar]"] - 20.0)[100:].max() < 1.0
+
+
+def test_the_range_ends_where_the_transmitter_does() -> None:
+    table = seen(SILENT, still(300.0, -5.0))
+    assert table["P1 [bar]"].max() == pytest.approx(250.0)
+    assert table["P2 [bar]"].min() == pytest.approx(-2.5, abs=0.05)
+
+
+def test_backlash_hides_small_motion() -> None:
+    trace = still()
+    trace["position_m"] += 5e-6 * np.sin(2.0 * np.pi * trace["time_s"])
+    assert seen(replace(SILENT, bits=24, backlash_m=2e-5), trace)["Position [mm]"].iloc[50:].std() < 1e-6
+    assert seen(replace(SILENT, bits=24), trace)["Position [mm]"].std() > 1e-3
+
+
+def test_a_sample_time_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"sample_time_s: got 0\.0025 s, but expected a multiple of the trace's step"):
+        seen(replace(SILENT, sample_time_s=0.0025), still())

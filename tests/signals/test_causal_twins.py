@@ -1,0 +1,114 @@
+"""One suite over every causal chain: what it must share with a filter that runs beside a machine."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay, run_causal
+from cylinder_friction.signals.rts import RtsSmoother
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+if TYPE_CHECKING:
+    from cylinder_friction.signals.causal import CausalBlock
+
+STEP_S = 0.005
+CHAINS = [MovingAverage(), OneSidedSavitzkyGolay(), SavitzkyGolay().twin(), RtsSmoother()]
+SAMPLES = np.random.default_rng(3).normal(size=(300, 3)) * [1e5, 1e5, 1e-3]
+
+
+@pytest.fixture(params=CHAINS, ids=lambda chain: type(chain).__name__)
+def block(request: pytest.FixtureRequest) -> CausalBlock:
+    return request.param.block(STEP_S)
+
+
+def outputs(block: CausalBlock, samples: np.ndarray) -> np.ndarray:
+    return block.advance(block.new_state(), samples)
+
+
+def test_future_changes_nothing(block: CausalBlock) -> None:
+    changed = SAMPLES.copy()
+    changed[200:] = 1e9
+    np.testing.assert_array_equal(outputs(block, changed)[:200], outputs(block, SAMPLES)[:200])
+    assert (outputs(block, changed)[200:] != outputs(block, SAMPLES)[200:]).any()
+
+
+@settings(max_examples=20, deadline=None)
+@given(cuts=st.lists(st.integers(0, 300), max_size=6))
+@pytest.mark.parametrize("chain", CHAINS, ids=lambda chain: type(chain).__name__)
+def test_cutting_the_input_changes_no_bit(chain: MovingAverage, cuts: list[int]) -> None:
+    block = chain.block(STEP_S)
+    state = block.new_state()
+    pieces = np.split(SAMPLES, sorted(cuts))
+    np.testing.assert_array_equal(
+        np.concatenate([block.advance(state, piece) for piece in pieces]), outputs(block, SAMPLES)
+    )
+
+
+def test_standstill_is_seen_from_the_first_sample(block: CausalBlock) -> None:
+    still = np.tile([3e5, 9e5, 0.1], (50, 1))
+    expected = np.tile([3e5, 9e5, 0.0, 0.0], (50, 1))
+    np.testing.assert_allclose(outputs(block, still), expected, rtol=1e-12, atol=1e-9)
+
+
+def test_constant_velocity_is_found(block: CausalBlock) -> None:
+    time_s = STEP_S * np.arange(400)
+    signals = run_causal(block, np.column_stack([0.0 * time_s, 0.0 * time_s, 0.03 * time_s]))
+    assert signals.velocity_m_s[-1] == pytest.approx(0.03, rel=1e-6)
+    assert signals.acceleration_m_s2[-1] == pytest.approx(0.0, abs=1e-6)
+
+
+def lag_s(rate: float, seen: np.ndarray, derivative: int) -> float:
+    """Returns how late a filtered sine is, from its phase."""
+    time_s = STEP_S * np.arange(len(seen))
+    late = slice(len(seen) // 2, None)
+    design = np.column_stack([np.sin(rate * time_s), np.cos(rate * time_s)])[late]
+    sine, cosine = np.linalg.lstsq(design, seen[late], rcond=None)[0]
+    phase = np.angle((sine + 1j * cosine) / 1j**derivative)
+    return float(-phase / rate)
+
+
+def test_paper_chain_is_as_late_as_its_windows_say() -> None:
+    rate = 2.0 * np.pi * 0.3
+    sine = np.sin(rate * STEP_S * np.arange(4000))
+    signals = MovingAverage().smooth(np.column_stack([sine, sine, sine]), STEP_S)
+    assert lag_s(rate, signals.pressure_1_smooth_pa, 0) == pytest.approx(0.0225, abs=1e-6)
+    assert lag_s(rate, signals.pressure_2_smooth_pa, 0) == pytest.approx(0.0225, abs=1e-6)
+    assert lag_s(rate, signals.velocity_m_s, 1) == pytest.approx(0.025, abs=1e-6)
+    assert lag_s(rate, signals.acceleration_m_s2, 2) == pytest.approx(0.100, abs=1e-6)
+
+
+def test_paper_chain_is_what_the_paper_says() -> None:
+    def average(values: np.ndarray, window: int) -> np.ndarray:
+        padded = np.concatenate([np.full(window - 1, values[0]), values])
+        return np.lib.stride_tricks.sliding_window_view(padded, window).mean(axis=1)
+
+    position = SAMPLES[:, 2]
+    velocity = np.diff(average(position, 10), prepend=position[0]) / STEP_S
+    acceleration = average(np.diff(velocity, prepend=0.0) / STEP_S, 30)
+    signals = MovingAverage().smooth(SAMPLES, STEP_S)
+    np.testing.assert_allclose(signals.pressure_1_smooth_pa, average(SAMPLES[:, 0], 10), rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(signals.velocity_m_s, velocity, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(signals.acceleration_m_s2, acceleration, rtol=1e-9, atol=1e-9)
+
+
+def test_noise_and_resolution_at_200_hz() -> None:
+    """A 12-bit potentiometer over 300 mm: 73 µm a bit, whose rounding is white noise of 21 µm."""
+    bit_m = 0.3 / 4096
+    noise_m = bit_m / np.sqrt(12.0)
+    _, velocity, acceleration = MovingAverage().taps(STEP_S)
+    _, raw_velocity, raw_acceleration = MovingAverage(1, 1).taps(STEP_S)
+    endpoint = OneSidedSavitzkyGolay().block(STEP_S).taps[2, 2]
+    endpoint_2 = OneSidedSavitzkyGolay(velocity_order=2).block(STEP_S).taps[2, 2]
+    assert bit_m * np.abs(raw_velocity).max() == pytest.approx(14.6e-3, rel=0.01)
+    assert bit_m * raw_acceleration[0] == pytest.approx(2.9, rel=0.02)
+    assert bit_m * np.abs(velocity).max() == pytest.approx(1.46e-3, rel=0.01)
+    assert bit_m * np.abs(acceleration).max() == pytest.approx(0.0098, rel=0.01)
+    assert noise_m * np.linalg.norm(raw_velocity) == pytest.approx(6.0e-3, rel=0.01)
+    assert noise_m * np.linalg.norm(velocity) == pytest.approx(0.60e-3, rel=0.01)
+    assert noise_m * np.linalg.norm(endpoint) == pytest.approx(1.4e-3, rel=0.03)
+    assert noise_m * np.linalg.norm(endpoint_2) == pytest.approx(0.58e-3, rel=0.01)

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cylinder_friction.signals.causal_chain import run_causal
+from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
+from cylinder_friction.signals.rts import RtsSmoother, at_least_converter, quantisation_step, smooth_states
+
+STEP_S = 0.005
+
+
+def least_squares(model: KalmanModel, measured: np.ndarray) -> np.ndarray:
+    """Returns the most likely states by solving for all of them at once: what the smoother must give."""
+    rows, size = len(measured), len(model.transition)
+
+    def root(covariance: np.ndarray) -> np.ndarray:
+        return np.linalg.inv(np.linalg.cholesky(covariance))
+
+    first, step = root(model.first_covariance), root(model.process_noise)
+    design, target = [], []
+    for row in range(rows):
+        block = np.zeros((1, rows * size))
+        block[0, row * size] = 1.0 / np.sqrt(model.measurement_noise)
+        design.append(block)
+        target.append([(measured[row] - measured[0]) / np.sqrt(model.measurement_noise)])
+        block = np.zeros((size, rows * size))
+        here = slice(row * size, (row + 1) * size)
+        if row == 0:
+            block[:, here] = first
+        else:
+            block[:, here] = step
+            block[:, (row - 1) * size : row * size] = -step @ model.transition
+        design.append(block)
+        target.append(np.zeros(size))
+    states = np.linalg.lstsq(np.concatenate(design), np.concatenate(target), rcond=None)[0].reshape(rows, size)
+    states[:, 0] += measured[0]
+    return states
+
+
+@pytest.mark.parametrize("rows", [1, 2, 60])
+def test_smoother_equals_least_squares(rows: int) -> None:
+    measured = np.cumsum(np.random.default_rng(0).normal(size=rows))
+    walk = random_walk(1.0, 2.0)
+    np.testing.assert_allclose(smooth_states(walk, measured), least_squares(walk, measured), rtol=1e-6, atol=1e-6)
+    motion = constant_jerk(50.0, 1e-3, 0.05)
+    got, expected = smooth_states(motion, 1e-2 * measured), least_squares(motion, 1e-2 * measured)
+    np.testing.assert_allclose(got, expected, rtol=1e-3, atol=1e-4)
+
+
+def test_steady_gain_of_a_random_walk_has_its_closed_form() -> None:
+    ratio = 0.7**2
+    gain = random_walk(0.7, 1.0).gains().filter[-1, 0]
+    assert gain == pytest.approx((-ratio + np.sqrt(ratio**2 + 4.0 * ratio)) / 2.0, rel=1e-8)
+
+
+def test_smoother_is_nearer_than_its_causal_twin() -> None:
+    generator = np.random.default_rng(5)
+    phase = 2.0 * np.pi * 0.5 * STEP_S * np.arange(4000)
+    position = 0.03 * np.sin(phase)
+    velocity = 0.03 * 2.0 * np.pi * 0.5 * np.cos(phase)
+    samples = np.zeros((4000, 3))
+    samples[:, 2] = position + generator.normal(0.0, 3e-5, 4000)
+    smoother = RtsSmoother()
+    late = slice(200, -200)
+    smooth = smoother.smooth(samples, STEP_S).velocity_m_s
+    causal = run_causal(smoother.block(STEP_S), samples).velocity_m_s
+    smooth_error, causal_error = (np.abs(each - velocity)[late].mean() for each in (smooth, causal))
+    assert smooth_error < 0.4 * causal_error
+    assert smooth_error < 1e-3
+
+
+def test_noise_is_never_below_the_converter() -> None:
+    bit = 0.25 / 4095
+    rounded = bit * np.round(np.random.default_rng(1).normal(0.1, 0.02, 2000) / bit)
+    assert quantisation_step(rounded) == pytest.approx(bit, rel=1e-6)
+    assert at_least_converter(1e-9, quantisation_step(rounded)) == pytest.approx(bit / np.sqrt(12.0), rel=1e-6)
+    assert at_least_converter(1e-3, bit) == 1e-3
+    assert quantisation_step(np.ones(5)) == 0.0
+
+
+def test_coarse_converter_is_smoothed_however_small_the_declared_noise() -> None:
+    bit = 6e4
+    wave = 3e5 + 1e5 * np.sin(2.0 * np.pi * 0.5 * STEP_S * np.arange(2000))
+    samples = np.column_stack([bit * np.round(wave / bit), wave, 1e-3 * wave / 1e5])
+    smooth = RtsSmoother(pressure_noise_pa=1e-3).smooth(samples, STEP_S).pressure_1_smooth_pa
+    assert np.abs(smooth - wave).mean() < 0.8 * np.abs(samples[:, 0] - wave).mean()
+
+
+def test_state_that_nothing_moves_is_refused() -> None:
+    with pytest.raises(ValueError, match="have not settled after .* raise the process noise"):
+        random_walk(0.0, 1.0).gains()

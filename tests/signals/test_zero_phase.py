@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.signals.causal_chain import MovingAverage
+from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.signals.rts import RtsSmoother
+from cylinder_friction.signals.smooth import SignalFilter
+from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
+
+STEP_S = 0.005
+ZERO_PHASE = [CentredMovingAverage(), SavitzkyGolay(), RtsSmoother()]
+COEFFICIENT = st.floats(-1.0, 1.0)
+
+
+@pytest.fixture(params=ZERO_PHASE, ids=lambda each: type(each).__name__)
+def zero_phase(request: pytest.FixtureRequest) -> SignalFilter:
+    return request.param
+
+
+def best_lag(seen: np.ndarray, true: np.ndarray) -> int:
+    """Returns the lag, in samples, at which the two correlate best."""
+    lags = range(-40, 41)
+    inner = slice(200, len(true) - 200)
+    return max(lags, key=lambda lag: float(np.dot(np.roll(seen, -lag)[inner], true[inner])))
+
+
+def test_no_lag_on_a_sine(zero_phase: SignalFilter) -> None:
+    rate = 2.0 * np.pi * 0.5
+    phase = rate * STEP_S * np.arange(4000)
+    samples = np.column_stack([3e5 * np.sin(phase), 3e5 * np.cos(phase), 0.05 * np.sin(phase)])
+    signals = zero_phase.smooth(samples, STEP_S)
+    assert best_lag(signals.pressure_1_smooth_pa, np.sin(phase)) == 0
+    assert best_lag(signals.pressure_2_smooth_pa, np.cos(phase)) == 0
+    assert best_lag(signals.velocity_m_s, np.cos(phase)) == 0
+    assert best_lag(signals.acceleration_m_s2, -np.sin(phase)) == 0
+    assert best_lag(MovingAverage().smooth(samples, STEP_S).acceleration_m_s2, -np.sin(phase)) == 20
+
+
+def test_backwards_in_time_is_the_mirror_image() -> None:
+    samples = np.random.default_rng(1).normal(size=(400, 3))
+    for each in (CentredMovingAverage(), SavitzkyGolay()):
+        there, back = each.smooth(samples, STEP_S), each.smooth(samples[::-1], STEP_S)
+        np.testing.assert_allclose(back.pressure_1_smooth_pa[::-1], there.pressure_1_smooth_pa, atol=1e-9)
+        np.testing.assert_allclose(back.velocity_m_s[::-1], -there.velocity_m_s, atol=1e-6)
+        np.testing.assert_allclose(back.acceleration_m_s2[::-1], there.acceleration_m_s2, atol=1e-6)
+
+
+@given(COEFFICIENT, COEFFICIENT, COEFFICIENT, COEFFICIENT)
+def test_savitzky_golay_is_exact_on_cubics_up_to_the_edges(a: float, b: float, c: float, d: float) -> None:
+    time_s = STEP_S * np.arange(300)
+    cubic = a + b * time_s + c * time_s**2 + d * time_s**3
+    quadratic = a + b * time_s + c * time_s**2
+    signals = SavitzkyGolay().smooth(np.column_stack([quadratic, quadratic, cubic]), STEP_S)
+    np.testing.assert_allclose(signals.pressure_1_smooth_pa, quadratic, atol=1e-9)
+    np.testing.assert_allclose(signals.velocity_m_s, b + 2 * c * time_s + 3 * d * time_s**2, atol=1e-8)
+    np.testing.assert_allclose(signals.acceleration_m_s2, 2 * c + 6 * d * time_s, atol=1e-6)
+
+
+@given(COEFFICIENT, COEFFICIENT, COEFFICIENT)
+def test_centred_moving_average_is_exact_on_parabolas_away_from_edges(a: float, b: float, c: float) -> None:
+    time_s = STEP_S * np.arange(300)
+    parabola = a + b * time_s + c * time_s**2
+    line = a + b * time_s
+    each = CentredMovingAverage()
+    signals = each.smooth(np.column_stack([line, line, parabola]), STEP_S)
+    inner = slice(each.reach(STEP_S).before, -each.reach(STEP_S).after)
+    np.testing.assert_allclose(signals.pressure_2_smooth_pa, line, atol=1e-9)
+    np.testing.assert_allclose(signals.velocity_m_s[inner], (b + 2 * c * time_s)[inner], atol=1e-9)
+    np.testing.assert_allclose(signals.acceleration_m_s2[inner], 2 * c, atol=1e-6)
+
+
+def test_reach_tells_which_rows_an_input_touches(zero_phase: SignalFilter) -> None:
+    samples = np.random.default_rng(2).normal(size=(400, 3)) * [1e5, 1e5, 1e-3]
+    changed = samples.copy()
+    changed[200] *= 2.0
+    reach = zero_phase.reach(STEP_S)
+    before, after = (zero_phase.smooth(each, STEP_S).columns() for each in (samples, changed))
+    for name, values in before.items():
+        difference = np.abs(after[name] - values)
+        outside = np.ones(len(values), dtype=bool)
+        outside[200 - reach.after : 200 + reach.before + 1] = False
+        # The smoother's memory never ends; no more than 1 % of the disturbance is left outside.
+        assert difference[outside].max() <= 0.011 * difference.max()
+
+
+def test_noise_of_savitzky_golay_at_200_hz() -> None:
+    impulse = np.zeros((401, 3))
+    impulse[200, 2] = 0.3 / 4096 / np.sqrt(12.0)
+    cubic, parabola = SavitzkyGolay(), SavitzkyGolay(velocity_order=2)
+    assert np.linalg.norm(cubic.smooth(impulse, STEP_S).velocity_m_s) == pytest.approx(0.38e-3, rel=0.03)
+    assert np.linalg.norm(parabola.smooth(impulse, STEP_S).velocity_m_s) == pytest.approx(0.15e-3, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"velocity_window": 20}, "for velocity: expected an odd window .* got window 20 and order 3"),
+        ({"pressure_window": 3, "pressure_order": 3}, "for pressure: expected an odd window longer than its order"),
+        ({"acceleration_order": 1}, "for acceleration: .* an order of at least 2, but got window 41 and order 1"),
+    ],
+)
+def test_impossible_savitzky_golay_is_refused(parameters: dict[str, int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        SavitzkyGolay(**parameters)
+
+
+def test_too_short_recordings_are_refused() -> None:
+    for each in (CentredMovingAverage(), SavitzkyGolay()):
+        with pytest.raises(ValueError, match="got 20 samples, but"):
+            each.smooth(np.zeros((20, 3)), STEP_S)
+
+
+def test_every_method_has_its_filter() -> None:
+    filters = filters_by_method({"window": 4}, {"velocity_window": 9}, {"pressure_noise_pa": 1.0})
+    assert filters == {
+        "moving_average": MovingAverage(4),
+        "moving_average_centred": CentredMovingAverage(4),
+        "savitzky_golay": SavitzkyGolay(velocity_window=9),
+        "rts": RtsSmoother(pressure_noise_pa=1.0),
+    }

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pytest
+from pydantic import ValidationError
+
+from cylinder_friction.params import CylinderParams, Params, RecordParams
+from cylinder_friction.rig import TRUTH_COLUMNS
+from cylinder_friction.stages import record
+from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, hash_of
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+SETTINGS: dict[str, Any] = {
+    "seed": 5,
+    "sessions_per_test": 1,
+    "recordings_per_session": 1,
+    "duration_s": 3.0,
+    "sample_time_s": 0.005,
+    "time_step_s": 5e-5,
+    "supply": "industrial",
+    "zeroed": True,
+    "residual_offset_bar": 0.05,
+    "fault": "none",
+}
+
+
+def params(cylinder: Cylinder, **changes: Any) -> Params:
+    section = RecordParams(**{**SETTINGS, **changes})
+    return Params.model_construct(cylinder=CylinderParams(**cylinder.__dict__), record=section)
+
+
+@pytest.fixture(autouse=True)
+def _workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_it_writes_what_a_logger_would_and_the_truth_elsewhere(cylinder: Cylinder) -> None:
+    done = record.run(params(cylinder))
+    names = [f"test{test}_session01_recording01" for test in "1234"]
+    assert sorted(path.name for path in RIG_FOLDER.iterdir()) == [f"{name}.csv" for name in names]
+    assert sorted(path.name for path in RIG_TRUTH_FOLDER.iterdir()) == [f"{name}.parquet" for name in names]
+    lines = (RIG_FOLDER / f"{names[0]}.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "Time [s],P1 [bar],P2 [bar],Position [mm]"
+    assert [line.split(",")[0] for line in lines[1:4]] == ["0.000", "0.005", "0.010"]
+    assert len(lines) == 601
+    truth = pd.read_parquet(RIG_TRUTH_FOLDER / f"{names[3]}.parquet")
+    assert tuple(truth.columns) == TRUTH_COLUMNS
+    assert done.metrics["recordings"] == 4.0
+    assert done.metrics["seconds"] == 12.0
+    assert done.metrics["test_4.mean_friction_n"] > 0.0
+    assert done.datasets == {"rig": hash_of(RIG_FOLDER), "rig_truth": hash_of(RIG_TRUTH_FOLDER)}
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(cylinder: Cylinder) -> None:
+    first, second = (record.run(params(cylinder, duration_s=1.0)) for _ in range(2))
+    assert first.to_dict() == second.to_dict()
+    other = record.run(params(cylinder, duration_s=1.0, seed=6))
+    assert other.datasets["rig"] != first.datasets["rig"]
+
+
+def test_no_sessions_leave_a_note_in_both_folders(cylinder: Cylinder) -> None:
+    record.run(params(cylinder, duration_s=1.0))
+    done = record.run(params(cylinder, sessions_per_test=0))
+    assert [path.name for path in RIG_FOLDER.iterdir()] == ["README.txt"]
+    assert [path.name for path in RIG_TRUTH_FOLDER.iterdir()] == ["README.txt"]
+    assert done.metrics["recordings"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("time_step_s", 3e-5, "must divide one millisecond without remainder"),
+        ("time_step_s", 1e-3, "less than or equal to 0.0002"),
+        ("sample_time_s", 0.0005, "must be a whole number of milliseconds"),
+        ("duration_s", 1.00005, "must be a whole number of milliseconds"),
+        ("fault", "rust", "Input should be 'none', 'wear'"),
+    ],
+)
+def test_impossible_values_are_refused_by_name(key: str, value: Any, message: str) -> None:
+    with pytest.raises(ValidationError, match=message) as refusal:
+        RecordParams(**{**SETTINGS, key: value})
+    assert refusal.value.errors()[0]["loc"] == (key,)
