@@ -6,7 +6,6 @@ ratio. Run from the repository's root after ``dvc repro``:
 
     .venv/bin/python benchmarks/lugre_best_possible.py
 """
-# ruff: noqa: T201 - a command that prints its result
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
-PICTURES = {"figure_6_friction_over_time.png": "docs/images/friction_over_time.png"}
+PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.png"}
 
 
 def update_readme(readme: Path, reports: Path) -> None:

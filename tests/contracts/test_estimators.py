@@ -105,9 +105,7 @@ def test_cutting_the_input_into_pieces_changes_nothing(
     state = estimator.new_state()
     edges = [0, *sorted(cuts), 400]
     pieces = [
-        estimator.advance(state, short.samples()[start:end])
-        for start, end in itertools.pairwise(edges)
-        if end > start
+        estimator.advance(state, short.samples()[start:end]) for start, end in itertools.pairwise(edges) if end > start
     ]
     np.testing.assert_array_equal(np.concatenate(pieces), estimator.estimate(short))
 

@@ -86,7 +86,7 @@ def identified(
 ) -> Identification:
     return identify(
         recordings,
-        {"exact": lambda recording: recording.column("velocity_m_s")},
+        {"exact": lambda recording: with_dead_band(recording.column("velocity_m_s"), DEAD_BAND_M_S)},
         (lambda recording: recording.samples()[:, :2].sum(axis=1)) if with_pressure else None,
         effort,
         mass_kg=mass_kg,

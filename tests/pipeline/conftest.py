@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
+
 from pipeline_workspace import new_repository, run
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import mlflow
 import pytest
+
 from pipeline_workspace import copy_of, environment, run, without_results_of
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
+
 from pipeline_workspace import BIN, PROJECT, copy_of, environment, run
 
 if TYPE_CHECKING:

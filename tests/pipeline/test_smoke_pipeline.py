@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mlflow
 import pytest
 import yaml
+
 from pipeline_workspace import PROJECT, commit, copy_of, environment, new_repository, run
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
 
@@ -44,9 +48,7 @@ def test_a_second_repro_runs_nothing(finished_pipeline: Path) -> None:
     assert "up to date" in done.stdout
 
 
-def test_a_second_run_from_nothing_gives_the_same_metrics_bit_for_bit(
-    finished_pipeline: Path, tmp_path: Path
-) -> None:
+def test_a_second_run_from_nothing_gives_the_same_metrics_bit_for_bit(finished_pipeline: Path, tmp_path: Path) -> None:
     again = new_repository(tmp_path / "again")
     run(again, "dvc", "repro", "compare")
     assert metrics_of(again) == metrics_of(finished_pipeline)

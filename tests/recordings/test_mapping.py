@@ -35,7 +35,7 @@ def test_missing_channel_names_what_there_is() -> None:
 
 
 def test_channel_that_occurs_twice_is_refused() -> None:
-    with pytest.raises(RecordingError, match="'a' .* occurs 2 times"):
+    with pytest.raises(RecordingError, match=r"'a' .* occurs 2 times"):
         apply_mapping(pd.concat([channels(), channels()[["a"]]], axis=1), MAPPING)
 
 

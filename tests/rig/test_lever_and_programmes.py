@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from cylinder_friction.rig import RigParameters, balanced_state, programme, simulate
-from cylinder_friction.rig.lever import CHAINED, SINE, hand_remnant, hand_step, new_hand, ornstein_uhlenbeck
+from cylinder_friction.rig.lever import (
+    APPROACH,
+    CHAINED,
+    KIND,
+    SINE,
+    hand_remnant,
+    hand_step,
+    new_hand,
+    ornstein_uhlenbeck,
+)
 from cylinder_friction.rig.programmes import lever_for_speed
 
 if TYPE_CHECKING:
@@ -16,7 +25,7 @@ MIDDLE_M, OVERLAP = 0.125, 0.1
 
 
 def row(target: float, move_s: float, hold_s: float, *, low: float = 0.03, high: float = 0.22, chained: float = 0.0):
-    return [0.0, target, move_s, hold_s, 0.0, low, high, 0.3, chained]
+    return [0.0, target, move_s, hold_s, 0.0, low, high, 0.3, chained, 1.0]
 
 
 def test_a_move_is_smooth_and_reaches_its_target() -> None:
@@ -39,6 +48,14 @@ def test_near_the_end_the_hand_reverses_after_its_reaction_time() -> None:
     # 20 mm at 50 mm/s take 0.4 s after the lever has left the overlap; then 0.3 s of reaction.
     assert 0.7 < seen < 0.9
     assert levers[-1] == pytest.approx(-0.4), "the correction is skipped, and the next stroke points away from the end"
+
+
+def test_an_approach_is_left_out_where_the_piston_is_there_already() -> None:
+    hand, there = new_hand(), np.array([row(-0.6, 0.2, 20.0), row(0.4, 0.2, 20.0)])
+    there[0, KIND] = APPROACH
+    levers = [hand_step(hand, there, 0.0, 0.02, OVERLAP, MIDDLE_M) for _ in range(500)]
+    assert min(levers) > -1e-3
+    assert levers[-1] == pytest.approx(0.4)
 
 
 def test_the_remnant_is_small_and_trembles_at_ten_hertz() -> None:

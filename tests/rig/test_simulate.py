@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,11 +75,14 @@ def test_a_finer_step_comes_closer_to_the_reference(rigs: dict[str, RigParameter
 
 
 @pytest.mark.parametrize("fill_pa", [2e5, 20e5])
-def test_nothing_moves_while_the_lever_rests(rigs: dict[str, RigParameters], fill_pa: float) -> None:
-    rig = rigs["1"]
-    trace = simulate(rig, np.zeros(10_002), balanced_state(rig, 0.1, fill_pa, 35.0), 10.0)
-    assert (trace["position_m"] - 0.1).abs().max() < 2e-5
-    assert trace["velocity_m_s"].abs().max() < 1e-5
+def test_nothing_moves_while_the_lever_rests_but_by_leakage(rigs: dict[str, RigParameters], fill_pa: float) -> None:
+    rig, lever = rigs["1"], np.zeros(10_002)
+    tight = replace(rig, hydraulics=replace(rig.hydraulics, leakage_m3_s_pa=0.0))
+    start = balanced_state(rig, 0.1, fill_pa, 35.0)
+    assert (simulate(tight, lever, start, 10.0)["position_m"] - 0.1).abs().max() < 1e-9
+    leaking = simulate(rig, lever, start, 10.0)
+    leak_m3 = rig.hydraulics.leakage_m3_s_pa / 0.8 * (start.pressure_2_pa - start.pressure_1_pa) * 10.0
+    assert (leaking["position_m"] - 0.1).abs().max() < leak_m3 / rig.hydraulics.annulus_area_m2
 
 
 @pytest.mark.parametrize("test", TESTS)

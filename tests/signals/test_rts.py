@@ -88,5 +88,5 @@ def test_coarse_converter_is_smoothed_however_small_the_declared_noise() -> None
 
 
 def test_state_that_nothing_moves_is_refused() -> None:
-    with pytest.raises(ValueError, match="have not settled after .* raise the process noise"):
+    with pytest.raises(ValueError, match=r"have not settled after .* raise the process noise"):
         random_walk(0.0, 1.0).gains()

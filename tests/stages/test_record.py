@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -13,6 +12,8 @@ from cylinder_friction.stages import record
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, hash_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from cylinder_friction.cylinder import Cylinder
 
 SETTINGS: dict[str, Any] = {

@@ -24,7 +24,7 @@ from cylinder_friction.recordings import RecordingError
 from cylinder_friction.signals.causal import FirFilter, FirState, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -33,13 +33,39 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-VELOCITY_FILTERS = {
-    f"savitzky_golay_{window}_{order}": (window, order) for window, order in ((11, 1), (15, 1), (21, 1), (31, 2))
-}
-"""One-sided Savitzky-Golay differentiators on offer, window in samples and order; the training error chooses."""
+VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
+"""One-sided Savitzky-Golay differentiators on offer, window in samples and order."""
+
+DEAD_BAND_FACTORS = (1.0, 1.5, 2.0)
+"""Dead bands on offer, in the configured one: a short window is quick and noisy, and wants a wide band."""
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
 """What one LuGre step costs beside the velocity filter: five exponentials or logarithms at about 16, and the rest."""
+
+
+@dataclass(frozen=True)
+class VelocitySense:
+    """How velocity is made from raw position, sample by sample; identification chooses one by its training error.
+
+    Attributes:
+        window: Samples of a one-sided Savitzky-Golay differentiator.
+        order: Order of its polynomial.
+        dead_band_m_s: Slower counts as standstill [m/s].
+    """
+
+    window: int
+    order: int
+    dead_band_m_s: float
+
+    def filter(self, sample_time_s: float) -> FirFilter:
+        """Returns the causal differentiator from position [m] to velocity [m/s]."""
+        return FirFilter(one_sided_savitzky_golay_taps(self.window, self.order, 1, sample_time_s)[None, None, :])
+
+    def velocity(self, recording: Recording) -> Array:
+        """Returns the velocity that drives the model through a recording [m/s], shape ``(n,)``."""
+        block = self.filter(recording.sample_time_s)
+        smooth = block.advance(block.new_state(), recording.samples()[:, 2:3])[:, 0]
+        return with_dead_band(smooth, self.dead_band_m_s)
 
 
 @dataclass
@@ -60,14 +86,14 @@ class LugreEstimator(FrictionEstimator):
         population: Members of differential evolution, a coordinate.
         generations: Greatest number of generations.
         simulated_recordings: How many recordings differential evolution simulates.
-        velocity_dead_band_m_s: Slower counts as standstill [m/s].
+        velocity_dead_band_m_s: Slower counts as standstill, at least; see ``DEAD_BAND_FACTORS`` [m/s].
         damping_ratio: Damping ratio of the moving mass on the bristles.
         confidence: Probability of the confidence intervals.
 
     Attributes:
         parameters: The model; None before ``fit``.
         intervals: Confidence interval of every parameter that was searched.
-        velocity_filter: Name in ``VELOCITY_FILTERS``.
+        sense: How velocity is made from position; None before ``fit``.
         identification: All that ``fit`` found; None for a loaded estimator.
     """
 
@@ -95,7 +121,7 @@ class LugreEstimator(FrictionEstimator):
         self.confidence = confidence
         self.parameters: LugreParameters | None = None
         self.intervals: dict[str, tuple[float, float]] = {}
-        self.velocity_filter = next(iter(VELOCITY_FILTERS))
+        self.sense: VelocitySense | None = None
         self.identification: Identification | None = None
         self._filter: FirFilter | None = None
 
@@ -114,7 +140,7 @@ class LugreEstimator(FrictionEstimator):
         self._begin_fit(chosen)
         found = self._identify(chosen, self.effort)
         self.parameters, self.intervals, self.identification = found.parameters, found.intervals, found
-        self._use_filter(found.velocity_filter)
+        self._use(self._senses()[found.velocity])
 
     def best_possible(self, recordings: Sequence[Recording], effort: SearchEffort) -> Identification:
         """Returns what the best parameters of this model's class reach on given recordings, fitted to them directly.
@@ -132,26 +158,27 @@ class LugreEstimator(FrictionEstimator):
     def advance(self, state: LugreState, samples: Array) -> Array:
         assert self.parameters is not None
         assert self._filter is not None
+        assert self.sense is not None
         assert self.sample_time_s is not None
         velocity = self._filter.advance(state.position, samples[:, 2:3])[:, 0]
         pressure = scaling_pressure(samples) if self.pressure_scaled else None
         return simulate(
             self.parameters,
-            with_dead_band(velocity, self.velocity_dead_band_m_s),
+            with_dead_band(velocity, self.sense.dead_band_m_s),
             self.sample_time_s,
             state.bristle_m,
             pressure,
         )
 
     def multiply_adds(self) -> int:
-        return LUGRE_STEP_MULTIPLY_ADDS + VELOCITY_FILTERS[self.velocity_filter][0]
+        return LUGRE_STEP_MULTIPLY_ADDS + (0 if self.sense is None else self.sense.window)
 
     def _identify(
         self, recordings: Sequence[Recording], effort: SearchEffort, also_from: Sequence[LugreParameters] = ()
     ) -> Identification:
         return identify(
             recordings,
-            {name: _velocity_with(name) for name in VELOCITY_FILTERS},
+            {name: sense.velocity for name, sense in self._senses().items()},
             (lambda recording: scaling_pressure(recording.samples())) if self.pressure_scaled else None,
             effort,
             mass_kg=self.cylinder.moving_mass_kg,
@@ -161,19 +188,27 @@ class LugreEstimator(FrictionEstimator):
             also_from=also_from,
         )
 
-    def _use_filter(self, name: str) -> None:
+    def _senses(self) -> dict[str, VelocitySense]:
+        senses = [
+            VelocitySense(window, order, factor * self.velocity_dead_band_m_s)
+            for window, order in VELOCITY_FILTERS
+            for factor in DEAD_BAND_FACTORS
+        ]
+        return {repr(sense): sense for sense in senses}
+
+    def _use(self, sense: VelocitySense) -> None:
         assert self.sample_time_s is not None
-        self.velocity_filter = name
-        self._filter = velocity_filter(name, self.sample_time_s)
+        self.sense, self._filter = sense, sense.filter(self.sample_time_s)
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
         assert self.parameters is not None
+        assert self.sense is not None
         return {
             "cylinder": asdict(self.cylinder),
             "test": self.test,
             "sample_time_s": self.sample_time_s,
-            "velocity_filter": self.velocity_filter,
-            "velocity_dead_band_m_s": self.velocity_dead_band_m_s,
+            "velocity": asdict(self.sense),
+            "least_velocity_dead_band_m_s": self.velocity_dead_band_m_s,
             "damping_ratio": self.damping_ratio,
             "confidence": self.confidence,
             "interval_method": INTERVAL_METHOD,
@@ -192,7 +227,7 @@ class LugreEstimator(FrictionEstimator):
         estimator = cls(
             Cylinder(**parameters["cylinder"]),
             test=parameters["test"],
-            velocity_dead_band_m_s=parameters["velocity_dead_band_m_s"],
+            velocity_dead_band_m_s=parameters["least_velocity_dead_band_m_s"],
             damping_ratio=parameters["damping_ratio"],
             confidence=parameters["confidence"],
         )
@@ -202,7 +237,7 @@ class LugreEstimator(FrictionEstimator):
             name: (entry["interval"][0], entry["interval"][1]) for name, entry in model.items() if entry["interval"]
         }
         estimator.sample_time_s = parameters["sample_time_s"]
-        estimator._use_filter(parameters["velocity_filter"])
+        estimator._use(VelocitySense(**parameters["velocity"]))
         return estimator
 
 
@@ -220,17 +255,3 @@ class PressureLugreEstimator(LugreEstimator):
 def scaling_pressure(samples: Array) -> Array:
     """Returns the pressure that scales dry friction, P1 + P2 [Pa], shape ``(n,)``, of raw samples, shape ``(n, 3)``."""
     return np.ascontiguousarray(samples[:, 0] + samples[:, 1])
-
-
-def velocity_filter(name: str, sample_time_s: float) -> FirFilter:
-    """Returns the causal differentiator from position [m] to velocity [m/s] of that name in ``VELOCITY_FILTERS``."""
-    window, order = VELOCITY_FILTERS[name]
-    return FirFilter(one_sided_savitzky_golay_taps(window, order, 1, sample_time_s)[None, None, :])
-
-
-def _velocity_with(name: str) -> Callable[[Recording], Array]:
-    def velocity(recording: Recording) -> Array:
-        block = velocity_filter(name, recording.sample_time_s)
-        return block.advance(block.new_state(), recording.samples()[:, 2:3])[:, 0]
-
-    return velocity

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from cylinder_friction.estimators.checkpoint import Checkpoint
 
-TORCH_THREADS = 2
-"""Fixed, so that sums are added in the same order on every run."""
+TORCH_THREADS = 1
+"""At these sizes a second thread costs more than it gives; fixed, sums are added in the same order on every run."""
 
 EpochReport = Callable[[int, float, float], None]
 

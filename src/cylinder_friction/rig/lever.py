@@ -21,10 +21,12 @@ if TYPE_CHECKING:
 TICK_S = 0.001
 """The hand is looked at this often; between two ticks the lever moves in a straight line."""
 
-KIND, TARGET, MOVE_S, HOLD_S, FREQUENCY_HZ, LOW_M, HIGH_M, REACTION_S, CHAINED = range(9)
-"""Columns of the table of actions."""
-MOVE, RAMP, SINE = 0.0, 1.0, 2.0
-"""Kinds: a minimum-jerk move to a target, a straight ramp, a sine that keeps to the middle of the stroke."""
+KIND, TARGET, MOVE_S, HOLD_S, FREQUENCY_HZ, LOW_M, HIGH_M, REACTION_S, CHAINED, SHAKE = range(10)
+"""Columns of the table of actions; ``SHAKE`` is 1 for a free hand, less for one that rests on a stop."""
+MOVE, RAMP, SINE, APPROACH = 0.0, 1.0, 2.0, 3.0
+"""Kinds: a minimum-jerk move to a target, a straight ramp, a sine that keeps to the middle of the stroke, and a move
+that is left out where the piston is there already. A move or ramp that would lead beyond its limits goes the other
+way instead."""
 
 ROW, TIME_S, START, BASE, SIGN, NOTICED_S = range(6)
 """Entries of the hand's state: the row it carries out and since when, lever at its start and now, its sign, and for
@@ -39,7 +41,7 @@ class LeverProgramme:
     """What the operator means to do, and how the hand shakes.
 
     Attributes:
-        actions: Shape ``(rows, 9)``, columns as ``KIND`` ... ``CHAINED``.
+        actions: Shape ``(rows, 10)``, columns as ``KIND`` ... ``SHAKE``.
         remnant: Shape ``(ticks,)``: what the hand adds without meaning to, at full lever.
     """
 
@@ -63,7 +65,9 @@ def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overla
     if hand[TIME_S] == 0.0 and row[CHAINED] == 0.0:
         hand[SIGN] = 1.0
         beyond = (row[TARGET] > 0.0 and position_m > row[HIGH_M]) or (row[TARGET] < 0.0 and position_m < row[LOW_M])
-        if beyond and row[KIND] != SINE:
+        if beyond and row[KIND] == APPROACH:
+            hand[NOTICED_S] = row[REACTION_S]
+        elif beyond and row[KIND] != SINE:
             hand[SIGN] = -1.0
     hand[TIME_S] += TICK_S
     hand[BASE] = _meant(hand, row, position_m, middle_m)
@@ -71,7 +75,7 @@ def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overla
     reverse = hand[NOTICED_S] >= row[REACTION_S]
     if reverse or hand[TIME_S] >= row[MOVE_S] + row[HOLD_S]:
         _next_row(hand, actions, reverse)
-    grip = min(max((abs(hand[BASE]) - RELEASED) / 0.1, 0.0), 1.0)
+    grip = row[SHAKE] * min(max((abs(hand[BASE]) - RELEASED) / 0.1, 0.0), 1.0)
     return min(max(hand[BASE] + grip * remnant, -1.0), 1.0)
 
 
@@ -84,7 +88,7 @@ def _meant(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
         wave = math.sin(2.0 * math.pi * row[FREQUENCY_HZ] * time_s)
         return row[TARGET] * grown * (wave - 0.5 * min(max((position_m - middle_m) / 0.05, -1.0), 1.0))
     part = min(time_s / row[MOVE_S], 1.0)
-    if row[KIND] == MOVE:
+    if row[KIND] != RAMP:
         # Minimum jerk (Flash and Hogan, 1985).
         part = part * part * part * (10.0 + part * (6.0 * part - 15.0))
     return hand[START] + (hand[SIGN] * row[TARGET] - hand[START]) * part
@@ -94,7 +98,10 @@ def _meant(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
 def _notice(hand: Any, row: Any, position_m: float, overlap: float) -> None:
     if row[KIND] == SINE:
         return
-    near = (hand[BASE] > overlap and position_m > row[HIGH_M]) or (hand[BASE] < -overlap and position_m < row[LOW_M])
+    meant = hand[SIGN] * row[TARGET]
+    out = meant > 0.0 and hand[BASE] > overlap
+    back = meant < 0.0 and hand[BASE] < -overlap
+    near = (out and position_m > row[HIGH_M]) or (back and position_m < row[LOW_M])
     if hand[NOTICED_S] >= 0.0:
         hand[NOTICED_S] += TICK_S
     elif near:

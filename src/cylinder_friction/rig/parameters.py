@@ -37,7 +37,8 @@ class FrictionParameters:
         stiffness_n_m: Presliding stiffness of each element [N/m].
         share: Share of each element in the strength; they sum to 1.
         attraction_n_s: How fast a slipping element is drawn to its strength, the frictional lag [N/s].
-        damping_n_s_m: Presliding damping [N s/m].
+        damping_n_s_m: Presliding damping [N s/m]; fading, it drives with up to 0.45 of this, which the viscous
+            coefficient of warm oil must outweigh, or the rig chatters at the oil's resonance.
         damping_velocity_m_s: Above it the presliding damping fades [m/s].
         film_build_s: Time constant of the film as it builds [s].
         film_squeeze_s: Time constant of the film as it thins in motion [s].
@@ -62,7 +63,7 @@ class FrictionParameters:
     stiffness_n_m: tuple[float, float, float, float] = (2.2e6, 1.4e6, 0.9e6, 0.5e6)
     share: tuple[float, float, float, float] = (0.15, 0.20, 0.30, 0.35)
     attraction_n_s: float = 6e4
-    damping_n_s_m: float = 9000.0
+    damping_n_s_m: float = 2000.0
     damping_velocity_m_s: float = 0.002
     film_build_s: float = 0.05
     film_squeeze_s: float = 0.2

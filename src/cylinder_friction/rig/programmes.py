@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.rig.lever import MOVE, RAMP, SINE, LeverProgramme, hand_remnant
+from cylinder_friction.rig.lever import APPROACH, MOVE, RAMP, SINE, LeverProgramme, hand_remnant
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -52,7 +52,7 @@ def hand_work(rig: RigParameters, generator: Generator, duration_s: float) -> li
         elif kind == 1:
             rows += _inching(rig, generator, direction)
         elif kind == 2:
-            rows.append(_row(0.0, generator.uniform(0.12, 0.3), 0.5 * (1.0 + generator.pareto(1.5))))
+            rows.append(_row(0.0, generator.uniform(0.12, 0.3), min(0.5 * (1.0 + generator.pareto(1.5)), 20.0)))
         else:
             # A change of mind in mid-stroke: straight from one direction into the other.
             rows += _stroke(rig, generator, direction)[:1] + _stroke(rig, generator, -direction)[:1]
@@ -61,13 +61,16 @@ def hand_work(rig: RigParameters, generator: Generator, duration_s: float) -> li
 
 
 def staircase(rig: RigParameters, generator: Generator, steps: int = 6) -> list[Row]:
-    """Returns strokes at constant speeds, spaced logarithmically from 1.5 to 45 mm/s, out and back."""
+    """Returns strokes at constant speeds, about 1.5 to 45 mm/s, out and back, the lever held against a stop."""
     low, high = 0.05 * rig.hydraulics.stroke_m, 0.92 * rig.hydraulics.stroke_m
-    rows: list[Row] = [_row(lever_for_speed(rig, -0.06), 0.3, 8.0, low=0.06 * rig.hydraulics.stroke_m)]
+    rows: list[Row] = [
+        (APPROACH, lever_for_speed(rig, -0.045), 0.3, 8.0, 0.0, 0.13 * rig.hydraulics.stroke_m, 9.0, 0.3, 0.0, 1.0),
+        _row(0.0, 0.2, 0.4),
+    ]
     for sign in (1.0, -1.0):
         speeds = np.geomspace(0.0015, 0.045, steps) * generator.uniform(0.8, 1.25, steps)
         rows += [
-            _row(lever_for_speed(rig, sign * speed), 0.15, 1.6 - 0.12 * step, low, high)
+            _row(lever_for_speed(rig, sign * speed), 0.15, 1.6 - 0.12 * step, low, high, shake=0.08)
             for step, speed in enumerate(speeds)
         ]
     return [*rows, _row(0.0, 0.2, 0.4)]
@@ -79,7 +82,7 @@ def sines(rig: RigParameters, generator: Generator, duration_s: float) -> list[R
     for _ in range(2):
         size = lever_for_speed(rig, generator.uniform(0.015, 0.06))
         frequency_hz = generator.uniform(0.25, 1.2)
-        rows.append((SINE, size, 0.2, duration_s / 2.0 - 0.2, frequency_hz, -1.0, 9.0, 0.3, 0.0))
+        rows.append((SINE, size, 0.2, duration_s / 2.0 - 0.2, frequency_hz, -1.0, 9.0, 0.3, 0.0, 1.0))
     return rows
 
 
@@ -90,7 +93,7 @@ def breakaway_ramps(rig: RigParameters, generator: Generator, ramps: int = 3) ->
     for _ in range(ramps):
         rows.append(_row(0.0, 0.15, generator.uniform(0.5, 4.0)))
         lever = lever_for_speed(rig, direction * generator.uniform(0.004, 0.015))
-        rows.append((RAMP, lever, generator.uniform(0.8, 2.0), 0.3, 0.0, *_limits(rig, generator), 0.3, 0.0))
+        rows.append((RAMP, lever, generator.uniform(0.8, 2.0), 0.3, 0.0, *_limits(rig, generator), 0.3, 0.0, 0.3))
         direction = -direction
     return rows
 
@@ -119,8 +122,9 @@ def _row(
     high: float = 9.0,
     reaction_s: float = 0.3,
     chained: bool = False,
+    shake: float = 1.0,
 ) -> Row:
-    return (MOVE, target, move_s, hold_s, 0.0, low, high, reaction_s, float(chained))
+    return (MOVE, target, move_s, hold_s, 0.0, low, high, reaction_s, float(chained), shake)
 
 
 def _limits(rig: RigParameters, generator: Generator) -> tuple[float, float]:

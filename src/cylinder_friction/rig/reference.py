@@ -2,7 +2,7 @@
 
 Every switch of a friction element between sticking and slipping is found as an event, where the solver restarts.
 Orders of magnitude slower than ``simulate``; it uses the same laws of oil and friction but shares no line of the
-integration.
+integration. Compiled anew in each process: numba's cache on disk would miss changes of those laws in other files.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def solve_reference(
     return pd.DataFrame(rows, columns=columns)
 
 
-@numba.njit(cache=True)
+@numba.njit
 def _level(f: Any, y: Any, state: Any) -> float:
     """Returns the Stribeck strength [N], the mean of both directions."""
     place = place_factor(f, state[POSITION], y.stroke_m, 1.0)
@@ -94,7 +94,7 @@ def _level(f: Any, y: Any, state: Any) -> float:
     return strength(f, coulomb, state[VELOCITY], state[FILM], viscosity_ratio(f, state[OIL]))
 
 
-@numba.njit(cache=True)
+@numba.njit
 def _derivatives(f: Any, y: Any, lever: Any, slips: Any, time_s: float, state: Any) -> Any:
     p1, p2, ps, x, v, film, spool, oil = state[:8]
     tick = int(time_s / TICK_S)
@@ -131,7 +131,7 @@ def _derivatives(f: Any, y: Any, lever: Any, slips: Any, time_s: float, state: A
     return slope
 
 
-@numba.njit(cache=True)
+@numba.njit
 def _over_limit(f: Any, y: Any, state: Any, i: int) -> float:
     """Returns by how much an element's force exceeds what it can hold [N]; negative while the motion relieves it."""
     force = state[8 + i]

@@ -7,14 +7,20 @@ position; the pressures with their orifices' slopes implicit; then friction elem
 
 from __future__ import annotations
 
+import inspect
 import math
+import sys
+import zlib
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.rig import friction, hydraulics
+from cylinder_friction.rig import lever as lever_module
 from cylinder_friction.rig.friction import (
     coulomb_friction,
     damping,
@@ -113,7 +119,7 @@ def simulate(
         drift = np.ones(2)
     scripted = not isinstance(lever, LeverProgramme)
     script = np.asarray(lever if scripted else lever.remnant, dtype=np.float64)  # type: ignore[union-attr]
-    actions = np.zeros((1, 9)) if isinstance(lever, np.ndarray) else lever.actions
+    actions = np.zeros((1, 10)) if isinstance(lever, np.ndarray) else lever.actions
     if len(script) < ticks:
         raise ValueError(f"lever: got {len(script)} values, but {duration_s} s need {ticks}, one each millisecond")
     trace = np.empty((steps // log_steps, len(TRACE_COLUMNS)))
@@ -125,7 +131,7 @@ def simulate(
         start.film,
         start.oil_temperature_c,
     )
-    _run(
+    _compiled(_sources())(
         friction_constants(rig.friction),
         hydraulic_constants(rig.hydraulics),
         scripted,
@@ -133,9 +139,7 @@ def simulate(
         np.asarray(actions, dtype=np.float64),
         np.asarray(drift, dtype=np.float64),
         begin,
-        time_step_s,
-        tick_steps,
-        log_steps,
+        (time_step_s, tick_steps, log_steps),
         trace,
     )
     if not np.isfinite(trace[-1]).all():
@@ -152,6 +156,29 @@ def _whole(long: float, short: float, long_name: str, short_name: str) -> int:
     return count
 
 
+def _sources() -> int:
+    """Returns a number that changes with the source of anything that ``_run`` calls."""
+    called = (friction, hydraulics, lever_module, sys.modules[__name__])
+    return zlib.crc32("".join(inspect.getsource(module) for module in called).encode())
+
+
+@cache
+def _compiled(sources: int) -> Any:
+    """Returns ``_run`` out of numba's cache on disk, which by itself would miss changes in other files.
+
+    The cache's key has the values that a function closes over, so ``sources`` becomes part of it.
+    """
+
+    @numba.njit(cache=True)
+    def run(
+        f: Any, y: Any, scripted: Any, script: Any, actions: Any, drift: Any, begin: Any, steps: Any, out: Any
+    ) -> int:
+        _run(f, y, scripted, script, actions, drift, begin, steps, out)
+        return sources
+
+    return run
+
+
 @numba.njit(cache=True)
 def drift_at(drift: Any, time_s: float) -> float:
     """Returns the slow factor on Coulomb friction, in a straight line between its values."""
@@ -161,7 +188,7 @@ def drift_at(drift: Any, time_s: float) -> float:
     return drift[index] + (drift[index + 1] - drift[index]) * part
 
 
-@numba.njit(cache=True)
+@numba.njit
 def _run(
     f: Any,
     y: Any,
@@ -170,11 +197,10 @@ def _run(
     actions: Any,
     drift: Any,
     begin: Any,
-    dt: float,
-    tick_steps: int,
-    log_steps: int,
+    timing: Any,
     trace: Any,
 ) -> None:
+    dt, tick_steps, log_steps = timing
     p1, p2, ps, x, film, temperature = begin
     v = spool = volume_1 = volume_2 = 0.0
     force = np.zeros(ELEMENTS)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MAXIMUM_ROWS = 100_000
+MAXIMUM_ROWS = 20_000
 """Gains that have not settled by then never will."""
 
 
@@ -67,8 +67,8 @@ class KalmanModel:
             predicted = 0.5 * (following + following.T)
         raise ValueError(f"the Kalman gains have not settled after {MAXIMUM_ROWS} rows; raise the process noise")
 
-    def memory_rows(self, remaining: float = 0.01) -> int:
-        """Returns after how many rows no more than ``remaining`` of a disturbance is left in the filter's estimate."""
+    def memory_rows(self, remaining: float = 1e-3) -> int:
+        """Returns after how many rows the slowest part of a disturbance has faded to ``remaining`` of what it was."""
         gain = self.gains().filter[-1]
         corrected = self.transition - np.outer(gain, self.transition[0])
         slowest = float(np.abs(np.linalg.eigvals(corrected)).max())

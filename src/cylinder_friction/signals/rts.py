@@ -57,7 +57,7 @@ class RtsSmoother:
         return SmoothSignals(pressures[0], pressures[1], motion[:, 1].copy(), motion[:, 2].copy())
 
     def reach(self, sample_time_s: float) -> Reach:
-        """Returns the rows after which 1 % of a disturbance is left, either way; strictly it looks at all rows."""
+        """Returns the rows after which less than 1 % of a disturbance is left; strictly it looks at all rows."""
         rows = max(model.memory_rows() for model in self.models(sample_time_s))
         return Reach(rows, rows)
 

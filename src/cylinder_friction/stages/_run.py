@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
-from cylinder_friction.params import Params, load_params
+from cylinder_friction.params import Params, ParamsError, load_params
 from cylinder_friction.recordings import write_json
 from cylinder_friction.stages._stage import RUNS_FOLDER
 from cylinder_friction.tracking.log_run import track_or_warn
@@ -19,11 +19,11 @@ def run_stage(name: str) -> None:
     """Runs one stage in the current directory, the repository root.
 
     Raises:
-        ParamsError: Anything in ``params.yaml`` is refused, in whichever section: no stage starts on half a truth.
-        ValueError: There is no such stage.
+        ParamsError: There is no such stage; or anything in ``params.yaml`` is refused, in whichever section, so that
+            no stage starts on half a truth.
     """
     if name not in STAGES:
-        raise ValueError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
+        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
     params: Params = load_params()
     root = Path.cwd()
     with sampled_resources(name, root):

@@ -115,7 +115,7 @@ def dvc_hash(path: Path) -> str:
 
 def folder_hash(entries: Sequence[Mapping[str, str]]) -> str:
     """Returns the hash that DVC gives a folder with these files."""
-    ordered = sorted(entries, key=lambda entry: tuple(entry["relpath"].split("/")))
+    ordered = sorted(entries, key=lambda entry: entry["relpath"])
     listing = json.dumps([{"md5": entry["md5"], "relpath": entry["relpath"]} for entry in ordered], sort_keys=True)
     return f"{hashlib.md5(listing.encode(), usedforsecurity=False).hexdigest()}.dir"
 

@@ -9,7 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
-from cylinder_friction.friction_models.identification.motion import Motion, Motions, with_dead_band
+from cylinder_friction.friction_models.identification.motion import Motion, Motions
 from cylinder_friction.friction_models.identification.presliding import bristle_stiffness
 from cylinder_friction.friction_models.identification.refinement import (
     Coordinates,
@@ -44,7 +44,7 @@ STIFFNESS_FACTORS = (1.0, 10.0)
 """Where the first looks begin, in measured stiffnesses: the error has a minimum with soft bristles, which bend with
 the noise of the position, and one with stiff bristles, which switch; which is lower depends on the noise."""
 
-FIRST_LOOK_EVALUATIONS = 200
+FIRST_LOOK_EVALUATIONS = 150
 POLISH_EVALUATIONS = 600
 
 
@@ -74,7 +74,7 @@ class Identification:
 
     Attributes:
         parameters: The best parameters.
-        velocity_filter: Which of the velocity filters on offer fits best.
+        velocity: Which of the velocities on offer fits best.
         intervals: Confidence interval of every parameter that was searched, in its own unit.
         points: Steady points that the Stribeck curve was fitted to.
         curve: That first curve.
@@ -85,7 +85,7 @@ class Identification:
     """
 
     parameters: LugreParameters
-    velocity_filter: str
+    velocity: str
     intervals: dict[str, tuple[float, float]]
     points: tuple[SteadyPoint, ...]
     curve: StribeckCurve
@@ -116,16 +116,17 @@ def identify(
 
     The Stribeck curve and the bristle stiffness come from the labels' zero-phase velocity. The joint search
     simulates with the causal velocity that the estimator will have at run time, so that what is identified is what
-    is served. The velocity filter is chosen by a short local search with each, and checked no further.
+    is served. Which velocity that is, a short local search with each decides.
 
     Args:
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``), one sample time.
-        velocities: Causal velocity filters on offer: a name to a function from a recording to velocity [m/s].
+        velocities: Velocities on offer: a name to a function from a recording to the velocity that drives the model,
+            zero at standstill [m/s].
         pressure: From a recording to the pressure that scales dry friction [Pa]; None for the plain model.
         effort: How hard to search.
         mass_kg: Moving mass [kg].
         damping_ratio: Damping ratio of that mass on the bristles.
-        dead_band_m_s: Slower is standstill [m/s].
+        dead_band_m_s: Slower is standstill, in the labels' velocity [m/s].
         confidence: Probability of the intervals.
         also_from: Parameters from which the search starts besides its own, for example those found elsewhere.
     """
@@ -139,7 +140,7 @@ def identify(
 
     def motions_of(chosen: Sequence[Recording], name: str) -> Motions:
         return Motions.of(
-            [_motion(recording, velocities[name], pressure, dead_band_m_s) for recording in chosen],
+            [_motion(recording, velocities[name], pressure) for recording in chosen],
             recordings[0].sample_time_s,
         )
 
@@ -164,7 +165,7 @@ def identify(
     names = SEARCHED if pressure is None else (*SEARCHED, "pressure_slope_n_pa")
     return Identification(
         parameters=parameters,
-        velocity_filter=chosen,
+        velocity=chosen,
         intervals=confidence_intervals(everything, parameters, names, confidence),
         points=tuple(points),
         curve=curve,
@@ -198,10 +199,9 @@ def _motion(
     recording: Recording,
     velocity: Callable[[Recording], Array],
     pressure: Callable[[Recording], Array] | None,
-    dead_band_m_s: float,
 ) -> Motion:
     return Motion(
-        velocity_m_s=with_dead_band(velocity(recording), dead_band_m_s),
+        velocity_m_s=velocity(recording),
         pressure_pa=np.zeros(len(recording)) if pressure is None else pressure(recording),
         friction_n=recording.column("friction_n"),
         usable=recording.usable(),

@@ -1,0 +1,173 @@
+"""The registered model behind a real ``mlflow models serve``: right answers, and a clear 4xx for everything else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import urllib.error
+import urllib.request
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from cylinder_friction.deployment.serve import CHAMPION, curl, served_model
+from cylinder_friction.recordings import SAMPLE_COLUMNS
+from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.model_folder import example_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from cylinder_friction.estimators import HybridEstimator
+    from cylinder_friction.recordings import Recording
+
+pytestmark = pytest.mark.slow
+
+GOOD = {"pressure_1_pa": 1.2e6, "pressure_2_pa": 9.1e5, "position_m": 0.12}
+JSON = "application/json"
+
+
+@pytest.fixture(scope="module")
+def url(champion_root: Path) -> Iterator[str]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        with served_model(CHAMPION, champion_root) as address:
+            yield address
+
+
+def ask(url: str, body: Any, content_type: str = JSON) -> tuple[int, Any]:
+    data = body if isinstance(body, bytes) else json.dumps(body).encode()
+    request = urllib.request.Request(f"{url}/invocations", data, {"Content-Type": content_type})
+    try:
+        with urllib.request.urlopen(request, timeout=30.0) as answer:
+            return answer.status, json.loads(answer.read())
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read().decode()
+
+
+def records(*rows: dict[str, Any]) -> dict[str, Any]:
+    return {"dataframe_records": list(rows)}
+
+
+def test_a_recording_is_answered_row_by_row(
+    url: str, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+) -> None:
+    recording = labelled_recordings[0]
+    body = {"dataframe_split": {"columns": list(SAMPLE_COLUMNS), "data": recording.samples().tolist()}}
+    status, answer = ask(url, body)
+    assert status == 200
+    rows = answer["predictions"]
+    difference = np.array([row["friction_n"] for row in rows]) - small_hybrid.estimate(recording)
+    assert np.abs(difference).max() < 0.5
+    assert all(row["in_training_range"] is True for row in rows)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        records(GOOD),
+        {"dataframe_split": {"columns": list(GOOD), "data": [list(GOOD.values())]}},
+        {"inputs": {name: [value] for name, value in GOOD.items()}},
+        {"instances": [GOOD]},
+        records({**GOOD, "recording": "one"}, {**GOOD, "recording": "two"}),
+        records({**GOOD, "recording": 1}, {**GOOD, "recording": 2}),
+        records({"pressure_1_pa": 1200000, "pressure_2_pa": 910000, "position_m": 0.12}),
+        records({**GOOD, "oil_temperature_c": 40.0}),
+    ],
+)
+def test_every_form_of_a_good_request_is_answered_alike(url: str, body: dict[str, Any]) -> None:
+    status, answer = ask(url, body)
+    assert status == 200, answer
+    (first, *_), (expected,) = answer["predictions"], ask(url, records(GOOD))[1]["predictions"]
+    assert first == expected
+    assert np.isfinite(first["friction_n"])
+
+
+def test_csv_is_taken_too(url: str) -> None:
+    text = "pressure_1_pa,pressure_2_pa,position_m\n1.2e6,9.1e5,0.12\n"
+    status, answer = ask(url, text.encode(), "text/csv")
+    assert status == 200, answer
+    assert answer["predictions"] == ask(url, records(GOOD))[1]["predictions"]
+
+
+def test_out_of_range_is_flagged(url: str) -> None:
+    status, answer = ask(url, records({**GOOD, "pressure_1_pa": 3e8}))
+    assert status == 200
+    assert answer["predictions"][0]["in_training_range"] is False
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (records(), "is missing"),
+        ({"dataframe_split": {"columns": list(GOOD), "data": []}}, "got no row"),
+        (records({"pressure_1_pa": 1e6, "pressure_2_pa": 1e6}), "position_m"),
+        (records({"pressure_1_bar": 10.0, "pressure_2_pa": 1e6, "position_m": 0.1}), "pressure_1_pa"),
+        (records({**GOOD, "position_m": "far"}), "position_m"),
+        (records({**GOOD, "position_m": None}), "position_m is nan at row 0"),
+        (records(GOOD, {**GOOD, "pressure_2_pa": "NaN"}), "pressure_2_pa is nan at row 1"),
+        (records({**GOOD, "pressure_2_pa": "Infinity"}), "pressure_2_pa is inf at row 0"),
+        (
+            b'{"dataframe_records": [{"pressure_1_pa": NaN, "pressure_2_pa": 1e6, "position_m": 0.1}]}',
+            "pressure_1_pa is",
+        ),
+        (
+            b'{"dataframe_records": [{"pressure_1_pa": 1e999, "pressure_2_pa": 1e6, "position_m": 0.1}]}',
+            "is inf at row",
+        ),
+        (records({**GOOD, "position_m": [0.1]}), "position_m"),
+        (records({**GOOD, "position_m": {"m": 0.1}}), "position_m"),
+        (records({**GOOD, "recording": None}), "recording"),
+        (records({**GOOD, "recording": ["a"]}), "recording"),
+        (records({**GOOD, "recording": 1.5}), "recording"),
+        ({"dataframe_split": {"columns": ["position_m"] * 3, "data": [[1, 2, 3]]}}, ""),
+        ({"dataframe_split": {"columns": list(GOOD), "data": [[1.0, 2.0]]}}, ""),
+        ({"dataframe_records": None}, ""),
+        ({"dataframe_records": "rows"}, ""),
+        ({"dataframe_records": [1, 2, 3]}, "pressure_1_pa"),
+        ({"instances": []}, ""),
+        ({"instances": [[1.2e6, 9.1e5, 0.12]]}, ""),
+        ({"inputs": {}}, ""),
+        ({"inputs": None}, ""),
+        ({"inputs": {**{name: [value] for name, value in GOOD.items()}, "position_m": [0.1, 0.2]}}, ""),
+        ({}, "exactly one of the input fields"),
+        ([], "Received a list"),
+        (b"{broken", "valid JSON"),
+        (b"\xff\xfe", "valid JSON"),
+        (b"", "valid JSON"),
+        (b"null", ""),
+        (records({**GOOD, "pressure_1_pa": 10**400}), ""),
+    ],
+)
+def test_everything_else_is_refused_and_never_a_server_error(url: str, body: Any, said: str) -> None:
+    status, answer = ask(url, body)
+    assert 400 <= status < 500, answer
+    assert said in answer
+
+
+@pytest.mark.parametrize(("content_type", "status"), [("text/plain", 415), ("application/json; charset=latin-1", 415)])
+def test_another_content_type_is_refused(url: str, content_type: str, status: int) -> None:
+    assert ask(url, records(GOOD), content_type)[0] == status
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "pressure_1_pa,pressure_2_pa,position_m\nhigh,1,2\n"])
+def test_a_bad_csv_is_refused(url: str, text: str) -> None:
+    assert ask(url, text.encode(), "text/csv")[0] == 400
+
+
+def test_the_printed_curl_answers_in_newtons(url: str, champion_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    command = curl(url, example_rows(CHAMPION, champion_root))
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
+    assert [sorted(row) for row in json.loads(done.stdout)["predictions"]] == [["friction_n", "in_training_range"]] * 5
+
+
+def test_a_model_that_is_not_there_is_said_before_anything_starts(
+    champion_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    with pytest.raises(TrackingError, match=r"other@champion: the registry at .* has no such version .*`dvc repro`"):
+        example_rows("models:/other@champion", champion_root)

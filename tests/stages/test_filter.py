@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from cylinder_friction.params import FilterParams, Params
+from cylinder_friction.recordings import Recording, read_recordings, write_recording
+from cylinder_friction.stages import filter as filter_stage
+from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER
+
+CONF = Path(__file__).parents[2] / "conf/filter"
+RECIPES = sorted(path.stem for path in CONF.glob("*.yaml"))
+RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
+ADDED = ["pressure_1_smooth_pa", "pressure_2_smooth_pa", "velocity_m_s", "acceleration_m_s2"]
+
+
+def shipped(name: str) -> dict[str, Any]:
+    """Returns a recipe over those that it builds on, as Hydra composes it."""
+    content: dict[str, Any] = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
+    for base in content.pop("defaults", []):
+        content = content if base == "_self_" else shipped(base) | content
+    return content
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, labelled_recordings: list[Recording]) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for recording in labelled_recordings[:2]:
+        write_recording(RECORDINGS_FOLDER, Recording(recording.metadata, recording.table[RAW]))
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_signals_are_added_and_raw_columns_stay(
+    workplace: Path, labelled_recordings: list[Recording], name: str
+) -> None:
+    params = Params.model_construct(filter=FilterParams.model_validate(shipped(name)))
+    record = filter_stage.run(params)
+    assert record.metrics == {"recordings": 2.0, "rows": 8000.0}
+    for got, original in zip(read_recordings(SIGNALS_FOLDER), labelled_recordings, strict=False):
+        assert list(got.table.columns) == RAW + ADDED
+        np.testing.assert_array_equal(got.samples(), original.samples())
+        inner = slice(200, -200)
+        late = params.filter.method == "moving_average"
+        error = got.column("velocity_m_s")[inner] - original.column("velocity_m_s")[inner]
+        assert np.abs(error).mean() < (4e-3 if late else 1e-3)
+    assert record == filter_stage.run(params)
+
+
+def test_method_is_the_only_difference_of_the_recipes() -> None:
+    methods = {name: shipped(name)["method"] for name in RECIPES}
+    assert methods == {
+        "moving_average_centred": "moving_average_centred",
+        "paper": "moving_average",
+        "rts": "rts",
+        "savitzky_golay": "savitzky_golay",
+    }
+    assert len({str({**shipped(name), "method": ""}) for name in RECIPES}) == 1
+
+
+def test_paper_recipe_has_the_published_windows() -> None:
+    assert shipped("paper")["moving_average"] == {"window": 10, "acceleration_window": 30}
+
+
+def test_impossible_windows_are_refused() -> None:
+    content = shipped("savitzky_golay")
+    content["savitzky_golay"]["velocity_window"] = 20
+    with pytest.raises(ValidationError, match="for velocity: expected an odd window"):
+        FilterParams.model_validate(content)

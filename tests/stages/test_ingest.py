@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from cylinder_friction.params import CylinderParams, IngestParams, Params
+from cylinder_friction.recordings import Recording, read_json, read_recordings
+from cylinder_friction.stages import ingest
+from cylinder_friction.stages._stage import RECORDINGS_FOLDER
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+CONF = Path(__file__).parents[2] / "conf/ingest"
+
+
+def shipped(name: str) -> dict[str, object]:
+    content = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
+    assert isinstance(content, dict)
+    return content
+
+
+def params_for(cylinder: Cylinder, name: str) -> Params:
+    return Params.model_construct(
+        cylinder=CylinderParams(**cylinder.__dict__), ingest=IngestParams.model_validate(shipped(name))
+    )
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+    folder = workplace / "data/raw/rig"
+    folder.mkdir(parents=True)
+    for recording in labelled_recordings[:3]:
+        test, take = recording.metadata.test, recording.name[-1]
+        log = pd.DataFrame(
+            {
+                "Time [s]": recording.column("time_s"),
+                "P1 [bar]": recording.column("pressure_1_pa") / 1e5,
+                "P2 [bar]": recording.column("pressure_2_pa") / 1e5,
+                "Position [mm]": recording.column("position_m") * 1e3,
+            }
+        )
+        log.to_csv(folder / f"test{test}_session0{take}_recording01.csv", index=False)
+    (folder / "test9_session01_recording01.csv").write_text("Time [s]\n0.0\n", encoding="utf-8")
+    record = ingest.run(params_for(cylinder, "rig"))
+    recordings = read_recordings(RECORDINGS_FOLDER)
+    assert [(entry.metadata.test, entry.metadata.session) for entry in recordings] == [
+        ("1", "test1_session01"),
+        ("1", "test1_session02"),
+        ("2", "test2_session01"),
+    ]
+    np.testing.assert_allclose(recordings[0].samples(), labelled_recordings[0].samples(), rtol=1e-12)
+    (entry,) = read_json(RECORDINGS_FOLDER / "quarantine.json")
+    assert entry["file"] == "test9_session01_recording01.csv"
+    assert "'P1 [bar]' (for 'pressure_1_pa') is missing" in entry["reason"]
+    assert record.metrics == {
+        "recordings": 3.0,
+        "quarantined": 1.0,
+        "sessions": 3.0,
+        "test_1.seconds": 40.0,
+        "test_2.seconds": 20.0,
+    }
+    assert record == ingest.run(params_for(cylinder, "rig"))
+
+
+def test_own_logs_as_the_example_says(
+    workplace: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    recording = labelled_recordings[0]
+    log = pd.DataFrame(
+        {
+            "t [ms]": recording.column("time_s") * 1e3,
+            "p_A [bar]": recording.column("pressure_1_pa") / 1e5,
+            "p_B [bar]": recording.column("pressure_2_pa") / 1e5,
+            "s [mm]": recording.column("position_m") * 1e3,
+        }
+    )
+    path = workplace / "data/raw/own/no-load_2026-03-14_monday/stroke_07.csv"
+    path.parent.mkdir(parents=True)
+    log.to_csv(path, index=False, sep=";", decimal=",")
+    ingest.run(params_for(cylinder, "own"))
+    (own,) = read_recordings(RECORDINGS_FOLDER)
+    assert (own.metadata.test, own.metadata.session) == ("no-load", "no-load_2026-03-14_monday")
+    assert own.name == "no-load_2026-03-14_monday-stroke_07"
+    assert own.metadata.cylinder == cylinder.name
+    np.testing.assert_allclose(own.samples(), recording.samples(), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"channels": {"time_s": {"channel": "t", "unit": "s"}}}, "'pressure_1_pa' has no channel"),
+        ({"name_pattern": "(?P<test>.)"}, "has no group 'session'"),
+        ({"format": "tdms"}, "Input should be 'csv'"),
+        ({"csv": {"delimiter": ";;", "decimal": ".", "encoding": "utf-8"}}, "at most 1 character"),
+    ],
+)
+def test_impossible_settings_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        IngestParams.model_validate(shipped("rig") | change)
+
+
+def test_unknown_unit_is_refused() -> None:
+    content = shipped("rig")
+    channels = content["channels"]
+    assert isinstance(channels, dict)
+    channels["position_m"]["unit"] = "cm"
+    with pytest.raises(ValidationError, match="unit 'cm' is not known; expected one of m, mm, in"):
+        IngestParams.model_validate(content)

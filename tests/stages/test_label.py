@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from cylinder_friction.params import CylinderParams, FilterParams, IngestParams, LabelParams, Params
+from cylinder_friction.recordings import Recording, RecordingError, read_json, read_recordings, write_recording
+from cylinder_friction.stages import filter as filter_stage
+from cylinder_friction.stages import label
+from cylinder_friction.stages._stage import AUDIT_FOLDER, PROCESSED_FOLDERS, RECORDINGS_FOLDER, RIG_TRUTH_FOLDER
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+CONF = Path(__file__).parents[2] / "conf"
+RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
+TRUTH = ["time_s", "friction_n", "velocity_m_s"]
+
+
+def params_for(cylinder: Cylinder, **label_changes: Any) -> Params:
+    content = {
+        "ingest": yaml.safe_load((CONF / "ingest/rig.yaml").read_text(encoding="utf-8")),
+        "filter": yaml.safe_load((CONF / "filter/savitzky_golay.yaml").read_text(encoding="utf-8")),
+        "label": yaml.safe_load((CONF / "label/default.yaml").read_text(encoding="utf-8")) | label_changes,
+    }
+    return Params.model_construct(
+        cylinder=CylinderParams(**cylinder.__dict__),
+        ingest=IngestParams.model_validate(content["ingest"]),
+        filter=FilterParams.model_validate(content["filter"]),
+        label=LabelParams.model_validate(content["label"]),
+    )
+
+
+@pytest.fixture
+def made(labelled_recordings: list[Recording]) -> list[Recording]:
+    """Three sessions of Test 1 and three of Test 2."""
+    chosen = labelled_recordings[:3] + labelled_recordings[3:6]
+    sessions = [("1", "1-a"), ("1", "1-b"), ("1", "1-c"), ("2", "2-a"), ("2", "2-b"), ("2", "2-c")]
+    result = []
+    for recording, (test, session) in zip(chosen, sessions, strict=True):
+        details = recording.metadata.to_dict() | {"name": f"r{session}", "test": test, "session": session}
+        result.append(Recording(recording.metadata.from_dict(details), recording.table))
+    return result
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder, made: list[Recording]) -> Path:
+    monkeypatch.chdir(tmp_path)
+    RIG_TRUTH_FOLDER.mkdir(parents=True)
+    for recording in made:
+        write_recording(RECORDINGS_FOLDER, Recording(recording.metadata, recording.table[RAW]))
+        recording.table[TRUTH].to_parquet(RIG_TRUTH_FOLDER / f"{recording.name}.parquet")
+    filter_stage.run(params_for(cylinder))
+    return tmp_path
+
+
+def test_labels_are_near_friction_and_sessions_are_split(
+    workplace: Path, cylinder: Cylinder, made: list[Recording]
+) -> None:
+    record = label.run(params_for(cylinder))
+    by_name = {recording.name: recording for recording in made}
+    seen = []
+    for role, folder in PROCESSED_FOLDERS.items():
+        recordings = read_recordings(folder)
+        assert {recording.metadata.test for recording in recordings} == {"1", "2"}
+        assert record.metrics[f"{role}.recordings"] == len(recordings) == 2
+        for recording in recordings:
+            seen.append(recording.name)
+            true_n = by_name[recording.name].column("friction_n")
+            usable = recording.usable()
+            assert not usable[:20].any()
+            assert usable[20:-20].all()
+            assert np.abs(recording.column("friction_n") - true_n)[usable].mean() < 0.05 * np.abs(true_n).mean()
+            assert {"friction_n", "usable"} == set(recording.table.columns) - set(RAW) - set(SMOOTH)
+    assert sorted(seen) == sorted(by_name)
+    assert record == label.run(params_for(cylinder))
+
+
+SMOOTH = ["pressure_1_smooth_pa", "pressure_2_smooth_pa", "velocity_m_s", "acceleration_m_s2"]
+
+
+def test_audit_judges_every_filter_in_every_test(workplace: Path, cylinder: Cylinder) -> None:
+    record = label.run(params_for(cylinder))
+    audit = read_json(AUDIT_FOLDER / "audit.json")
+    assert set(audit) == {"moving_average", "moving_average_centred", "savitzky_golay", "rts"}
+    for tests in audit.values():
+        assert set(tests) == {"1", "2", "all"}
+        assert {"all", "steady", "events", "reversal"} <= set(tests["1"])
+        assert set(tests["1"]["steady"]) == {"rows", "mae_n", "max_n", "bias_n", "mean_friction_n", "mae_percent"}
+    # The causal chain is late, which shows where friction changes fast.
+    late, in_time = (audit[name]["all"]["events"]["mae_n"] for name in ("moving_average", "savitzky_golay"))
+    assert late > 2.0 * in_time
+    rows = {audit[name]["all"]["all"]["rows"] for name in audit}
+    assert len(rows) == 1
+    table = pd.read_csv(AUDIT_FOLDER / "audit.csv")
+    (line,) = table[(table["filter"] == "rts") & (table["test"] == "2") & (table["stratum"] == "steady")].to_dict(
+        "records"
+    )
+    assert line["mae_n"] == audit["rts"]["2"]["steady"]["mae_n"]
+    assert record.metrics["audit.rts.test_2.steady_mae_n"] == line["mae_n"]
+    assert record.metrics["audited_recordings"] == 6.0
+
+
+def test_labels_do_not_depend_on_the_truth(workplace: Path, cylinder: Cylinder) -> None:
+    before = label.run(params_for(cylinder)).datasets
+    for path in RIG_TRUTH_FOLDER.iterdir():
+        path.unlink()
+    record = label.run(params_for(cylinder))
+    assert record.datasets == before
+    assert read_json(AUDIT_FOLDER / "audit.json") == {"note": label.NO_TRUTH}
+    assert record.metrics["audited_recordings"] == 0.0
+    assert len((AUDIT_FOLDER / "audit.csv").read_text().splitlines()) == 1
+
+
+def test_end_stop_margin_is_kept(workplace: Path, cylinder: Cylinder) -> None:
+    label.run(params_for(cylinder, end_stop_margin_m=0.11))
+    for folder in PROCESSED_FOLDERS.values():
+        for recording in read_recordings(folder):
+            usable = recording.usable()
+            assert np.abs(recording.column("position_m")[usable] - 0.125).max() < 0.015
+            assert 0 < usable.sum() < 0.5 * len(usable)
+
+
+def test_paper_literal_label_is_absurd(workplace: Path, cylinder: Cylinder) -> None:
+    label.run(params_for(cylinder, stiffness="paper_literal"))
+    for recording in read_recordings(PROCESSED_FOLDERS["train"]):
+        assert np.abs(recording.column("friction_n")).mean() > 1e6
+
+
+def test_too_few_sessions_are_refused(workplace: Path, cylinder: Cylinder) -> None:
+    split = {"test_sessions": 2, "validation_sessions": 1, "seed": 1}
+    with pytest.raises(RecordingError, match=r"test '1' has 3 sessions \(1-a, 1-b, 1-c\), but 4 are needed"):
+        label.run(params_for(cylinder, split=split))
+
+
+def test_truth_of_another_campaign_is_refused(workplace: Path, cylinder: Cylinder, made: list[Recording]) -> None:
+    made[0].table[TRUTH].iloc[:-5].to_parquet(RIG_TRUTH_FOLDER / f"{made[0].name}.parquet")
+    with pytest.raises(RecordingError, match="has 3995 rows, but recording 'r1-a' has 4000"):
+        label.run(params_for(cylinder))

@@ -1,0 +1,144 @@
+"""Stage ``register``: same inputs, same file; a kill changes nothing; no registry, no decision."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mlflow import MlflowClient
+
+from cylinder_friction.params import RegisterParams
+from cylinder_friction.stages import register
+from cylinder_friction.tracking.errors import LineageError, TrackingError
+from cylinder_friction.tracking.store import tracking_uri
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators import HybridEstimator
+    from cylinder_friction.params import Params
+
+NAME = "friction-estimator"
+
+KILLED = """
+import os, signal, sys
+from types import SimpleNamespace
+from mlflow import MlflowClient
+from cylinder_friction.params import RegisterParams
+from cylinder_friction.stages import register
+
+def die(*args, **kwargs):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+setattr(MlflowClient, sys.argv[1], die)
+settings = RegisterParams(model_name="friction-estimator", candidate="hybrid", tolerance_percent=0.1)
+register.run(SimpleNamespace(register_=settings, ingest=SimpleNamespace(source="data/raw/rig")))
+"""
+
+
+def parameters(**changes: Any) -> Params:
+    settings = RegisterParams(**{"model_name": NAME, "candidate": "hybrid", "tolerance_percent": 0.1, **changes})
+    return SimpleNamespace(register_=settings, ingest=SimpleNamespace(source="data/raw/rig"))  # type: ignore[return-value]
+
+
+@pytest.fixture
+def repository(tmp_path: Path, written_pipeline: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    copy = tmp_path / "repository"
+    shutil.copytree(written_pipeline, copy)
+    monkeypatch.chdir(copy)
+    return copy
+
+
+def registered(root: Path) -> str:
+    return (root / "models/registered.json").read_text(encoding="utf-8")
+
+
+def test_the_candidate_is_registered_and_the_file_says_on_what_grounds(repository: Path) -> None:
+    record = register.run(parameters())
+    content = json.loads(registered(repository))
+    assert content["promote"] is True
+    assert content["candidate"]["errors_percent"] == {"1": 2.1, "2": 2.2, "3": 2.3, "4": 2.4}
+    assert list(content["candidate"]["origin"]["data"]) == sorted(content["candidate"]["origin"]["data"])
+    assert content["candidate"]["origin"]["raw"] == "data/raw/rig"
+    assert str(repository) not in registered(repository), "no absolute path in a file that DVC tracks"
+    assert record.metrics == {f"test_{test}.label_percent": 2.0 + 0.1 * test for test in (1, 2, 3, 4)} | {
+        "promoted": 1.0
+    }
+    assert record.tags["gate_reason"].startswith("promoted: there is no incumbent")
+    client = MlflowClient(tracking_uri(repository))
+    assert client.get_model_version_by_alias(NAME, "champion").tags["model_key"] == content["candidate"]["model_key"]
+
+
+def test_running_it_again_changes_no_byte_and_registers_nothing(repository: Path) -> None:
+    first_record = register.run(parameters())
+    first = registered(repository)
+    assert register.run(parameters()) == first_record
+    assert registered(repository) == first
+    assert len(MlflowClient(tracking_uri(repository)).search_model_versions(f"name = '{NAME}'")) == 1
+
+
+def test_an_incumbent_from_other_recordings_is_measured_on_the_present_ones(
+    repository: Path, small_hybrid: HybridEstimator
+) -> None:
+    register.run(parameters())
+    lock = repository / "dvc.lock"
+    test_data = json.loads(registered(repository))["candidate"]["test_data_md5"]
+    lock.write_text(lock.read_text(encoding="utf-8").replace(test_data, "0" * 32 + ".dir"), encoding="utf-8")
+    path = repository / "models/hybrid/estimator.json"
+    path.write_text(path.read_text(encoding="utf-8").replace('"friction_n"', '"friction_n" '), encoding="utf-8")
+    register.run(parameters())
+    measured = json.loads(registered(repository))["incumbent"]["errors_percent"]
+    assert measured == register.measured_errors(repository / "models/hybrid")
+    assert set(measured) == {"1", "2", "3", "4"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("at", ["log_model_artifacts", "create_model_version", "set_registered_model_alias"])
+def test_a_kill_ends_in_the_same_file_and_nothing_twice(
+    repository: Path, tmp_path: Path, at: str, written_pipeline: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, at], cwd=repository, capture_output=True, timeout=120)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
+    assert not (repository / "models/registered.json").exists()
+    register.run(parameters())
+    untouched = tmp_path / "untouched"
+    shutil.copytree(written_pipeline, untouched)
+    monkeypatch.chdir(untouched)
+    register.run(parameters())
+    assert registered(repository) == registered(untouched)
+    client = MlflowClient(tracking_uri(repository))
+    assert len(client.search_model_versions(f"name = '{NAME}'")) == 1
+    experiment = client.get_experiment_by_name("cylinder-friction")
+    assert experiment is not None
+    assert len(client.search_logged_models([experiment.experiment_id])) == 1
+
+
+def test_without_a_registry_nothing_is_decided(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:9")
+    started = time.monotonic()
+    with pytest.raises(TrackingError, match=r"nothing answers there .*; start the tracking server"):
+        register.run(parameters())
+    assert time.monotonic() - started < 10.0
+    assert not (repository / "models/registered.json").exists()
+
+
+def test_an_estimator_that_was_not_compared_is_named(repository: Path) -> None:
+    shutil.copytree(repository / "models/hybrid", repository / "models/paper_hybrid")
+    with pytest.raises(
+        TrackingError, match=r"metrics.json: has no estimator 'paper_hybrid', but \['hybrid'\]; run the"
+    ):
+        register.run(parameters(candidate="paper_hybrid"))
+
+
+def test_without_dvc_lock_there_is_no_way_back_so_nothing_is_registered(repository: Path) -> None:
+    (repository / "dvc.lock").unlink()
+    with pytest.raises(LineageError, match="run the pipeline with `dvc repro`"):
+        register.run(parameters())

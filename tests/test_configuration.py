@@ -1,0 +1,140 @@
+"""``conf/`` and ``params.yaml`` agree, every recipe composes, and what is wrong is refused by name."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from cylinder_friction.cli import main
+from cylinder_friction.composition import compose_params, write_params
+from cylinder_friction.params import ParamsError, check_params, load_params
+
+PROJECT = Path(__file__).parents[1]
+CONF = PROJECT / "conf"
+RECIPES = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
+CHOICES = sorted(
+    f"{group.name}={choice.stem}"
+    for group in CONF.iterdir()
+    if group.is_dir() and group.name != "experiment"
+    for choice in group.glob("*.yaml")
+)
+
+
+@pytest.fixture
+def content() -> dict[str, Any]:
+    return copy.deepcopy(compose_params(CONF))
+
+
+def test_params_yaml_is_what_conf_composes() -> None:
+    written = yaml.safe_load((PROJECT / "params.yaml").read_text(encoding="utf-8"))
+    assert written == compose_params(CONF), "run `make params` and commit params.yaml"
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_every_recipe_composes_and_is_accepted(recipe: str) -> None:
+    assert compose_params(CONF, [f"experiment={recipe}"]) != compose_params(CONF)
+
+
+@pytest.mark.parametrize("choice", CHOICES)
+def test_every_choice_of_every_group_is_accepted(choice: str) -> None:
+    compose_params(CONF, [choice])
+
+
+def test_the_paper_recipe_searches_table_1_as_published() -> None:
+    space = compose_params(CONF, ["experiment=paper"])["search"]["space"]
+    assert space == {
+        "layers": [3, 4, 5],
+        "nodes": [16, 32, 64],
+        "dropout": [0.1, 0.2, 0.3, 0.4, 0.5],
+        "learning_rate": [1e-5, 1e-3],
+        "forest_trees": [32, 100],
+        "forest_depth": [10, 50],
+    }
+
+
+def test_the_papers_final_values_are_trained_by_default() -> None:
+    assert compose_params(CONF)["train"]["paper_hybrid"] == {
+        "layers": 4,
+        "nodes": 64,
+        "dropout": 0.3,
+        "learning_rate": 1e-3,
+        "forest_trees": 64,
+        "forest_depth": 10,
+    }
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("search.trails", 5, "search.trails: unknown key; check its spelling against conf/"),
+        ("cylinder.stroke_m", -0.25, "cylinder.stroke_m: Input should be greater than 0, but got -0.25"),
+        ("train.training.epochs", "many", "train.training.epochs: Input should be a valid integer, but got 'many'"),
+        ("train.training.epochs", 2.5, "train.training.epochs: Input should be a valid integer"),
+        ("filter.method", "kalman", "filter.method: Input should be"),
+        ("train.hybrid.dropout", 1.0, "train.hybrid.dropout: Input should be less than 1, but got 1.0"),
+        ("record.seed", True, "record.seed: Input should be a valid integer, but got True"),
+        ("search.space.learning_rate", [1e-2, 1e-3], "learning_rate: lowest 0.01 is above highest 0.001; swap them"),
+        ("label.end_stop_margin_m", 0.2, "leaves nothing of the stroke of 0.25 m; make it smaller"),
+    ],
+)
+def test_what_is_wrong_is_refused_by_its_key(content: dict[str, Any], path: str, value: object, message: str) -> None:
+    *outer, key = path.split(".")
+    section = content
+    for name in outer:
+        section = section[name]
+    section[key] = value
+    with pytest.raises(ParamsError) as refused:
+        check_params(content, "params.yaml")
+    assert "params.yaml: refused, nothing was run" in str(refused.value)
+    assert message in str(refused.value)
+
+
+def test_a_missing_key_is_named(content: dict[str, Any]) -> None:
+    del content["lugre"]["generations"]
+    with pytest.raises(ParamsError, match=r"lugre\.generations: missing; run `make params` to compose it from conf/"):
+        check_params(content, "params.yaml")
+
+
+def test_all_that_is_wrong_is_told_at_once(content: dict[str, Any]) -> None:
+    content["record"]["seed"] = -1
+    content["compare"]["colour"] = "blue"
+    with pytest.raises(ParamsError) as refused:
+        check_params(content, "params.yaml")
+    assert "record.seed" in str(refused.value)
+    assert "compare.colour" in str(refused.value)
+
+
+def test_an_unknown_override_is_refused_and_params_yaml_stays(tmp_path: Path) -> None:
+    target = tmp_path / "params.yaml"
+    write_params(CONF, path=target)
+    before = target.read_bytes()
+    with pytest.raises(ParamsError, match="serach"):
+        write_params(CONF, ["serach.trials=3"], target)
+    with pytest.raises(ParamsError, match=r"search\.trials"):
+        write_params(CONF, ["search.trials=none"], target)
+    assert target.read_bytes() == before
+
+
+def test_params_yaml_missing_says_what_to_run(tmp_path: Path) -> None:
+    with pytest.raises(ParamsError, match=r"params\.yaml: not there; run `make params` in the project's folder"):
+        load_params(tmp_path / "params.yaml")
+
+
+def test_the_command_line_refuses_with_a_message_and_no_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["stage", "record"]) == 1
+    assert "cylinder-friction stage: params.yaml: not there" in capsys.readouterr().err
+
+
+def test_an_unknown_stage_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["stage", "lable"]) == 1
+    assert "no stage 'lable'; expected one of record, ingest, filter, label" in capsys.readouterr().err
