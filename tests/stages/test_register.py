@@ -100,20 +100,26 @@ def test_an_incumbent_from_other_recordings_is_measured_on_the_present_ones(
     assert set(measured) == {"1", "2", "3", "4"}
 
 
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory, written_pipeline: Path) -> str:
+    """What ``models/registered.json`` holds after a run that nothing disturbed."""
+    root = tmp_path_factory.mktemp("uninterrupted") / "repository"
+    shutil.copytree(written_pipeline, root)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        patch.chdir(root)
+        register.run(parameters())
+    return registered(root)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("at", ["log_model_artifacts", "create_model_version", "set_registered_model_alias"])
-def test_a_kill_ends_in_the_same_file_and_nothing_twice(
-    repository: Path, tmp_path: Path, at: str, written_pipeline: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kill_ends_in_the_same_file_and_nothing_twice(repository: Path, at: str, uninterrupted: str) -> None:
     killed = subprocess.run([sys.executable, "-c", KILLED, at], cwd=repository, capture_output=True, timeout=120)
     assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
     assert not (repository / "models/registered.json").exists()
     register.run(parameters())
-    untouched = tmp_path / "untouched"
-    shutil.copytree(written_pipeline, untouched)
-    monkeypatch.chdir(untouched)
-    register.run(parameters())
-    assert registered(repository) == registered(untouched)
+    assert registered(repository) == uninterrupted
     client = MlflowClient(tracking_uri(repository))
     assert len(client.search_model_versions(f"name = '{NAME}'")) == 1
     experiment = client.get_experiment_by_name("cylinder-friction")

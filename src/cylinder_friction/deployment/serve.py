@@ -41,7 +41,10 @@ def run_server(model: str, root: Path) -> int:
 def run_ui(root: Path) -> int:
     """Opens the MLflow UI on the repository's runs until interrupted."""
     with served_ui(root) as url:
-        sys.stdout.write(f"MLflow UI at {url} (stop with Ctrl-C)\n")
+        sys.stdout.write(
+            f"MLflow UI (stop with Ctrl-C)\n  runs of the pipeline  {runs_page(url, root)}\n"
+            f"  registered models     {url}/#/models\n"
+        )
         sys.stdout.flush()
         return _wait_for_interrupt()
 
@@ -73,6 +76,14 @@ def served_ui(root: Path) -> Iterator[str]:
     arguments += ["--host", _HOST, "--port", str(port), "--workers", "1"]
     with _mlflow(arguments, root, f"http://{_HOST}:{port}", "/health") as url:
         yield url
+
+
+def runs_page(url: str, root: Path) -> str:
+    """Returns the address, within the UI at ``url``, of the pipeline's runs."""
+    from cylinder_friction.tracking.store import open_store
+
+    with open_store(root) as store:
+        return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning"
 
 
 def curl(url: str, rows: dict[str, Any]) -> str:
@@ -115,6 +126,7 @@ def _mlflow(arguments: Sequence[str], root: Path, url: str, health: str) -> Iter
             yield url
         finally:
             _stop(process)
+    log_path.unlink(missing_ok=True)  # kept only where something went wrong
 
 
 def _wait_until_it_answers(process: subprocess.Popen[bytes], url: str, log_path: Path) -> None:
@@ -139,13 +151,15 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
         except ProcessLookupError:
             break
         try:
-            process.wait(timeout=10.0)
+            process.wait(timeout=3.0)
         except subprocess.TimeoutExpired:
             continue
     process.wait()
 
 
 def _wait_for_interrupt() -> int:
+    """Waits for Ctrl-C or a polite kill; either way the server is stopped behind it, not orphaned."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         signal.pause()
     except KeyboardInterrupt:

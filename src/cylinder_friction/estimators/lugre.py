@@ -9,6 +9,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.motion_sense import MotionBlock, MotionSense, MotionState
 from cylinder_friction.friction_models import (
     INTERVAL_METHOD,
     LUGRE_UNITS,
@@ -18,10 +19,8 @@ from cylinder_friction.friction_models import (
     identify,
     new_bristle,
     simulate,
-    with_dead_band,
 )
 from cylinder_friction.recordings import RecordingError
-from cylinder_friction.signals.causal import FirFilter, FirState, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,46 +32,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
+VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1))
 """One-sided Savitzky-Golay differentiators on offer, window in samples and order."""
 
-DEAD_BAND_FACTORS = (1.0, 1.5, 2.0)
-"""Dead bands on offer, in the configured one: a short window is quick and noisy, and wants a wide band."""
+PLAYS_M = (4e-5, 8e-5)
+"""Half-widths of the play on offer [m]: about three and six times the noise of a smoothed potentiometer."""
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
 """What one LuGre step costs beside the velocity filter: five exponentials or logarithms at about 16, and the rest."""
 
 
-@dataclass(frozen=True)
-class VelocitySense:
-    """How velocity is made from raw position, sample by sample; identification chooses one by its training error.
-
-    Attributes:
-        window: Samples of a one-sided Savitzky-Golay differentiator.
-        order: Order of its polynomial.
-        dead_band_m_s: Slower counts as standstill [m/s].
-    """
-
-    window: int
-    order: int
-    dead_band_m_s: float
-
-    def filter(self, sample_time_s: float) -> FirFilter:
-        """Returns the causal differentiator from position [m] to velocity [m/s]."""
-        return FirFilter(one_sided_savitzky_golay_taps(self.window, self.order, 1, sample_time_s)[None, None, :])
-
-    def velocity(self, recording: Recording) -> Array:
-        """Returns the velocity that drives the model through a recording [m/s], shape ``(n,)``."""
-        block = self.filter(recording.sample_time_s)
-        smooth = block.advance(block.new_state(), recording.samples()[:, 2:3])[:, 0]
-        return with_dead_band(smooth, self.dead_band_m_s)
-
-
 @dataclass
 class LugreState:
-    """The velocity filter's last positions, and the bristle deflection, shape ``(1,)`` [m]."""
+    """The state of the velocity, and the bristle deflection, shape ``(1,)`` [m]."""
 
-    position: FirState
+    motion: MotionState
     bristle_m: Array
 
 
@@ -86,7 +60,7 @@ class LugreEstimator(FrictionEstimator):
         population: Members of differential evolution, a coordinate.
         generations: Greatest number of generations.
         simulated_recordings: How many recordings differential evolution simulates.
-        velocity_dead_band_m_s: Slower counts as standstill, at least; see ``DEAD_BAND_FACTORS`` [m/s].
+        velocity_dead_band_m_s: Slower counts as standstill, where no play tells it [m/s].
         damping_ratio: Damping ratio of the moving mass on the bristles.
         confidence: Probability of the confidence intervals.
 
@@ -121,9 +95,9 @@ class LugreEstimator(FrictionEstimator):
         self.confidence = confidence
         self.parameters: LugreParameters | None = None
         self.intervals: dict[str, tuple[float, float]] = {}
-        self.sense: VelocitySense | None = None
+        self.sense: MotionSense | None = None
         self.identification: Identification | None = None
-        self._filter: FirFilter | None = None
+        self._motion: MotionBlock | None = None
 
     def fit(self, recordings: Sequence[Recording]) -> None:
         """Identifies the model on the recordings of its test; the others are not looked at.
@@ -153,25 +127,19 @@ class LugreEstimator(FrictionEstimator):
         return self._identify(recordings, effort, () if self.parameters is None else (self.parameters,))
 
     def new_state(self) -> LugreState:
-        return LugreState(FirState(), new_bristle())
+        assert self._motion is not None
+        return LugreState(self._motion.new_state(), new_bristle())
 
     def advance(self, state: LugreState, samples: Array) -> Array:
         assert self.parameters is not None
-        assert self._filter is not None
-        assert self.sense is not None
+        assert self._motion is not None
         assert self.sample_time_s is not None
-        velocity = self._filter.advance(state.position, samples[:, 2:3])[:, 0]
+        velocity = self._motion.advance(state.motion, samples[:, 2:3])
         pressure = scaling_pressure(samples) if self.pressure_scaled else None
-        return simulate(
-            self.parameters,
-            with_dead_band(velocity, self.sense.dead_band_m_s),
-            self.sample_time_s,
-            state.bristle_m,
-            pressure,
-        )
+        return simulate(self.parameters, velocity, self.sample_time_s, state.bristle_m, pressure)
 
     def multiply_adds(self) -> int:
-        return LUGRE_STEP_MULTIPLY_ADDS + (0 if self.sense is None else self.sense.window)
+        return LUGRE_STEP_MULTIPLY_ADDS + (0 if self.sense is None else 2 * self.sense.window)
 
     def _identify(
         self, recordings: Sequence[Recording], effort: SearchEffort, also_from: Sequence[LugreParameters] = ()
@@ -188,17 +156,17 @@ class LugreEstimator(FrictionEstimator):
             also_from=also_from,
         )
 
-    def _senses(self) -> dict[str, VelocitySense]:
+    def _senses(self) -> dict[str, MotionSense]:
         senses = [
-            VelocitySense(window, order, factor * self.velocity_dead_band_m_s)
+            MotionSense(window, order, play_m, 0.0 if play_m else self.velocity_dead_band_m_s)
             for window, order in VELOCITY_FILTERS
-            for factor in DEAD_BAND_FACTORS
+            for play_m in (0.0, *PLAYS_M)
         ]
         return {repr(sense): sense for sense in senses}
 
-    def _use(self, sense: VelocitySense) -> None:
+    def _use(self, sense: MotionSense) -> None:
         assert self.sample_time_s is not None
-        self.sense, self._filter = sense, sense.filter(self.sample_time_s)
+        self.sense, self._motion = sense, sense.block(self.sample_time_s)
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
         assert self.parameters is not None
@@ -237,7 +205,7 @@ class LugreEstimator(FrictionEstimator):
             name: (entry["interval"][0], entry["interval"][1]) for name, entry in model.items() if entry["interval"]
         }
         estimator.sample_time_s = parameters["sample_time_s"]
-        estimator._use(VelocitySense(**parameters["velocity"]))
+        estimator._use(MotionSense(**parameters["velocity"]))
         return estimator
 
 

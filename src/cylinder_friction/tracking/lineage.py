@@ -53,8 +53,9 @@ class Lineage:
 
     def text(self) -> str:
         """Returns the way back, one link a line, and what is broken."""
-        lines = [f"{self.model}"]
-        lines += [f"  {'ok    ' if link.holds else 'BROKEN'} {link.name:<17} {link.found}" for link in self.links]
+        width = max(len(link.name) for link in self.links)
+        lines = [self.model]
+        lines += [f"  {'ok    ' if link.holds else 'BROKEN'} {link.name:<{width}}  {link.found}" for link in self.links]
         broken = [link.name for link in self.links if not link.holds]
         lines.append(f"broken: {', '.join(broken)}" if broken else f"all {len(self.links)} links hold")
         return "\n".join(lines)
@@ -153,7 +154,9 @@ def _tags_link(origin: dict[str, Any], version: ModelVersion) -> Link:
 
 
 def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[Link]:
-    for path, md5 in origin.get("data", {}).items():
+    data = origin.get("data", {})
+    for path in sorted(data, key=lambda path: (path != origin["raw"], path)):  # from the beginning on
+        md5 = data[path]
         locked = _where_in_history(
             root, LOCK_FILE, lambda text, path=path, md5=md5: locked_hashes(text).get(path) == md5  # type: ignore[misc]
         )  # fmt: skip

@@ -26,6 +26,10 @@ EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"
 """What belongs to this machine and is neither versioned nor shared."""
 
+_EXPERIMENT_TAGS = {
+    "mlflow.experimentKind": "custom_model_development",  # the UI opens on the runs, not on traces of agents
+    "mlflow.note.content": "One run a stage of the pipeline; the trials of the search lie below its run.",
+}
 _CONNECT_TIMEOUT_S = 3.0
 
 
@@ -83,7 +87,7 @@ def _experiment(client: MlflowClient, uri: str, root: Path) -> str:
         return str(found.experiment_id)
     location = artifact_folder(root).as_uri() if uri.startswith("sqlite:") else None
     try:
-        return str(client.create_experiment(EXPERIMENT, artifact_location=location))
+        return str(client.create_experiment(EXPERIMENT, artifact_location=location, tags=_EXPERIMENT_TAGS))
     except MlflowException:
         # A shared server: another machine may have made it between the look and the creation.
         found = client.get_experiment_by_name(EXPERIMENT)

@@ -82,7 +82,8 @@ def errors_by_test(scores: Scores, tests: Sequence[str], against: str) -> go.Fig
             **_cell(index, len(tests)),
         )
         denominator = found[0].errors.mean_abs_friction_n
-        figure.update_xaxes(title_text=f"MAE [% of mean |{against}| = {denominator:.0f} N]", **_cell(index, len(tests)))
+        short = against.removeprefix("true ")
+        figure.update_xaxes(title_text=f"MAE [% of mean |{short}| = {denominator:.0f} N]", **_cell(index, len(tests)))
     return figure.update_xaxes(type="log", tickvals=_TICKS, ticktext=[f"{tick:g}" for tick in _TICKS])
 
 

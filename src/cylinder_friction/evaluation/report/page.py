@@ -18,7 +18,7 @@ _CSS = """
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--wash); color: var(--ink);
   font: 16px/1.6 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
-.frame { display: grid; grid-template-columns: 15rem minmax(0, 68rem); gap: 2.5rem; max-width: 90rem;
+.frame { display: grid; grid-template-columns: 12rem minmax(0, 72rem); gap: 1.5rem; max-width: 90rem;
   margin: 0 auto; padding: 0 1.5rem; }
 nav { position: sticky; top: 0; align-self: start; max-height: 100vh; overflow-y: auto;
   padding: 2.2rem 0; font-size: .92rem; }
@@ -26,7 +26,7 @@ nav strong { display: block; margin-bottom: .6rem; }
 nav a { display: block; padding: .22rem 0 .22rem .8rem; border-left: 3px solid var(--line); color: var(--quiet);
   text-decoration: none; }
 nav a:hover, nav a:focus { color: var(--accent); border-color: var(--accent); }
-main { background: var(--paper); padding: 2rem 2.6rem 4rem; border-left: 1px solid var(--line);
+main { background: var(--paper); padding: 2rem 2rem 4rem; border-left: 1px solid var(--line);
   border-right: 1px solid var(--line); }
 h1 { font-size: 1.9rem; line-height: 1.2; margin: .4rem 0 .3rem; }
 h2 { font-size: 1.35rem; margin: 2.8rem 0 .6rem; padding-top: .8rem; border-top: 1px solid var(--line); }
@@ -36,10 +36,10 @@ p, li { max-width: 48rem; }
 ul.summary { background: var(--wash); border-left: 4px solid var(--accent); padding: .9rem 1rem .9rem 2.2rem; }
 ul.summary li { margin: .3rem 0; }
 .scroll { overflow-x: auto; margin: .8rem 0 1.2rem; }
-table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; }
+table { border-collapse: collapse; font-size: .84rem; font-variant-numeric: tabular-nums; }
 th { text-align: right; vertical-align: bottom; font-weight: 600; border-bottom: 2px solid var(--ink);
-  padding: .35rem .8rem; max-width: 12rem; }
-td { text-align: right; border-bottom: 1px solid var(--line); padding: .32rem .8rem; white-space: nowrap; }
+  padding: .35rem .5rem; max-width: 10rem; }
+td { text-align: right; border-bottom: 1px solid var(--line); padding: .32rem .5rem; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; padding-left: .2rem; }
 td.best { font-weight: 700; background: #e4f1f9; }
 tbody tr:hover { background: var(--wash); }

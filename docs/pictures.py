@@ -1,0 +1,91 @@
+"""Draws the pictures of docs/ from the simulated bench itself: ``python docs/pictures.py``.
+
+Equal code gives equal bytes, so a picture changes only when the bench does.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.evaluation.figures.style import draw, panels, png_bytes
+from cylinder_friction.rig import CampaignPlan, RigRecording, campaign
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+IMAGES = Path(__file__).parent / "images"
+CYLINDER = Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)
+PLAN = CampaignPlan(seed=0, sessions_per_test=1, recordings_per_session=2)
+BEGIN_S, END_S = 18.0, 42.0
+BLUE, ORANGE, GREEN, BLACK = "#0072B2", "#D55E00", "#009E73", "#000000"
+MOVING_M_S = 2e-4
+"""Slower than this a row is not drawn against velocity: at rest friction is whatever holds."""
+
+
+def main() -> None:
+    """Writes every picture."""
+    recordings = list(campaign(CYLINDER, PLAN))
+    pictures = {
+        "one_recording": draw(one_recording, _of(recordings, "test4_session01_recording01")),
+        "friction_against_velocity": draw(friction_against_velocity, recordings),
+    }
+    IMAGES.mkdir(exist_ok=True)
+    for name, figure in pictures.items():
+        (IMAGES / f"{name}.png").write_bytes(png_bytes(figure))
+
+
+def one_recording(recording: RigRecording) -> Figure:
+    """Returns what the logger saw of one recording and, below it, what it did not see."""
+    logger, truth = (_between(table) for table in (recording.logger, recording.truth))
+    figure, axes = panels(4, 1, 9.5, 7.6)
+    pressures, position, velocity, friction = axes
+    pressures.plot(logger["Time [s]"], logger["P1 [bar]"], color=BLUE, label="P1, piston side")
+    pressures.plot(logger["Time [s]"], logger["P2 [bar]"], color=ORANGE, label="P2, rod side")
+    pressures.set(title="What the logger writes", ylabel="pressure [bar]")
+    pressures.legend(ncols=2)
+    position.plot(logger["Time [s]"], logger["Position [mm]"], color=GREEN)
+    position.set(ylabel="position [mm]")
+    velocity.plot(truth["time_s"], 1e3 * truth["velocity_m_s"], color=BLACK)
+    velocity.set(title="What only the simulation knows", ylabel="velocity [mm/s]")
+    friction.plot(truth["time_s"], truth["friction_n"], color=BLACK)
+    friction.set(ylabel="friction [N]", xlabel="time [s]")
+    for axis in axes:
+        axis.set_xlim(BEGIN_S, END_S)
+    return figure
+
+
+def friction_against_velocity(recordings: list[RigRecording]) -> Figure:
+    """Returns true friction against true velocity in Tests 1 and 4, every row in motion one point."""
+    figure, axes = panels(1, 2, 9.5, 4.0)
+    for axis, test, words in zip(axes, ("1", "4"), ("no load", "heaviest load"), strict=True):
+        _points(axis, [recording.truth for recording in recordings if recording.metadata.test == test])
+        axis.set(title=f"Test {test}, {words}", xlabel="velocity [mm/s]", ylabel="true friction [N]", ylim=(-850, 850))
+    return figure
+
+
+def _points(axis: Axes, truths: list[pd.DataFrame]) -> None:
+    velocity_m_s = np.concatenate([truth["velocity_m_s"] for truth in truths])
+    friction_n = np.concatenate([truth["friction_n"] for truth in truths])
+    moving = np.abs(velocity_m_s) > MOVING_M_S
+    axis.axhline(0.0, color="#555555", linewidth=0.8)
+    axis.axvline(0.0, color="#555555", linewidth=0.8)
+    axis.plot(1e3 * velocity_m_s[moving], friction_n[moving], ".", color=BLUE, markersize=1.5, alpha=0.35)
+
+
+def _between(table: pd.DataFrame) -> pd.DataFrame:
+    time_s = table.iloc[:, 0]
+    return table[(time_s >= BEGIN_S) & (time_s <= END_S)]
+
+
+def _of(recordings: list[RigRecording], name: str) -> RigRecording:
+    return next(recording for recording in recordings if recording.metadata.name == name)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""The MLflow UI in a real browser on a finished pipeline: what a user opens is there to be seen."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from mlflow import MlflowClient
+
+from cylinder_friction.deployment.serve import runs_page, served_ui
+from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.tracking.registry import Candidate, register
+from cylinder_friction.tracking.replay import replay
+from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
+from cylinder_friction.tracking.versions import origin_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from playwright.sync_api import Browser, Page
+
+CHROMIUM = Path("/usr/bin/chromium")
+MODEL = "friction-estimator"
+PATIENCE_MS = 30_000
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package"),
+]
+
+
+@pytest.fixture(scope="module")
+def finished_pipeline(written_pipeline: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The root of a repository whose pipeline has run to its end, its store filled."""
+    root = tmp_path_factory.mktemp("finished") / "repository"
+    shutil.copytree(written_pipeline, root)
+    candidate = Candidate(
+        MODEL,
+        "models/hybrid",
+        hash_of(root / "models/hybrid"),
+        {"1": 2.0},
+        "md5",
+        origin_of(root, "data/raw/rig", ["data/processed/train", "data/processed/test"]),
+        {"pressure_1_pa": [1e6, 1e6], "pressure_2_pa": [9e5, 9e5], "position_m": [0.1, 0.1]},
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        replay(root)
+        register(candidate, root, 0.1, lambda folder: {})
+    return root
+
+
+@pytest.fixture(scope="module")
+def ui(finished_pipeline: Path) -> Iterator[str]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        with served_ui(finished_pipeline) as url:
+            yield url
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    from playwright.sync_api import sync_playwright
+
+    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=str(CHROMIUM), args=arguments)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def page(browser: Browser, tmp_path: Path) -> Iterator[Page]:
+    """A fresh page; what it showed last is kept as a picture beside the test's other files."""
+    opened = browser.new_page(viewport={"width": 1500, "height": 1100})
+    opened.set_default_timeout(PATIENCE_MS)
+    yield opened
+    opened.screenshot(path=str(tmp_path / "last_seen.png"))
+    opened.close()
+
+
+@contextmanager
+def run_page(page: Page, ui: str, root: Path, name: str, tab: str = "") -> Iterator[Page]:
+    """Yields the page of the newest run of a name, opened in one of its tabs."""
+    client = MlflowClient(tracking_uri(root))
+    experiment = client.get_experiment_by_name(EXPERIMENT)
+    assert experiment is not None
+    run = client.search_runs([experiment.experiment_id], f"attributes.run_name = '{name}'")[0]
+    page.goto(f"{ui}/#/experiments/{experiment.experiment_id}/runs/{run.info.run_id}{tab}")
+    page.get_by_role("heading", name=name).first.wait_for()
+    yield page
+
+
+def sees(page: Page, *texts: str) -> None:
+    """Waits until every text is on the page; the test fails where one does not come."""
+    for text in texts:
+        page.get_by_text(text).first.wait_for()
+
+
+def test_the_experiment_shows_every_stage_and_the_trials_below_the_search(
+    page: Page, ui: str, finished_pipeline: Path
+) -> None:
+    page.goto(runs_page(ui, finished_pipeline))
+    for stage in ("compare", "search", "train"):
+        page.get_by_role("link", name=stage, exact=True).first.wait_for()
+    row = page.get_by_role("row").filter(has_text="search").first
+    row.get_by_role("button").first.click()
+    sees(page, "trial 0", "trial 1")
+
+
+def test_the_comparison_shows_its_metrics(page: Page, ui: str, finished_pipeline: Path) -> None:
+    with run_page(page, ui, finished_pipeline, "compare"):
+        sees(page, "hybrid.test_1.label_percent")
+
+
+def test_the_comparison_shows_its_figures_and_its_report(page: Page, ui: str, finished_pipeline: Path) -> None:
+    with run_page(page, ui, finished_pipeline, "compare", "/artifacts"):
+        page.get_by_text("reports", exact=True).first.click()
+        page.get_by_text("report.html").first.click()
+        page.frame_locator("iframe").get_by_text("Comparison").first.wait_for()
+        page.get_by_text("figures", exact=True).first.click()
+        page.get_by_text(".png").first.click()
+        page.locator("img[src^='blob:'], img[src*='get-artifact']").first.wait_for()
+
+
+def test_the_registered_version_shows_its_alias_and_the_way_back(page: Page, ui: str, finished_pipeline: Path) -> None:
+    client = MlflowClient(tracking_uri(finished_pipeline))
+    version = client.get_model_version_by_alias(MODEL, "champion")
+    page.goto(f"{ui}/#/models/{MODEL}")
+    sees(page, "Version 1", "champion")
+    page.goto(f"{ui}/#/models/{MODEL}/versions/{version.version}")
+    sees(page, "champion", "git_commit", version.tags["git_commit"], "data_raw_md5", version.tags["data_raw_md5"])
+    sees(page, "params_sha256", "gate_reason", "promoted: there is no incumbent")
