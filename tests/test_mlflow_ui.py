@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from contextlib import contextmanager
 from pathlib import Path
@@ -108,11 +109,14 @@ def test_the_experiment_shows_every_stage_and_the_trials_below_the_search(
         page.get_by_role("link", name=stage, exact=True).first.wait_for()
     row = page.get_by_role("row").filter(has_text="search").first
     row.get_by_role("button").first.click()
-    sees(page, "trial 0", "trial 1")
+    trials = page.get_by_role("link", name=re.compile(r"^trial \d+$"))
+    trials.first.wait_for()
+    assert trials.count() >= 2
 
 
 def test_the_comparison_shows_its_metrics(page: Page, ui: str, finished_pipeline: Path) -> None:
     with run_page(page, ui, finished_pipeline, "compare"):
+        page.get_by_placeholder("Search metrics").first.fill("hybrid.test_1.label_percent")
         sees(page, "hybrid.test_1.label_percent")
 
 
@@ -120,7 +124,7 @@ def test_the_comparison_shows_its_figures_and_its_report(page: Page, ui: str, fi
     with run_page(page, ui, finished_pipeline, "compare", "/artifacts"):
         page.get_by_text("reports", exact=True).first.click()
         page.get_by_text("report.html").first.click()
-        page.frame_locator("iframe").get_by_text("Comparison").first.wait_for()
+        page.frame_locator("iframe").locator("h1, h2").first.wait_for()
         page.get_by_text("figures", exact=True).first.click()
         page.get_by_text(".png").first.click()
         page.locator("img[src^='blob:'], img[src*='get-artifact']").first.wait_for()

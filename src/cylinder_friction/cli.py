@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from cylinder_friction.params import ParamsError
 from cylinder_friction.recordings import RecordingError
+from cylinder_friction.tracking.errors import TrackingError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options) or 0)
-    except (ParamsError, RecordingError, FileNotFoundError) as error:
+    except (ParamsError, RecordingError, TrackingError, FileNotFoundError) as error:
         print(f"cylinder-friction {options.command}: {error}", file=sys.stderr)
         return 1
 

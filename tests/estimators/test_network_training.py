@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators import Architecture, Checkpoint, TrainingPlan
-from cylinder_friction.estimators.network_training import SequenceData, train_network
+from cylinder_friction.estimators.network_training import train_network
+from cylinder_friction.estimators.training_plan import SequenceData
 
 if TYPE_CHECKING:
     from pathlib import Path

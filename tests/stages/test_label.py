@@ -26,7 +26,9 @@ def params_for(cylinder: Cylinder, **label_changes: Any) -> Params:
     content = {
         "ingest": yaml.safe_load((CONF / "ingest/rig.yaml").read_text(encoding="utf-8")),
         "filter": yaml.safe_load((CONF / "filter/savitzky_golay.yaml").read_text(encoding="utf-8")),
-        "label": yaml.safe_load((CONF / "label/default.yaml").read_text(encoding="utf-8")) | label_changes,
+        "label": yaml.safe_load((CONF / "label/default.yaml").read_text(encoding="utf-8"))
+        | {"split": {"test_sessions": 1, "validation_sessions": 1, "seed": 1}}
+        | label_changes,
     }
     return Params.model_construct(
         cylinder=CylinderParams(**cylinder.__dict__),

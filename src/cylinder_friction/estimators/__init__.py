@@ -16,7 +16,7 @@ from cylinder_friction.estimators.linear import (
 )
 from cylinder_friction.estimators.lstm import lstm_multiply_adds
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
-from cylinder_friction.estimators.network_training import Architecture, LearningCurve, TrainingPlan
+from cylinder_friction.estimators.training_plan import Architecture, LearningCurve, TrainingPlan
 
 __all__ = [
     "Architecture",

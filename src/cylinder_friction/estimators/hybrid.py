@@ -17,15 +17,14 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import Forest, fit_forest, forest_from_onnx
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
 from cylinder_friction.estimators.lstm import Lstm, LstmState
-from cylinder_friction.estimators.network_training import (
+from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.training_plan import (
     Architecture,
     EpochReport,
     LearningCurve,
     SequenceData,
     TrainingPlan,
-    train_network,
 )
-from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,6 +133,8 @@ class HybridEstimator(FrictionEstimator):
         """
         if self.cylinder is None or self.architecture is None or self.plan is None:
             raise ValueError("a hybrid needs cylinder, architecture and plan to be fitted; got a loaded one without")
+        from cylinder_friction.estimators.network_training import train_network  # PyTorch: training alone waits for it
+
         self._begin_fit(train)
         front_end = fit_front_end(self.design, self.cylinder, train)
         mean_n, scale_n = _target_scaling(front_end, train)

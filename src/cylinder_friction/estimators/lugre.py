@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1))
+VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
 """One-sided Savitzky-Golay differentiators on offer, window in samples and order."""
 
-PLAYS_M = (4e-5, 8e-5)
-"""Half-widths of the play on offer [m]: about three and six times the noise of a smoothed potentiometer."""
+PLAYS_M = (0.0, 8e-5)
+"""Half-widths of the play on offer [m]: none, and about six times the noise of a smoothed potentiometer."""
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
 """What one LuGre step costs beside the velocity filter: five exponentials or logarithms at about 16, and the rest."""
@@ -160,7 +160,7 @@ class LugreEstimator(FrictionEstimator):
         senses = [
             MotionSense(window, order, play_m, 0.0 if play_m else self.velocity_dead_band_m_s)
             for window, order in VELOCITY_FILTERS
-            for play_m in (0.0, *PLAYS_M)
+            for play_m in PLAYS_M
         ]
         return {repr(sense): sense for sense in senses}
 

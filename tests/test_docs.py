@@ -1,0 +1,107 @@
+"""The guides tell the truth: links, names and complete programs are tried."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction.cli import _parser
+from cylinder_friction.estimators import FrictionEstimator
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+BLOCK = re.compile(r"^```(?P<kind>\w*)(?P<rest>[^\n]*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
+PROGRAM = re.compile(r"complete file=(?P<file>\w+\.py)")
+
+
+def named(pattern: str) -> list[tuple[str, str]]:
+    """Returns page and name of every match of the pattern's one group."""
+    return [(page.name, name) for page in PAGES for name in re.findall(pattern, page.read_text(encoding="utf-8"))]
+
+
+def programs(page: Path) -> dict[str, str]:
+    """Returns the complete programs of a page by their file's name."""
+    blocks = BLOCK.finditer(page.read_text(encoding="utf-8"))
+    return {found["file"]: block["text"] for block in blocks if (found := PROGRAM.search(block["rest"]))}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_and_pictures_are_there(page: Path) -> None:
+    targets = [match["target"] for match in LINK.finditer(BLOCK.sub("", page.read_text(encoding="utf-8")))]
+    local = [target.partition("#")[0] for target in targets if not target.startswith(("https://", "#"))]
+    assert [target for target in local if not (page.parent / target).exists()] == []
+
+
+def test_the_index_names_every_page() -> None:
+    index = (ROOT / "docs/README.md").read_text(encoding="utf-8")
+    assert [page.name for page in PAGES if page.name != "README.md" and f"({page.name})" not in index] == []
+
+
+def test_every_picture_is_shown() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES) + (ROOT / "README.md").read_text("utf-8")
+    assert [path.name for path in (ROOT / "docs/images").iterdir() if f"images/{path.name}" not in text] == []
+
+
+def test_every_make_target_exists() -> None:
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    mentioned = named(r"(?:^|`)make ([a-z-]+)(?=[ `\n])")
+    assert mentioned
+    assert [entry for entry in mentioned if entry[1] not in targets] == []
+
+
+def test_every_subcommand_exists() -> None:
+    commands = next(action.choices for action in _parser()._actions if action.dest == "command")
+    assert commands is not None
+    mentioned = named(r"cylinder-friction ([a-z]+)")
+    assert mentioned
+    assert [entry for entry in mentioned if entry[1] not in commands] == []
+
+
+def test_every_configuration_file_and_recipe_exists() -> None:
+    paths = [entry for entry in named(r"(conf/[\w/]+(?:\.yaml)?)") if not (ROOT / entry[1]).exists()]
+    assert [entry for entry in paths if entry[1] != "conf/cylinder/press.yaml"] == []  # which the reader writes
+    for group in ("experiment", "record", "ingest", "filter", "search"):
+        chosen = [entry for entry in named(rf"(?<![\w/]){group}=([a-z_]+)") if entry[1]]
+        assert [entry for entry in chosen if not (ROOT / f"conf/{group}/{entry[1]}.yaml").is_file()] == []
+
+
+def test_every_configuration_file_is_listed() -> None:
+    page = (ROOT / "docs/configuration.md").read_text(encoding="utf-8")
+    missing = [path for path in (ROOT / "conf").glob("*/*.yaml") if f"`{path.stem}`" not in page]
+    assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_python_is_python(page: Path) -> None:
+    for block in BLOCK.finditer(page.read_text(encoding="utf-8")):
+        if block["kind"] == "python":
+            compile(block["text"], page.name, "exec")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if programs(page)], ids=lambda page: page.name)
+def test_complete_programs_run(
+    page: Path,
+    written_pipeline: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for folder in ("data", "models"):
+        shutil.copytree(written_pipeline / folder, tmp_path / folder)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(FrictionEstimator, "_kinds", dict(FrictionEstimator._kinds))
+    written = programs(page)
+    for name, text in written.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    for name in written:
+        runpy.run_path(name, run_name="__main__")
+    assert capsys.readouterr().out
+    for name in written:
+        sys.modules.pop(name.removesuffix(".py"), None)
