@@ -38,14 +38,14 @@ test: install-dev ## run the tests
 	pytest -n 2 --dist loadgroup
 
 lint: install-dev ## check style, types and import rules
-	ruff format --check src tests benchmarks
-	ruff check src tests benchmarks
+	ruff format --check src tests benchmarks docs
+	ruff check src tests benchmarks docs
 	mypy
 	lint-imports
 
 format: install-dev ## rewrite style
-	ruff format src tests benchmarks
-	ruff check --fix src tests benchmarks
+	ruff format src tests benchmarks docs
+	ruff check --fix src tests benchmarks docs
 
 params: install ## compose conf/ into params.yaml, for example ARGS="experiment=smoke"
 	cylinder-friction params $(ARGS)

@@ -108,6 +108,11 @@ def test_all_that_is_wrong_is_told_at_once(content: dict[str, Any]) -> None:
     assert "compare.colour" in str(refused.value)
 
 
+def test_an_unknown_recipe_is_refused() -> None:
+    with pytest.raises(ParamsError, match="experiment/nope"):
+        compose_params(CONF, ["experiment=nope"])
+
+
 def test_an_unknown_override_is_refused_and_params_yaml_stays(tmp_path: Path) -> None:
     target = tmp_path / "params.yaml"
     write_params(CONF, path=target)
@@ -129,7 +134,7 @@ def test_the_command_line_refuses_with_a_message_and_no_traceback(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["stage", "record"]) == 1
-    assert "cylinder-friction stage: params.yaml: not there" in capsys.readouterr().err
+    assert "cylinder-friction stage record: params.yaml: not there" in capsys.readouterr().err
 
 
 def test_an_unknown_stage_is_refused(

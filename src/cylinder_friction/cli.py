@@ -24,7 +24,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(options.run(options) or 0)
     except (ParamsError, RecordingError, TrackingError, FileNotFoundError) as error:
-        print(f"cylinder-friction {options.command}: {error}", file=sys.stderr)
+        what = f"stage {options.name}" if options.command == "stage" else options.command
+        print(f"cylinder-friction {what}: {error}", file=sys.stderr)
         return 1
 
 

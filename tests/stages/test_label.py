@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from cylinder_friction.params import CylinderParams, FilterParams, IngestParams, LabelParams, Params
+from cylinder_friction.params import CylinderParams, FilterParams, IngestParams, LabelParams, LugreParams, Params
 from cylinder_friction.recordings import Recording, RecordingError, read_json, read_recordings, write_recording
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import label
@@ -22,7 +22,7 @@ RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
 TRUTH = ["time_s", "friction_n", "velocity_m_s"]
 
 
-def params_for(cylinder: Cylinder, **label_changes: Any) -> Params:
+def params_for(cylinder: Cylinder, lugre_test: str = "1", **label_changes: Any) -> Params:
     content = {
         "ingest": yaml.safe_load((CONF / "ingest/rig.yaml").read_text(encoding="utf-8")),
         "filter": yaml.safe_load((CONF / "filter/savitzky_golay.yaml").read_text(encoding="utf-8")),
@@ -35,6 +35,9 @@ def params_for(cylinder: Cylinder, **label_changes: Any) -> Params:
         ingest=IngestParams.model_validate(content["ingest"]),
         filter=FilterParams.model_validate(content["filter"]),
         label=LabelParams.model_validate(content["label"]),
+        lugre=LugreParams.model_validate(
+            yaml.safe_load((CONF / "lugre/default.yaml").read_text(encoding="utf-8")) | {"test": lugre_test}
+        ),
     )
 
 
@@ -144,3 +147,11 @@ def test_truth_of_another_campaign_is_refused(workplace: Path, cylinder: Cylinde
     made[0].table[TRUTH].iloc[:-5].to_parquet(RIG_TRUTH_FOLDER / f"{made[0].name}.parquet")
     with pytest.raises(RecordingError, match="has 3995 rows, but recording 'r1-a' has 4000"):
         label.run(params_for(cylinder))
+
+
+def test_a_test_that_lugre_cannot_find_is_refused_before_anything_is_trained(
+    workplace: Path, cylinder: Cylinder
+) -> None:
+    with pytest.raises(RecordingError, match=r"lugre\.test is 'no-load', but the recordings are of tests \['1', '2'\]"):
+        label.run(params_for(cylinder, lugre_test="no-load"))
+    assert not PROCESSED_FOLDERS["train"].exists()

@@ -13,6 +13,7 @@ from tqdm import tqdm
 from cylinder_friction.evaluation.splits import split_sessions
 from cylinder_friction.labelling import Audit, AuditRow, Labeller, Stiffness
 from cylinder_friction.recordings import (
+    RecordingError,
     read_metadata,
     read_recording,
     read_truth,
@@ -54,6 +55,7 @@ def run(params: Params) -> RunRecord:
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
     labeller = Labeller(cylinder_from(params.cylinder), stiffness_from(settings), settings.end_stop_margin_m)
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
+    refuse_unknown_test(params.lugre.test, [entry.test for entry in metadata])
     split = split_sessions(metadata, **settings.split.model_dump())
     metrics: dict[str, float] = {}
     for role, names in split.items():
@@ -67,6 +69,19 @@ def run(params: Params) -> RunRecord:
         artifacts=artifacts(AUDIT_FOLDER),
         datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
     )
+
+
+def refuse_unknown_test(lugre_test: str, tests: Sequence[str]) -> None:
+    """Refuses ``lugre.test`` here already: the stage that needs it comes after hours of search and training.
+
+    Raises:
+        RecordingError: No recording is of that test.
+    """
+    if lugre_test not in tests:
+        raise RecordingError(
+            f"lugre.test is {lugre_test!r}, but the recordings are of tests {sorted(set(tests))}; "
+            "name the one without load: LuGre is identified on it"
+        )
 
 
 def stiffness_from(settings: LabelParams) -> Stiffness:
