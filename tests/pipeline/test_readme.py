@@ -39,7 +39,7 @@ RUN_ELSEWHERE = {
     "make serve": "test_the_servers_answer",
     "dvc repro": "every test of this folder",
     'make seeds ARGS="1 2 3"': "test_seeds_prints_its_table",
-    "dvc exp run -S experiment=smoke -S register.tolerance_percent=0.2": "test_an_experiment_composes_the_configuration",
+    "dvc exp run -S experiment=smoke -S register.tolerance_percent=0.2": "test_an_experiment_composes",
 }
 
 
@@ -96,7 +96,7 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
             process.stdout.close()
 
 
-def test_an_experiment_composes_the_configuration(finished_pipeline: Path, tmp_path: Path) -> None:
+def test_an_experiment_composes(finished_pipeline: Path, tmp_path: Path) -> None:
     folder = copy_of(finished_pipeline, tmp_path)
     done = run(folder, "dvc", "exp", "run", "-S", "experiment=smoke", "-S", "register.tolerance_percent=0.2")
     assert "Running stage 'register'" in done.stdout

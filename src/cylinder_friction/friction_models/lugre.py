@@ -184,3 +184,29 @@ def _simulate(
         log_speed = math.log(speed) if speed > 0.0 else 0.0
         deflection, friction[row] = lugre_step(packed, velocity[row], log_speed, pressure[row], sample_time, deflection)
     bristle[0] = deflection
+
+
+@numba.njit(cache=True)
+def mean_absolute_error(
+    packed: Array,
+    velocity: Array,
+    log_speed: Array,
+    pressure: Array,
+    friction: Array,
+    usable: NDArray[np.bool_],
+    starts: NDArray[np.int64],
+    sample_time: float,
+) -> float:
+    """Returns the mean absolute difference between model and ``friction`` [N]; each motion from a fresh state.
+
+    It stands beside ``lugre_step`` because numba's cache on disk notices changes in its own file only.
+    """
+    total, count = 0.0, 0
+    for motion in range(starts.shape[0] - 1):
+        bristle = 0.0
+        for row in range(starts[motion], starts[motion + 1]):
+            bristle, estimate = lugre_step(packed, velocity[row], log_speed[row], pressure[row], sample_time, bristle)
+            if usable[row]:
+                total += abs(estimate - friction[row])
+                count += 1
+    return total / count

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-import numba
 import numpy as np
 
-from cylinder_friction.friction_models.lugre import LugreParameters, lugre_step, new_bristle, simulate
+from cylinder_friction.friction_models.lugre import LugreParameters, mean_absolute_error, new_bristle, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,7 +93,7 @@ class Motions:
     def mean_absolute_error(self, parameters: LugreParameters) -> float:
         """Returns the mean absolute difference between model and label over usable rows [N]."""
         return float(
-            _mean_absolute_error(
+            mean_absolute_error(
                 parameters.packed(),
                 self.velocity_m_s,
                 self.log_speed,
@@ -115,25 +114,3 @@ class Motions:
             for start, end in zip(self.starts[:-1], self.starts[1:], strict=True)
         ]
         return np.concatenate(pieces)
-
-
-@numba.njit(cache=True)
-def _mean_absolute_error(
-    packed: Array,
-    velocity: Array,
-    log_speed: Array,
-    pressure: Array,
-    friction: Array,
-    usable: NDArray[np.bool_],
-    starts: NDArray[np.int64],
-    sample_time: float,
-) -> float:
-    total, count = 0.0, 0
-    for motion in range(starts.shape[0] - 1):
-        bristle = 0.0
-        for row in range(starts[motion], starts[motion + 1]):
-            bristle, estimate = lugre_step(packed, velocity[row], log_speed[row], pressure[row], sample_time, bristle)
-            if usable[row]:
-                total += abs(estimate - friction[row])
-                count += 1
-    return total / count
