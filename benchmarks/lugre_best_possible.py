@@ -1,11 +1,12 @@
 """How near LuGre, identified on the training recordings, comes to the best parameters there are.
 
-Reads ``data/processed`` and ``models/lugre``. For the training, validation and held-out recordings of the test that
-LuGre was identified on, it searches LuGre's parameters with a larger budget directly on those recordings, and prints
-both errors against the label and their ratio. On the training recordings the ratio shows how good the search was. On
-the others it holds, besides, what one session differs from another (temperature, drift of friction, how often and how
-long the piston rested), to which parameters fitted on that session alone can bend. A budget below the default makes
-the best worse and the ratio flattering. Run from the repository's root after ``dvc repro``:
+Reads ``data/processed`` and ``models/lugre``. For the training recordings, all recordings and the held-out recordings
+of the test that LuGre was identified on, it searches LuGre's parameters with a larger budget directly on those
+recordings, and prints both errors against the label and their ratio. On the training recordings the ratio shows how
+good the search was. On the others it holds, besides, what one session differs from another (temperature, drift of
+friction, how often and how long the piston rested), to which parameters fitted on that session alone can bend. A
+budget below the default makes the best worse and the ratio flattering. Run from the repository's root after
+``dvc repro``:
 
     .venv/bin/python benchmarks/lugre_best_possible.py
 """
@@ -22,6 +23,8 @@ from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models import SearchEffort
 from cylinder_friction.recordings import Recording, read_recordings
 
+ROLES = ("train", "validation", "test")
+
 
 def error_percent(estimator: LugreEstimator, recordings: list[Recording]) -> float:
     """Returns mean absolute error over mean absolute label of all usable rows, in percent."""
@@ -37,7 +40,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--models", type=Path, default=Path("models/lugre"))
     parser.add_argument("--processed", type=Path, default=Path("data/processed"))
-    parser.add_argument("--roles", nargs="+", default=["train", "validation", "test"])
+    parser.add_argument("--roles", nargs="+", default=["train", "all", "test"])
     parser.add_argument("--kinds", nargs="+", default=["lugre", "pressure_lugre"])
     parser.add_argument("--population", type=int, default=20)
     parser.add_argument("--generations", type=int, default=100)
@@ -49,7 +52,8 @@ def main() -> None:
         estimator = FrictionEstimator.load(arguments.models / kind)
         assert isinstance(estimator, LugreEstimator)
         for role in arguments.roles:
-            everything = read_recordings(arguments.processed / role)
+            folders = ROLES if role == "all" else (role,)
+            everything = [each for folder in folders for each in read_recordings(arguments.processed / folder)]
             recordings = [recording for recording in everything if recording.metadata.test == estimator.test]
             effort = SearchEffort(
                 arguments.seed, arguments.population, arguments.generations, len(recordings), arguments.restarts

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,11 +11,7 @@ import pytest
 from mlflow import MlflowClient
 
 from cylinder_friction.deployment.serve import runs_page, served_ui
-from cylinder_friction.tracking.content import hash_of
-from cylinder_friction.tracking.registry import Candidate, register
-from cylinder_friction.tracking.replay import replay
 from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
-from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,29 +24,9 @@ PATIENCE_MS = 30_000
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.xdist_group("pipeline"),
     pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package"),
 ]
-
-
-@pytest.fixture(scope="module")
-def finished_pipeline(written_pipeline: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The root of a repository whose pipeline has run to its end, its store filled."""
-    root = tmp_path_factory.mktemp("finished") / "repository"
-    shutil.copytree(written_pipeline, root)
-    candidate = Candidate(
-        MODEL,
-        "models/hybrid",
-        hash_of(root / "models/hybrid"),
-        {"1": 2.0},
-        "md5",
-        origin_of(root, "data/raw/rig", ["data/processed/train", "data/processed/test"]),
-        {"pressure_1_pa": [1e6, 1e6], "pressure_2_pa": [9e5, 9e5], "position_m": [0.1, 0.1]},
-    )
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        replay(root)
-        register(candidate, root, 0.1, lambda folder: {})
-    return root
 
 
 @pytest.fixture(scope="module")
