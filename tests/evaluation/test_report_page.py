@@ -109,7 +109,7 @@ def test_text_from_recordings_cannot_break_the_page(compared, curves, strokes):
 
 def test_audit_rows_are_named_by_the_keys_that_lead_to_them():
     table = audit_table(AUDIT)
-    assert table.head == ("", "mae n")
+    assert table.head == ("", "MAE [N]")
     assert table.rows == (
         ("rts, all, steady", "6.50"),
         ("rts, all, events", "24.00"),

@@ -27,6 +27,15 @@ AFTER = {
 }
 
 
+MODEL_FILES = (
+    "models/search/trials.json",
+    "models/hybrid/estimator.json",
+    "models/hybrid/network.onnx",
+    "models/hybrid/forest.onnx",
+    "models/lugre/lugre/estimator.json",
+)
+
+
 def one_trial_is_finished(folder: Path) -> bool:
     return any((folder / ".cylinder-friction/resume").glob("search-*/trials.json"))
 
@@ -87,8 +96,8 @@ def test_after_kill_9_a_repro_ends_as_if_nothing_had_been(
             file.unlink()
     kill_when(folder, stage, is_time)
     run(folder, "dvc", "repro")
-    for result in ("reports/metrics.json", "models/hybrid/network.onnx", "models/search/trials.json"):
-        assert (folder / result).read_bytes() == (finished_pipeline / result).read_bytes()
+    for result in ("reports/metrics.json", "models/registered.json", *MODEL_FILES):
+        assert (folder / result).read_bytes() == (finished_pipeline / result).read_bytes(), result
     client = mlflow.MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
     versions = client.search_model_versions("name='friction-estimator'")
     assert len(versions) == 1

@@ -9,6 +9,7 @@ import mlflow
 import pytest
 import yaml
 
+from cylinder_friction.tracking.content import hash_of
 from pipeline_workspace import PROJECT, commit, copy_of, environment, new_repository, run
 
 if TYPE_CHECKING:
@@ -52,6 +53,8 @@ def test_a_second_run_from_nothing_gives_the_same_metrics_bit_for_bit(finished_p
     again = new_repository(tmp_path / "again")
     run(again, "dvc", "repro", "compare")
     assert metrics_of(again) == metrics_of(finished_pipeline)
+    for model in ("models/hybrid", "models/paper_hybrid", "models/baselines", "models/lugre"):
+        assert hash_of(again / model) == hash_of(finished_pipeline / model), model
 
 
 def test_every_estimator_is_scored_in_every_test_against_label_and_truth(finished_pipeline: Path) -> None:

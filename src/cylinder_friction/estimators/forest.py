@@ -103,6 +103,9 @@ def fit_forest(
         target_opset=OPSETS,
     )
     model.producer_version = ""
+    in_order = sorted(model.opset_import, key=lambda entry: entry.domain)  # a set's order differs from run to run
+    del model.opset_import[:]
+    model.opset_import.extend(in_order)
     return model
 
 

@@ -6,6 +6,15 @@ from typing import Any
 
 from cylinder_friction.evaluation.tables import Table
 
+HEADS = {
+    "bias_n": "Bias [N]",
+    "mae_n": "MAE [N]",
+    "mae_percent": "MAE [% of mean |true friction|]",
+    "max_n": "Largest [N]",
+    "mean_friction_n": "Mean |true friction| [N]",
+    "rows": "Rows",
+}
+
 
 def audit_table(audit: Any) -> Table:
     """Returns one row for each innermost group of numbers, named by the keys that lead to it.
@@ -16,7 +25,7 @@ def audit_table(audit: Any) -> Table:
     groups: list[tuple[str, dict[str, Any]]] = []
     _collect(audit, (), groups)
     columns = list(dict.fromkeys(key for _, numbers in groups for key in numbers))
-    head = ("", *(column.replace("_", " ") for column in columns))
+    head = ("", *(HEADS.get(column, column.replace("_", " ")) for column in columns))
     rows = tuple((name or "all", *(_cell(numbers.get(column)) for column in columns)) for name, numbers in groups)
     return Table(head, rows)
 
