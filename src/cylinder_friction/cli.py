@@ -64,19 +64,19 @@ def _params(options: argparse.Namespace) -> None:
     write_params(CONF, options.overrides)
 
 
-def _check(options: argparse.Namespace) -> None:  # noqa: ARG001
+def _check(_options: argparse.Namespace) -> None:
     from cylinder_friction.params import load_params
 
     load_params()
 
 
-def _track(options: argparse.Namespace) -> None:  # noqa: ARG001
+def _track(_options: argparse.Namespace) -> None:
     from cylinder_friction.tracking.replay import replay
 
     print(replay(Path.cwd()).summary())
 
 
-def _summary(options: argparse.Namespace) -> None:  # noqa: ARG001
+def _summary(_options: argparse.Namespace) -> None:
     print((REPORTS / "table.md").read_text(encoding="utf-8").rstrip())
     print(
         f"""
@@ -88,7 +88,7 @@ next     make ui      browse the runs, the search and the registered model
     )
 
 
-def _readme(options: argparse.Namespace) -> None:  # noqa: ARG001
+def _readme(_options: argparse.Namespace) -> None:
     from cylinder_friction.readme import update_readme
 
     update_readme(Path("README.md"), REPORTS)
@@ -102,7 +102,7 @@ def _lineage(options: argparse.Namespace) -> int:
     return 0 if report.holds else 1
 
 
-def _ui(options: argparse.Namespace) -> int:  # noqa: ARG001
+def _ui(_options: argparse.Namespace) -> int:
     from cylinder_friction.deployment.serve import run_ui
 
     return run_ui(Path.cwd())

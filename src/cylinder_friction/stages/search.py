@@ -59,7 +59,7 @@ def run(params: Params) -> RunRecord:
             device_from(params.train.device),
         )
 
-        def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:  # noqa: ARG001
+        def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
             bar.update(1)
             report(validation_mae_n)
 
