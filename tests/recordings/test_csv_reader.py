@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.recordings import RecordingError, reader_for
+from cylinder_friction.recordings.mapping import ChannelMapping, apply_mapping
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,6 +27,19 @@ def test_channels_come_as_named(tmp_path: Path) -> None:
 def test_decimal_comma_and_byte_order_mark(tmp_path: Path) -> None:
     table = reader_for("csv", delimiter=";", decimal=",").read(written(tmp_path, "\ufefft;T [°C]\n0,005;40,5\n"))
     assert table.to_dict("list") == {"t": [0.005], "T [°C]": [40.5]}
+
+
+def test_under_a_decimal_comma_only_the_bad_cell_is_blamed(tmp_path: Path) -> None:
+    read = reader_for("csv", delimiter=";", decimal=",").read
+    table = read(written(tmp_path, "p [bar]\n3,845\n3,9\nbroken\n-1,5e1\n"))
+    with pytest.raises(RecordingError, match=r"broken.* in row 3 \(1 such rows in all\); expected numbers in bar"):
+        apply_mapping(table, {"pressure_1_pa": ChannelMapping("p [bar]", "bar", 1)})
+
+
+def test_under_a_decimal_comma_a_point_is_no_decimal_sign(tmp_path: Path) -> None:
+    table = reader_for("csv", delimiter=";", decimal=",").read(written(tmp_path, "p [bar]\n3.845\n3.9\n"))
+    with pytest.raises(RecordingError, match=r"3\.845.* in row 1 \(2 such rows in all\)"):
+        apply_mapping(table, {"pressure_1_pa": ChannelMapping("p [bar]", "bar", 1)})
 
 
 def test_older_encodings(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import pyarrow as pa
@@ -45,7 +45,7 @@ class CsvReader:
                 convert_options=pa_csv.ConvertOptions(decimal_point=self.decimal, strings_can_be_null=True),
             )
             names = [name.strip() for name in table.column_names]
-            columns = [table.column(index).to_pandas() for index in range(table.num_columns)]
+            columns = [self._numbers(table.column(index).to_pandas()) for index in range(table.num_columns)]
         except (pa.ArrowInvalid, UnicodeDecodeError, LookupError) as error:
             raise RecordingError(
                 f"cannot be read as CSV with delimiter {self.delimiter!r} and encoding {self.encoding!r}: {error}; "
@@ -54,6 +54,19 @@ class CsvReader:
         channels = pd.concat(columns, axis=1)
         channels.columns = pd.Index(names)
         return channels
+
+    def _numbers(self, column: pd.Series[Any]) -> pd.Series[Any]:
+        """Returns a column that holds text with its numbers read all the same, so that only what is none is text.
+
+        Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
+        """
+        if self.decimal == "." or pd.api.types.is_numeric_dtype(column):
+            return column
+        text = column.astype("string")
+        plain = text.where(~text.str.contains(".", regex=False, na=False))
+        numbers = pd.to_numeric(plain.str.replace(self.decimal, ".", regex=False), errors="coerce")
+        cells = [f"'{cell}'" for cell in column]
+        return numbers.astype(object).where(numbers.notna() | column.isna(), pd.Series(cells, dtype=object))
 
 
 def _refuse_open_end(path: Path) -> None:
