@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import time
@@ -55,10 +56,9 @@ def test_every_command_is_run_by_a_test() -> None:
 @pytest.mark.parametrize("command", sorted(RUN_IN_A_FINISHED_PIPELINE))
 def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path, command: str) -> None:
     folder = finished_pipeline if command.startswith("cylinder") else copy_of(finished_pipeline, tmp_path)
-    words = [word.strip('"') for word in re.findall(r'(?:[^\s"]|"[^"]*")+', command.replace('="', "=").rstrip('"'))]
+    words = shlex.split(command)
     if words[0] == "make":
-        target, *rest = command.removeprefix("make ").split(" ", 1)
-        words = [*MAKE, target, *(part.replace('"', "") for part in rest)]
+        words = [*MAKE, *words[1:]]
     done = run(folder, *words)
     assert RUN_IN_A_FINISHED_PIPELINE[command] in done.stdout
 

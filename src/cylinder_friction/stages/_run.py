@@ -9,10 +9,8 @@ from cylinder_friction.params import Params, ParamsError, load_params
 from cylinder_friction.recordings import write_json
 from cylinder_friction.stages._stage import RUNS_FOLDER
 from cylinder_friction.tracking.log_run import track_or_warn
+from cylinder_friction.tracking.replay import PIPELINE_ORDER
 from cylinder_friction.tracking.resources import sampled_resources
-
-STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
-"""In the order of the pipeline."""
 
 
 def run_stage(name: str) -> None:
@@ -22,8 +20,8 @@ def run_stage(name: str) -> None:
         ParamsError: There is no such stage; or anything in ``params.yaml`` is refused, in whichever section, so that
             no stage starts on half a truth.
     """
-    if name not in STAGES:
-        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
+    if name not in PIPELINE_ORDER:
+        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(PIPELINE_ORDER)}")
     params: Params = load_params()
     root = Path.cwd()
     with sampled_resources(name, root):
