@@ -2,23 +2,45 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
     import pandas as pd
     from numpy.typing import NDArray
 
 SAMPLE_COLUMNS = ("pressure_1_pa", "pressure_2_pa", "position_m")
 """The raw sample that every estimator sees, in this order: piston side, rod side, position."""
 
+DRIVE_FORCE = "drive_force_n"
+"""Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a
+cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
+
 REQUIRED_COLUMNS = ("time_s", *SAMPLE_COLUMNS)
+"""Of a hydraulic recording; a recording with ``drive_force_n`` needs time and position only."""
 
 
 class RecordingError(ValueError):
     """A recording that cannot be used; the message says what, where, found, expected and what to do."""
+
+
+@dataclass(frozen=True)
+class SensorUncertainty:
+    """Standard uncertainty (k = 1) of what a sensor reads.
+
+    Attributes:
+        zero: Of its zero, constant within a recording, in the column's unit.
+        span: Of its gain, as a share of the reading.
+        resolution: One step of its converter, in the column's unit; 0 if not known.
+    """
+
+    zero: float
+    span: float
+    resolution: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -34,6 +56,9 @@ class RecordingMetadata:
         load: What the cylinder carried or worked against, in words.
         source_file: Where the recording came from, relative to the folder that was ingested.
         source_sha256: Hash of that file's bytes.
+        zero_offset: What was taken off a column as its sensor's reading at zero, in the column's unit.
+        uncertainty: Of the sensor behind a column; absent where nobody stated it.
+        repairs: What ingest repaired, one sentence each; empty for a recording that came in as it should.
     """
 
     name: str
@@ -44,10 +69,14 @@ class RecordingMetadata:
     load: str = ""
     source_file: str = ""
     source_sha256: str = ""
+    zero_offset: Mapping[str, float] = field(default_factory=dict)
+    uncertainty: Mapping[str, SensorUncertainty] = field(default_factory=dict)
+    repairs: tuple[str, ...] = ()
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        return cls(**values)
+        known = {column: SensorUncertainty(**entry) for column, entry in values.get("uncertainty", {}).items()}
+        return cls(**values | {"uncertainty": known, "repairs": tuple(values.get("repairs", ()))})
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -57,9 +86,10 @@ class RecordingMetadata:
 class Recording:
     """One table at one constant sample rate.
 
-    Columns carry their unit. Always: ``time_s``, ``pressure_1_pa`` (piston side, gauge), ``pressure_2_pa``
-    (rod side, gauge), ``position_m`` (extension positive). Later stages add ``velocity_m_s``,
-    ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive velocity) and ``usable`` (mask).
+    Columns carry their unit. Always: ``time_s`` and ``position_m`` (extension positive). Always, but for a recording
+    with ``drive_force_n``: ``pressure_1_pa`` (piston side, gauge) and ``pressure_2_pa`` (rod side, gauge). Later stages
+    add ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive velocity) and
+    ``usable`` (mask).
 
     Raises:
         RecordingError: A required column is missing or a required value is not finite.
@@ -69,13 +99,15 @@ class Recording:
     table: pd.DataFrame
 
     def __post_init__(self) -> None:
-        missing = [column for column in REQUIRED_COLUMNS if column not in self.table.columns]
+        missing = missing_columns(self.table.columns)
         if missing:
             raise RecordingError(
                 f"recording {self.name!r}: column {missing[0]!r} is missing; got columns "
-                f"{list(self.table.columns)}, expected at least {list(REQUIRED_COLUMNS)}"
+                f"{list(self.table.columns)}, expected at least {list(REQUIRED_COLUMNS)} "
+                f"(or time_s, position_m and {DRIVE_FORCE})"
             )
-        refuse_not_finite(self.name, self.samples())
+        columns = [name for name in (*SAMPLE_COLUMNS, DRIVE_FORCE) if name in self.table.columns]
+        refuse_not_finite(self.name, self.table[columns].to_numpy(dtype=np.float64), columns)
 
     @property
     def name(self) -> str:
@@ -98,7 +130,17 @@ class Recording:
         return self.table[name].to_numpy(dtype=np.float64)
 
     def samples(self) -> NDArray[np.float64]:
-        """Returns the raw samples, shape ``(n, 3)``: pressure 1 [Pa], pressure 2 [Pa], position [m]."""
+        """Returns the raw samples, shape ``(n, 3)``: pressure 1 [Pa], pressure 2 [Pa], position [m].
+
+        Raises:
+            RecordingError: The recording has a drive force in place of the pressures that estimators take.
+        """
+        for column in SAMPLE_COLUMNS:
+            if column not in self.table.columns:
+                raise RecordingError(
+                    f"recording {self.name!r}: column {column!r} is missing; it has {DRIVE_FORCE} in place of the two "
+                    "pressures, which is enough for a label but not for an estimator"
+                )
         return np.ascontiguousarray(self.table[list(SAMPLE_COLUMNS)].to_numpy(dtype=np.float64))
 
     def usable(self) -> NDArray[np.bool_]:
@@ -112,12 +154,18 @@ class Recording:
         return replace(self, table=self.table.assign(**columns))
 
 
-def refuse_not_finite(where: str, samples: NDArray[np.float64]) -> None:
-    """Raises ``RecordingError`` naming column and row if ``samples``, shape ``(n, 3)``, holds NaN or infinity."""
+def missing_columns(columns: Collection[str]) -> list[str]:
+    """Returns which required columns are missing; a drive force stands in for both pressures."""
+    required = ("time_s", "position_m") if DRIVE_FORCE in columns else REQUIRED_COLUMNS
+    return [column for column in required if column not in columns]
+
+
+def refuse_not_finite(where: str, samples: NDArray[np.float64], columns: Sequence[str] = SAMPLE_COLUMNS) -> None:
+    """Raises ``RecordingError`` naming column and row if ``samples``, one column a name, holds NaN or infinity."""
     bad = ~np.isfinite(samples)
     if bad.any():
         row, column = (int(index) for index in np.argwhere(bad)[0])
         raise RecordingError(
-            f"{where}: {SAMPLE_COLUMNS[column]} is {samples[row, column]} at row {row} "
+            f"{where}: {columns[column]} is {samples[row, column]} at row {row} "
             f"({int(bad.sum())} such values in all); expected finite numbers; repair or cut them before estimating"
         )

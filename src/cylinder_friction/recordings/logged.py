@@ -1,0 +1,31 @@
+"""What a logger's file holds, before anyone says what it means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class LoggedTable:
+    """Channels of a file that share their rows, as the logger names them, in its units.
+
+    Attributes:
+        channels: One column a channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number.
+            A missing value is NaN. Names are stripped of blanks; a name may occur twice.
+        units: The unit that the file itself states, by channel; a channel without one is absent.
+        name: Of the table or group within the file; empty where the file has only one.
+        unread: Names of channels that were there but not asked for.
+        notes: What the reader repaired, one sentence each, for example a last line that was cut off.
+    """
+
+    channels: pd.DataFrame
+    units: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
+    unread: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
