@@ -1,0 +1,78 @@
+"""The whole configuration, and how it is checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field, ValidationError, model_validator
+
+from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams
+from cylinder_friction.params.ingest import IngestParams
+from cylinder_friction.params.learning import CompareParams, LugreParams, RegisterParams, SearchParams, TrainParams
+from cylinder_friction.params.section import Section
+
+PARAMS_FILE = Path("params.yaml")
+
+
+class ParamsError(ValueError):
+    """A configuration that is refused; the message names the key."""
+
+
+class Params(Section):
+    """The whole configuration, one section a stage."""
+
+    cylinder: CylinderParams
+    record: RecordParams
+    ingest: IngestParams
+    filter: FilterParams
+    label: LabelParams
+    search: SearchParams
+    train: TrainParams
+    lugre: LugreParams
+    compare: CompareParams
+    register_: RegisterParams = Field(alias="register")
+
+    @model_validator(mode="after")
+    def _end_stop_margin_leaves_room(self) -> Params:
+        if 2.0 * self.label.end_stop_margin_m >= self.cylinder.stroke_m:
+            raise ValueError(
+                f"label.end_stop_margin_m is {self.label.end_stop_margin_m} m at either end, which leaves nothing of "
+                f"the stroke of {self.cylinder.stroke_m} m; make it smaller"
+            )
+        return self
+
+
+def check_params(content: Any, where: str) -> Params:
+    """Returns the typed parameters, or refuses with every offending key named.
+
+    Args:
+        content: What the YAML file or Hydra gave.
+        where: Name of the source, for the message.
+
+    Raises:
+        ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
+    """
+    try:
+        return Params.model_validate(content)
+    except ValidationError as error:
+        lines = [_explain(dict(problem)) for problem in error.errors()]
+        raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
+
+
+def load_params(path: Path = PARAMS_FILE) -> Params:
+    """Reads and checks ``params.yaml``."""
+    if not path.is_file():
+        raise ParamsError(f"{path}: not there; run `make params` in the project's folder")
+    return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))
+
+
+def _explain(problem: dict[str, Any]) -> str:
+    key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
+    if problem["type"] == "extra_forbidden":
+        return f"{key}: unknown key; check its spelling against conf/"
+    if problem["type"] == "missing":
+        return f"{key}: missing; run `make params` to compose it from conf/"
+    got = "" if problem["type"] == "value_error" and not problem["loc"] else f", but got {problem['input']!r}"
+    return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"

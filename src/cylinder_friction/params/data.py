@@ -1,0 +1,112 @@
+"""Parameters of the stages that make data: the rig's campaign, filters and labels."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from cylinder_friction.params.section import Count, NotNegative, Positive, Section, Seed
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+
+class CylinderParams(Section):
+    """Geometry; see ``cylinder.Cylinder``."""
+
+    name: str
+    bore_diameter_m: Positive
+    rod_diameter_m: Positive
+    stroke_m: Positive
+    moving_mass_kg: Positive
+
+
+class RecordParams(Section):
+    """The simulated rig's campaign; its hand lever and its trace run in milliseconds."""
+
+    seed: Seed
+    sessions_per_test: Annotated[int, Field(ge=0)]
+    recordings_per_session: Count
+    duration_s: Positive
+    sample_time_s: Positive
+    time_step_s: Annotated[float, Field(gt=0.0, le=2e-4)]
+    supply: Literal["didactic", "industrial"]
+    zeroed: bool
+    residual_offset_bar: NotNegative
+    fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
+
+    @field_validator("duration_s", "sample_time_s")
+    @classmethod
+    def _whole_milliseconds(cls, seconds: float) -> float:
+        if not math.isclose(seconds, round(seconds, 3), rel_tol=1e-9) or round(seconds, 3) == 0.0:
+            raise ValueError("must be a whole number of milliseconds, such as 0.005")
+        return seconds
+
+    @field_validator("time_step_s")
+    @classmethod
+    def _divides_a_millisecond(cls, seconds: float) -> float:
+        if not math.isclose(round(1e-3 / seconds) * seconds, 1e-3, rel_tol=1e-9):
+            raise ValueError("must divide one millisecond without remainder, such as 5.0e-5")
+        return seconds
+
+
+class MovingAverageParams(Section):
+    """The paper's chain, causal as published or centred: windows in samples."""
+
+    window: Count
+    acceleration_window: Count
+
+
+class SavitzkyGolayParams(Section):
+    """Windows in samples and polynomial orders of the zero-phase filter."""
+
+    pressure_window: Count
+    pressure_order: Count
+    velocity_window: Count
+    velocity_order: Count
+    acceleration_window: Count
+    acceleration_order: Count
+
+    @model_validator(mode="after")
+    def _windows_hold_their_orders(self) -> SavitzkyGolayParams:
+        SavitzkyGolay(**self.model_dump())
+        return self
+
+
+class RtsParams(Section):
+    """Rauch-Tung-Striebel smoother with a constant-jerk position model and a random-walk pressure model."""
+
+    position_noise_m: Positive
+    jerk_noise_m_s3: Positive
+    pressure_noise_pa: Positive
+    pressure_rate_pa_s: Positive
+
+
+class FilterParams(Section):
+    """How raw signals become smooth ones with velocity and acceleration, off line; the audit judges all four."""
+
+    method: Literal["moving_average", "moving_average_centred", "savitzky_golay", "rts"]
+    moving_average: MovingAverageParams
+    savitzky_golay: SavitzkyGolayParams
+    rts: RtsParams
+
+
+class SplitParams(Section):
+    """Which sessions are held out, for each test; sessions are drawn by a hash of their name and the seed."""
+
+    test_sessions: Count
+    validation_sessions: Count
+    seed: Seed
+
+
+class LabelParams(Section):
+    """Friction from the equation of motion, and the mask of rows that may be used."""
+
+    stiffness: Literal["none", "trapped_oil", "external", "paper_literal"]
+    bulk_modulus_pa: Positive
+    external_stiffness_n_m: NotNegative
+    stiffness_reference_m: NotNegative
+    dead_volume_m3: Positive
+    end_stop_margin_m: NotNegative
+    event_window_s: Positive
+    split: SplitParams

@@ -1,0 +1,112 @@
+"""Parameters of the stages that learn, compare and register."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cylinder_friction.params.section import Count, Fraction, NotNegative, Positive, Section, Seed
+
+
+class HybridParams(Section):
+    """One LSTM + random forest hybrid: what the paper's Table I tunes."""
+
+    layers: Count
+    nodes: Count
+    dropout: Fraction
+    learning_rate: Positive
+    forest_trees: Count
+    forest_depth: Count
+
+
+class TrainingParams(Section):
+    """How a hybrid is trained."""
+
+    epochs: Count
+    patience: Count
+    sequence_length: Count
+    burn_in: Annotated[int, Field(ge=0)]
+    batch_size: Count
+    schedule: Literal["constant", "cosine"]
+    forest_rows: Count
+    forest_leaf: Count
+
+
+class SpaceParams(Section):
+    """Where the search looks: lists of choices and ranges ``[lowest, highest]``."""
+
+    layers: list[Count]
+    nodes: list[Count]
+    dropout: list[Fraction]
+    learning_rate: Annotated[tuple[Positive, Positive], Field(strict=False)]
+    forest_trees: Annotated[tuple[Count, Count], Field(strict=False)]
+    forest_depth: Annotated[tuple[Count, Count], Field(strict=False)]
+
+    @model_validator(mode="after")
+    def _ranges_go_up(self) -> SpaceParams:
+        for key in ("learning_rate", "forest_trees", "forest_depth"):
+            lowest, highest = getattr(self, key)
+            if lowest > highest:
+                raise ValueError(f"{key}: lowest {lowest} is above highest {highest}; swap them")
+        return self
+
+
+class SearchParams(Section):
+    """Optuna's search over a hybrid's hyperparameters."""
+
+    seed: Seed
+    hybrid: Literal["force_balance", "paper"]
+    trials: Count
+    startup_trials: Count
+    maximum_multiply_adds: Count
+    space: SpaceParams
+    training: TrainingParams
+
+
+class TrainParams(Section):
+    """The final training: the default hybrid with the best parameters found, the paper's with the published ones."""
+
+    seed: Seed
+    device: Literal["auto", "cpu", "cuda"]
+    use_search: bool
+    hybrid: HybridParams
+    paper_hybrid: HybridParams
+    training: TrainingParams
+    paper_training: TrainingParams
+
+
+class LugreParams(Section):
+    """LuGre's identification on Test 1 alone."""
+
+    seed: Seed
+    test: str
+    population: Count
+    generations: Count
+    simulated_recordings: Count
+    velocity_dead_band_m_s: NotNegative
+    damping_ratio: Positive
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)]
+
+
+class CompareParams(Section):
+    """The comparison on held-out recordings."""
+
+    figure_duration_s: Positive
+    autocorrelation_lags: Count
+    timing_repeats: Count
+    standstill_velocity_m_s: Positive
+    stribeck_velocity_m_s: Positive
+    reversal_window_s: Positive
+    maximum_lag_s: Positive
+    bootstrap_repeats: Count
+    bootstrap_block_s: Positive
+    seed: Seed
+
+
+class RegisterParams(Section):
+    """The promotion gate."""
+
+    model_name: str
+    candidate: Literal["hybrid", "paper_hybrid"]
+    tolerance_percent: NotNegative
