@@ -65,10 +65,12 @@ def test_every_subcommand_exists() -> None:
 
 def test_every_configuration_file_and_recipe_exists() -> None:
     paths = [entry for entry in named(r"(conf/[\w/]+(?:\.yaml)?)") if not (ROOT / entry[1]).exists()]
-    assert [entry for entry in paths if entry[1] != "conf/cylinder/press.yaml"] == []  # which the reader writes
+    written_by_the_reader = {"conf/cylinder/press.yaml", "conf/ingest/press.yaml"}
+    assert [entry for entry in paths if entry[1] not in written_by_the_reader] == []
     for group in ("experiment", "record", "ingest", "filter", "search"):
         chosen = [entry for entry in named(rf"(?<![\w/]){group}=([a-z_]+)") if entry[1]]
-        assert [entry for entry in chosen if not (ROOT / f"conf/{group}/{entry[1]}.yaml").is_file()] == []
+        known = {"press"} if group == "ingest" else set()  # which the reader writes
+        assert [e for e in chosen if e[1] not in known and not (ROOT / f"conf/{group}/{e[1]}.yaml").is_file()] == []
 
 
 def test_every_configuration_file_is_listed() -> None:

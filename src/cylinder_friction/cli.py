@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options) or 0)
-    except (ParamsError, RecordingError, TrackingError, FileNotFoundError) as error:
+    except (ParamsError, RecordingError, TrackingError, FileNotFoundError, FileExistsError) as error:
         what = f"stage {options.name}" if options.command == "stage" else options.command
         print(f"cylinder-friction {what}: {error}", file=sys.stderr)
         return 1
@@ -39,6 +39,7 @@ def _parser() -> argparse.ArgumentParser:
     params.add_argument("overrides", nargs="*", help="for example experiment=smoke search.trials=5")
     params.set_defaults(run=_params)
     commands.add_parser("check", help="check params.yaml").set_defaults(run=_check)
+    _add_files_commands(commands)
     commands.add_parser("track", help="log every finished stage to MLflow, without duplicates").set_defaults(run=_track)
     commands.add_parser("summary", help="print the comparison table and where things lie").set_defaults(run=_summary)
     commands.add_parser("readme", help="put the latest table and picture into README.md").set_defaults(run=_readme)
@@ -50,6 +51,19 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--model", default="models:/friction-estimator@champion")
     serve.set_defaults(run=_serve)
     return parser
+
+
+def _add_files_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    ingest = commands.add_parser("ingest", help="ingest init FILE: write a first mapping for a logger's file")
+    init = ingest.add_subparsers(dest="what", required=True).add_parser("init", help="write a first mapping")
+    init.add_argument("file", type=Path)
+    init.add_argument("--output", type=Path, help="for example conf/ingest/press.yaml; without it, it is printed")
+    init.set_defaults(run=_ingest_init)
+    inspect = commands.add_parser("inspect", help="check a logger's file or a folder of them, and draw a page")
+    inspect.add_argument("path", type=Path)
+    inspect.add_argument("overrides", nargs="*", help="for example ingest=own cylinder=press; without: params.yaml")
+    inspect.add_argument("--output", type=Path, default=REPORTS / "inspection.html")
+    inspect.set_defaults(run=_inspect)
 
 
 def _stage(options: argparse.Namespace) -> None:
@@ -68,6 +82,31 @@ def _check(_options: argparse.Namespace) -> None:
     from cylinder_friction.params import load_params
 
     load_params()
+
+
+def _ingest_init(options: argparse.Namespace) -> None:
+    from cylinder_friction.inspection import guess_mapping, mapping_yaml
+    from cylinder_friction.recordings import read_logged_file, write_text
+
+    text = mapping_yaml(guess_mapping(read_logged_file(options.file), options.file))
+    if options.output is None:
+        print(text, end="")
+        return
+    if options.output.exists():
+        raise FileExistsError(f"{options.output}: is there already; name another file, or remove it first")
+    write_text(options.output, text)
+    print(f"{options.output}: read every line that says guess, CHECK, AMBIGUOUS or NOT FOUND")
+
+
+def _inspect(options: argparse.Namespace) -> int:
+    from cylinder_friction.composition import compose_params
+    from cylinder_friction.params import check_params, load_params
+    from cylinder_friction.stages.inspect import inspect_path
+
+    params = check_params(compose_params(CONF, options.overrides), "conf") if options.overrides else load_params()
+    report, refused = inspect_path(options.path, params, options.output)
+    print(f"{report}\n\npage     {options.output}")
+    return 1 if refused else 0
 
 
 def _track(_options: argparse.Namespace) -> None:

@@ -10,18 +10,19 @@ import pytest
 from cylinder_friction.recordings import (
     ChannelMapping,
     CheckLimits,
+    NameRules,
+    Recipe,
     RecordingError,
     Source,
     ingest_folder,
     read_json,
     read_recordings,
-    reader_for,
 )
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings import Ingested, Recording
 
 LIMITS = CheckLimits(stroke_m=0.25)
 
@@ -47,24 +48,30 @@ def source(tmp_path: Path, labelled_recordings: list[Recording]) -> Source:
     return Source(
         folder,
         "*.csv",
-        r"(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_[^/]*\.csv$",
-        reader_for("csv"),
-        {
-            "time_s": ChannelMapping("Time [s]", "s"),
-            "pressure_1_pa": ChannelMapping("P1 [bar]", "bar"),
-            "pressure_2_pa": ChannelMapping("P2 [bar]", "bar"),
-            "position_m": ChannelMapping("Position [mm]", "mm"),
-        },
-        "made",
+        Recipe(
+            NameRules(r"(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_[^/]*\.csv$"),
+            {
+                "time_s": ChannelMapping("Time [s]", "s"),
+                "pressure_1_pa": ChannelMapping("P1 [bar]", "bar"),
+                "pressure_2_pa": ChannelMapping("P2 [bar]", "bar"),
+                "position_m": ChannelMapping("Position [mm]", "mm"),
+            },
+            "made",
+            LIMITS,
+        ),
     )
 
 
+def ingest(source: Source, into: Path) -> Ingested:
+    return ingest_folder(source, into, into.with_name(f"{into.name}.json"))
+
+
 def test_good_files_become_recordings(source: Source, tmp_path: Path, labelled_recordings: list[Recording]) -> None:
-    result = ingest_folder(source, LIMITS, tmp_path / "out")
+    result = ingest(source, tmp_path / "out")
     recordings = read_recordings(tmp_path / "out")
     assert [recording.name for recording in recordings] == [f"test1_session0{n}_recording01" for n in range(3)]
     assert result.quarantined == []
-    assert read_json(tmp_path / "out/quarantine.json") == []
+    assert read_json(tmp_path / "out.json") == []
     for recording, original in zip(recordings, labelled_recordings, strict=False):
         np.testing.assert_allclose(recording.samples(), original.samples(), rtol=1e-12)
         assert recording.metadata.source_file == f"{recording.name}.csv"
@@ -77,49 +84,49 @@ def test_bad_files_are_set_aside_and_stop_nobody(
 ) -> None:
     good = source.folder / "test1_session00_recording01.csv"
     (source.folder / "test1_session03_recording01.csv").write_bytes(good.read_bytes())
-    (source.folder / "test1_session04_recording01.csv").write_text(good.read_text()[:-9])
+    (source.folder / "test1_session04_recording01.csv").write_text(f"{good.read_text()}1.0,2.0\n")
     (source.folder / "test1_session05_recording01.csv").write_text("")
     (source.folder / "notes.csv").write_text("a\n1\n")
     slow = labelled_recordings[3]
     slow = slow.with_columns(time_s=slow.column("time_s") * 2.0)
     log(slow, source.folder / "test1_session06_recording01.csv")
-    ingest_folder(source, LIMITS, tmp_path / "out")
+    ingest(source, tmp_path / "out")
     assert len(read_recordings(tmp_path / "out")) == 3
-    reasons = {entry["file"]: entry["reason"] for entry in read_json(tmp_path / "out/quarantine.json")}
+    reasons = {entry["file"]: entry["reason"] for entry in read_json(tmp_path / "out.json")}
     assert list(reasons) == ["notes.csv", *(f"test1_session0{n}_recording01.csv" for n in (3, 4, 5, 6))]
     assert "does not tell test and session" in reasons["notes.csv"]
     assert "same bytes as test1_session00_recording01.csv" in reasons["test1_session03_recording01.csv"]
-    assert "last line has no line end" in reasons["test1_session04_recording01.csv"]
-    assert "cannot be read as CSV" in reasons["test1_session05_recording01.csv"]
+    assert "line 4002 holds 2 values" in reasons["test1_session04_recording01.csv"]
+    assert "the file is empty" in reasons["test1_session05_recording01.csv"]
     assert "sample time of 0.01 s, but 3 of 4 recordings have 0.005 s" in reasons["test1_session06_recording01.csv"]
-    assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".parquet", ".json"}
+    assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".parquet"}
 
 
 def test_two_files_of_one_name(source: Source, tmp_path: Path, labelled_recordings: list[Recording]) -> None:
     log(labelled_recordings[4], source.folder / "x/test1_session00_recording01.csv")
     log(labelled_recordings[5], source.folder / "x-test1_session00_recording01.csv")
-    result = ingest_folder(replace(source, pattern="**/*.csv"), LIMITS, tmp_path / "out")
+    result = ingest(replace(source, pattern="**/*.csv"), tmp_path / "out")
     (entry,) = result.quarantined
     assert entry.file == "x-test1_session00_recording01.csv"
     assert "has the name 'x-test1_session00_recording01', which x/test1_session00" in entry.reason
 
 
 def test_nothing_usable_is_an_error_and_leaves_the_old_output(source: Source, tmp_path: Path) -> None:
-    ingest_folder(source, LIMITS, tmp_path / "out")
+    ingest(source, tmp_path / "out")
     for path in source.folder.glob("*.csv"):
         path.write_text("a\n1\n")
     with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, test1_session00_.*csv: "):
-        ingest_folder(source, LIMITS, tmp_path / "out")
+        ingest(source, tmp_path / "out")
     assert len(read_recordings(tmp_path / "out")) == 3
 
 
 def test_empty_folder_says_what_to_do(source: Source, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"no file matches '\*.tdms'; put recordings there, or name their folder"):
-        ingest_folder(replace(source, pattern="*.tdms"), LIMITS, tmp_path / "out")
+        ingest(replace(source, pattern="*.tdms"), tmp_path / "out")
 
 
 def test_equal_input_gives_equal_bytes(source: Source, tmp_path: Path) -> None:
     for name in ("a", "b"):
-        ingest_folder(source, LIMITS, tmp_path / name)
+        ingest(source, tmp_path / name)
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()

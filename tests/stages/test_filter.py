@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,3 +73,22 @@ def test_impossible_windows_are_refused() -> None:
     content["savitzky_golay"]["velocity_window"] = 20
     with pytest.raises(ValidationError, match="for velocity: expected an odd window"):
         FilterParams.model_validate(content)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_drive_force_and_a_measured_load_are_smoothed_like_pressures(
+    workplace: Path, labelled_recordings: list[Recording], name: str
+) -> None:
+    original = labelled_recordings[0]
+    force_n = original.column("pressure_1_pa") * 1e-3
+    table = original.table[["time_s", "position_m"]].assign(drive_force_n=force_n, load_force_n=0.5 * force_n)
+    write_recording(RECORDINGS_FOLDER, Recording(replace(original.metadata, name="drive"), table))
+    filter_stage.run(Params.model_construct(filter=FilterParams.model_validate(shipped(name))))
+    by_name = {recording.name: recording for recording in read_recordings(SIGNALS_FOLDER)}
+    got, twin = by_name["drive"], by_name[original.name]
+    added = ["drive_force_smooth_n", "velocity_m_s", "acceleration_m_s2", "load_force_smooth_n"]
+    assert list(got.table.columns) == [*table.columns, *added]
+    smooth_n = got.column("drive_force_smooth_n")
+    np.testing.assert_allclose(smooth_n, 1e-3 * twin.column("pressure_1_smooth_pa"), rtol=1e-4)
+    np.testing.assert_allclose(got.column("load_force_smooth_n"), 0.5 * smooth_n, rtol=1e-9)
+    np.testing.assert_array_equal(got.column("velocity_m_s"), twin.column("velocity_m_s"))

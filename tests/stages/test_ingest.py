@@ -1,15 +1,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from pydantic import ValidationError
 
-from cylinder_friction.params import CylinderParams, IngestParams, Params
+from cylinder_friction.composition import compose_params
+from cylinder_friction.params import IngestParams, Params, check_params
 from cylinder_friction.recordings import Recording, read_json, read_recordings
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
@@ -17,19 +17,17 @@ from cylinder_friction.stages._stage import RECORDINGS_FOLDER
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
 
-CONF = Path(__file__).parents[2] / "conf/ingest"
+CONF = Path(__file__).parents[2] / "conf"
 
 
-def shipped(name: str) -> dict[str, object]:
-    content = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
+def shipped(name: str) -> dict[str, Any]:
+    content = compose_params(CONF, [f"ingest={name}"])["ingest"]
     assert isinstance(content, dict)
     return content
 
 
-def params_for(cylinder: Cylinder, name: str) -> Params:
-    return Params.model_construct(
-        cylinder=CylinderParams(**cylinder.__dict__), ingest=IngestParams.model_validate(shipped(name))
-    )
+def params_for(name: str) -> Params:
+    return check_params(compose_params(CONF, [f"ingest={name}"]), name)
 
 
 @pytest.fixture
@@ -53,7 +51,7 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
         )
         log.to_csv(folder / f"test{test}_session0{take}_recording01.csv", index=False)
     (folder / "test9_session01_recording01.csv").write_text("Time [s]\n0.0\n", encoding="utf-8")
-    record = ingest.run(params_for(cylinder, "rig"))
+    record = ingest.run(params_for("rig"))
     recordings = read_recordings(RECORDINGS_FOLDER)
     assert [(entry.metadata.test, entry.metadata.session) for entry in recordings] == [
         ("1", "test1_session01"),
@@ -61,17 +59,19 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
         ("2", "test2_session01"),
     ]
     np.testing.assert_allclose(recordings[0].samples(), labelled_recordings[0].samples(), rtol=1e-12)
-    (entry,) = read_json(RECORDINGS_FOLDER / "quarantine.json")
+    (entry,) = read_json(ingest.QUARANTINE_FILE)
     assert entry["file"] == "test9_session01_recording01.csv"
     assert "'P1 [bar]' (for 'pressure_1_pa') is missing" in entry["reason"]
     assert record.metrics == {
+        "files": 4.0,
         "recordings": 3.0,
+        "repaired": 0.0,
         "quarantined": 1.0,
         "sessions": 3.0,
         "test_1.seconds": 40.0,
         "test_2.seconds": 20.0,
     }
-    assert record == ingest.run(params_for(cylinder, "rig"))
+    assert record == ingest.run(params_for("rig"))
 
 
 def test_own_logs_as_the_example_says(
@@ -89,7 +89,7 @@ def test_own_logs_as_the_example_says(
     path = workplace / "data/raw/own/no-load_2026-03-14_monday/stroke_07.csv"
     path.parent.mkdir(parents=True)
     log.to_csv(path, index=False, sep=";", decimal=",")
-    ingest.run(params_for(cylinder, "own"))
+    ingest.run(params_for("own"))
     (own,) = read_recordings(RECORDINGS_FOLDER)
     assert (own.metadata.test, own.metadata.session) == ("no-load", "no-load_2026-03-14_monday")
     assert own.name == "no-load_2026-03-14_monday-stroke_07"
@@ -102,8 +102,9 @@ def test_own_logs_as_the_example_says(
     [
         ({"channels": {"time_s": {"channel": "t", "unit": "s"}}}, "'pressure_1_pa' has no channel"),
         ({"name_pattern": "(?P<test>.)"}, "has no group 'session'"),
-        ({"format": "tdms"}, "Input should be 'csv'"),
-        ({"csv": {"delimiter": ";;", "decimal": ".", "encoding": "utf-8"}}, "at most 1 character"),
+        ({"name_pattern": None}, "name_pattern or name_table must be set, and the other null"),
+        ({"format": "xlsx"}, "Input should be 'auto', 'csv', 'matlab'"),
+        ({"csv": {"delimiter": ";;", "decimal": ".", "encoding": "utf-8", "header": "auto"}}, "one character"),
     ],
 )
 def test_impossible_settings_are_refused(change: dict[str, object], message: str) -> None:
@@ -115,6 +116,6 @@ def test_unknown_unit_is_refused() -> None:
     content = shipped("rig")
     channels = content["channels"]
     assert isinstance(channels, dict)
-    channels["position_m"]["unit"] = "cm"
-    with pytest.raises(ValidationError, match="unit 'cm' is not known; expected one of m, mm, in"):
+    channels["position_m"]["unit"] = "parsnips"
+    with pytest.raises(ValidationError, match="unit 'parsnips' is not known; expected one of m, mm, in"):
         IngestParams.model_validate(content)

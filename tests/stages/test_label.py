@@ -8,11 +8,28 @@ import pandas as pd
 import pytest
 import yaml
 
+from cylinder_friction.labelling import Labeller, Stiffness
 from cylinder_friction.params import CylinderParams, FilterParams, IngestParams, LabelParams, LugreParams, Params
-from cylinder_friction.recordings import Recording, RecordingError, read_json, read_recordings, write_recording
+from cylinder_friction.recordings import (
+    Recording,
+    RecordingError,
+    read_json,
+    read_metadata,
+    read_recording,
+    read_recordings,
+    recording_paths,
+    write_recording,
+)
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import label
-from cylinder_friction.stages._stage import AUDIT_FOLDER, PROCESSED_FOLDERS, RECORDINGS_FOLDER, RIG_TRUTH_FOLDER
+from cylinder_friction.stages._stage import (
+    AUDIT_FOLDER,
+    PROCESSED_FOLDERS,
+    RECORDINGS_FOLDER,
+    RIG_TRUTH_FOLDER,
+    SIGNALS_FOLDER,
+)
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -32,7 +49,7 @@ def params_for(cylinder: Cylinder, lugre_test: str = "1", **label_changes: Any) 
     }
     return Params.model_construct(
         cylinder=CylinderParams(**cylinder.__dict__),
-        ingest=IngestParams.model_validate(content["ingest"]),
+        ingest=IngestParams.model_construct(truth=content["ingest"]["truth"]),
         filter=FilterParams.model_validate(content["filter"]),
         label=LabelParams.model_validate(content["label"]),
         lugre=LugreParams.model_validate(
@@ -135,6 +152,46 @@ def test_paper_literal_label_is_absurd(workplace: Path, cylinder: Cylinder) -> N
     label.run(params_for(cylinder, stiffness="paper_literal"))
     for recording in read_recordings(PROCESSED_FOLDERS["train"]):
         assert np.abs(recording.column("friction_n")).mean() > 1e6
+
+
+def test_nothing_is_identified_unless_it_is_asked(workplace: Path, cylinder: Cylinder) -> None:
+    record = label.run(params_for(cylinder))
+    assert read_json(label.IDENTIFIED_FILE) == {"note": label.NOTHING_IDENTIFIED}
+    assert label.IDENTIFIED_FILE.as_posix() in record.artifacts
+
+
+def test_load_and_mass_are_identified_session_by_session(workplace: Path, cylinder: Cylinder) -> None:
+    """No load here: what is identified is flat, but for the asymmetry that goes into it."""
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position", inertia="identified")
+    used = SavitzkyGolay()
+    metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
+    found = label.identify_sessions(metadata, labeller, used)
+    assert sorted(found) == ["1-a", "1-b", "1-c", "2-a", "2-b", "2-c"]
+    label.write_identified(found)
+    before = label.IDENTIFIED_FILE.read_bytes()
+    for session, content in read_json(label.IDENTIFIED_FILE).items():
+        low, high = content["load"]["load_range_n"]
+        assert max(abs(low), abs(high)) < 0.1 * content["load"]["coulomb_n"], session
+        # Six kilograms beside 280 N of friction are beyond such motion: the given mass stays.
+        assert content["motion"]["mass_known"] is False
+        assert content["moving_mass_kg"] == cylinder.moving_mass_kg
+    metrics = label.write_labelled("train", [metadata[0].name], labeller, used, found)
+    (labelled,) = read_recordings(PROCESSED_FOLDERS["train"])
+    assert metrics["train.usable_rows"] == labelled.usable().sum() > 0.7 * len(labelled)
+    assert {"load_force_n", "friction_n"} <= set(labelled.table.columns)
+    label.write_identified(label.identify_sessions(metadata, labeller, used))
+    assert label.IDENTIFIED_FILE.read_bytes() == before
+
+
+def test_a_session_that_does_not_tell_its_load_is_named(workplace: Path, cylinder: Cylinder) -> None:
+    path = recording_paths(SIGNALS_FOLDER)[0]
+    recording = read_recording(path)
+    one_way = recording.with_columns(velocity_m_s=np.abs(recording.column("velocity_m_s")))
+    write_recording(SIGNALS_FOLDER, one_way)
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
+    metadata = [read_metadata(each) for each in recording_paths(SIGNALS_FOLDER)]
+    with pytest.raises(RecordingError, match=f"session '{recording.metadata.session}': the load cannot be told from"):
+        label.identify_sessions(metadata, labeller, SavitzkyGolay())
 
 
 def test_too_few_sessions_are_refused(workplace: Path, cylinder: Cylinder) -> None:

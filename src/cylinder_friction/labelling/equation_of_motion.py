@@ -5,6 +5,8 @@ opposes extension:
 
     friction = P1·A1 - P2·A2 - m·a - F_load                                                                 (mode none)
 
+Where a drive force was measured in place of the pressures, it stands for P1·A1 - P2·A2.
+
 The measured pressures already are what the oil does to the piston, its compressibility included. A stiffness of the
 oil therefore has no place beside them. Three further modes are offered, each for its own reason:
 
@@ -31,6 +33,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
+
+from cylinder_friction.recordings import DRIVE_FORCE, RecordingError
+from cylinder_friction.signals.smooth import SmoothDrive
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,7 +75,7 @@ class Stiffness:
 
 
 def friction_label(
-    signals: SmoothSignals,
+    signals: SmoothSignals | SmoothDrive,
     position_m: Array,
     load_force_n: Array | float,
     cylinder: Cylinder,
@@ -79,29 +84,44 @@ def friction_label(
     """Returns friction [N], shape ``(n,)``, positive when it opposes positive velocity.
 
     Args:
-        signals: Smooth pressures, velocity and acceleration, each of shape ``(n,)``.
+        signals: Smooth pressures or drive force, velocity and acceleration, each of shape ``(n,)``.
         position_m: Position [m], shape ``(n,)``.
         load_force_n: External force that resists extension [N], shape ``(n,)``, or 0 where there is none.
         cylinder: Its areas, stroke and moving mass.
         stiffness: Which spring enters, if any.
+
+    Raises:
+        RecordingError: The oil's spring is to replace or to join the pressures, but a drive force was measured.
     """
-    pressure_force = (
-        signals.pressure_1_smooth_pa * cylinder.piston_area_m2 - signals.pressure_2_smooth_pa * cylinder.annulus_area_m2
-    )
+    force_n = drive_force(signals, cylinder)
     inertia = cylinder.moving_mass_kg * signals.acceleration_m_s2
+    if stiffness.mode in ("trapped_oil", "paper_literal") and isinstance(signals, SmoothDrive):
+        raise RecordingError(
+            f"label.stiffness is {stiffness.mode}, the spring of oil beside or in place of pressures, but the "
+            f"recording has {DRIVE_FORCE} and no pressures; set label.stiffness to none or, for a real spring, external"
+        )
     if stiffness.mode == "trapped_oil":
         oil_force = -trapped_oil_stiffness(cylinder, stiffness) * (position_m - stiffness.reference_m)
         return oil_force - inertia - load_force_n
     if stiffness.mode == "external":
         spring = stiffness.external_stiffness_n_m * (position_m - stiffness.reference_m)
-        return pressure_force - spring - inertia - load_force_n
+        return force_n - spring - inertia - load_force_n
     if stiffness.mode == "paper_literal":
         spring = paper_stiffness(position_m, cylinder, stiffness) * position_m
         direction = last_direction(signals.velocity_m_s)
         # (3) and (4) give an unsigned force; the direction makes it the signed one.
-        unsigned = direction * (pressure_force - load_force_n) - spring - inertia
+        unsigned = direction * (force_n - load_force_n) - spring - inertia
         return direction * unsigned
-    return pressure_force - inertia - load_force_n
+    return force_n - inertia - load_force_n
+
+
+def drive_force(signals: SmoothSignals | SmoothDrive, cylinder: Cylinder) -> Array:
+    """Returns what drives the piston, P1·A1 - P2·A2 or the measured drive force [N], shape ``(n,)``."""
+    if isinstance(signals, SmoothDrive):
+        return signals.drive_force_smooth_n
+    return (
+        signals.pressure_1_smooth_pa * cylinder.piston_area_m2 - signals.pressure_2_smooth_pa * cylinder.annulus_area_m2
+    )
 
 
 def trapped_oil_stiffness(cylinder: Cylinder, stiffness: Stiffness) -> float:

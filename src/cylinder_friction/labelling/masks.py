@@ -35,8 +35,9 @@ def usable_rows(position_m: NDArray[np.float64], stroke_m: float, margin_m: floa
 def spread(mask: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
     """Returns a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
     rows = len(mask)
-    change = np.zeros(rows + 1, dtype=np.int64)
-    hits = np.flatnonzero(mask)
-    np.add.at(change, np.maximum(hits - before, 0), 1)
-    np.add.at(change, np.minimum(hits + after + 1, rows), -1)
-    return np.asarray(np.cumsum(change[:rows]) > 0)
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    starts, ends = edges[::2], edges[1::2]
+    change = np.zeros(rows + 1, dtype=np.int32)
+    np.add.at(change, np.maximum(starts - before, 0), 1)
+    np.add.at(change, np.minimum(ends + after, rows), -1)
+    return np.asarray(np.cumsum(change[:rows], dtype=np.int32) > 0)

@@ -99,9 +99,20 @@ class SplitParams(Section):
     seed: Seed
 
 
+class IdentifyParams(Section):
+    """How a load that depends on position is identified; see ``labelling.LoadPlan``."""
+
+    slowest_m_s: NotNegative
+    settling_travel_m: NotNegative
+    asymmetry: NotNegative
+
+
 class LabelParams(Section):
     """Friction from the equation of motion, and the mask of rows that may be used."""
 
+    load: Literal["none", "measured", "position"]
+    inertia: Literal["given", "identified"]
+    identify: IdentifyParams
     stiffness: Literal["none", "trapped_oil", "external", "paper_literal"]
     bulk_modulus_pa: Positive
     external_stiffness_n_m: NotNegative

@@ -1,165 +1,176 @@
-"""What a logged table must be before it counts as a recording: nothing unusable passes as good."""
+"""What an evenly sampled table must be before it counts as a recording: nothing unusable passes as good."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings import column_checks
+from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.findings import Finding, spoken
+from cylinder_friction.recordings.plausibility import judge_friction
+from cylinder_friction.recordings.recording import (
+    DRIVE_FORCE,
+    REQUIRED_COLUMNS,
+    Recording,
+    RecordingError,
+    RecordingMetadata,
+    missing_columns,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import pandas as pd
     from numpy.typing import NDArray
 
+    from cylinder_friction.recordings.column_checks import Survey
+
     Array = NDArray[np.float64]
+
+__all__ = ["PRESSURES", "CheckLimits", "check_recording", "inspect_recording"]
 
 PRESSURES = ("pressure_1_pa", "pressure_2_pa")
 
-
-@dataclass(frozen=True)
-class CheckLimits:
-    """What is plausible for a cylinder.
-
-    Attributes:
-        stroke_m: Length of travel [m].
-        minimum_duration_s: A shorter recording is refused [s].
-        rate_tolerance: How far one step of time may be from the median step, as a share of it.
-        lowest_pressure_pa: Gauge; vacuum and a sensor's offset [Pa].
-        highest_pressure_pa: Beyond any hydraulic cylinder [Pa].
-        least_pressure_span_pa: A live sensor on a moving cylinder shows more than this [Pa].
-        position_slack: How far beyond the stroke position may read, as a share of it.
-        least_travel: Less motion than this share of the stroke is none.
-        stuck_travel: A pressure that stays exactly constant over this share of the stroke is stuck.
-    """
-
-    stroke_m: float
-    minimum_duration_s: float = 5.0
-    rate_tolerance: float = 0.2
-    lowest_pressure_pa: float = -2e5
-    highest_pressure_pa: float = 7e7
-    least_pressure_span_pa: float = 1e3
-    position_slack: float = 0.05
-    least_travel: float = 0.01
-    stuck_travel: float = 0.25
+RATE_TOLERANCE = 1e-3
+"""A logger's clock may be off by this share of its rate."""
 
 
-def check_recording(metadata: RecordingMetadata, table: pd.DataFrame, limits: CheckLimits) -> Recording:
-    """Returns the recording, its sample time taken from its time column.
+def check_recording(
+    metadata: RecordingMetadata, table: pd.DataFrame, limits: CheckLimits, sample_time_s: float
+) -> Recording:
+    """Returns the recording; what the checks only noted stands among its repairs.
 
     Args:
         metadata: Who and when; its sample time is replaced.
-        table: Columns in SI units, at least ``REQUIRED_COLUMNS``.
+        table: Evenly sampled columns in SI units, at least ``REQUIRED_COLUMNS``, or a drive force for the pressures.
         limits: What is plausible.
+        sample_time_s: Constant time between two rows [s].
 
     Raises:
-        RecordingError: The first problem found: a value is not finite, time does not run at one constant rate, the
-            recording is too short, a pressure or the position lies outside what the cylinder can do (mostly a
-            wrong unit or sign), a pressure is stuck, or nothing moves. Rows count from 1 below the header.
+        RecordingError: The first finding that is a refusal, see ``inspect_recording``.
     """
-    _finite(table)
-    time_s = table["time_s"].to_numpy(dtype=np.float64)
-    sample_time_s = constant_sample_time(time_s, limits.rate_tolerance)
-    duration_s = len(time_s) * sample_time_s
-    if duration_s < limits.minimum_duration_s:
-        raise RecordingError(
-            f"lasts {duration_s:.3g} s ({len(time_s)} rows), expected at least {limits.minimum_duration_s:.3g} s; "
-            "log longer or lower ingest.minimum_duration_s"
-        )
-    position_m = table["position_m"].to_numpy(dtype=np.float64)
-    _position(position_m, limits)
-    for column in PRESSURES:
-        _pressure(column, table[column].to_numpy(dtype=np.float64), position_m, limits)
-    return Recording(replace(metadata, sample_time_s=sample_time_s), table)
+    noted = []
+    for finding in _findings(table, limits, sample_time_s):
+        if finding.outcome == "refused":
+            raise RecordingError(finding.text)
+        if finding.outcome == "noted":
+            noted.append(finding.text)
+    return Recording(replace(metadata, sample_time_s=sample_time_s, repairs=(*metadata.repairs, *noted)), table)
 
 
-def constant_sample_time(time_s: Array, tolerance: float) -> float:
-    """Returns the time between two rows [s]; a rate within 1e-4 of a whole number of hertz is that number.
+def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> list[Finding]:
+    """Returns what every check finds, refusals and all; a table with holes in it is looked at no further.
 
-    Raises:
-        RecordingError: Fewer than three rows, time that stands or runs backwards, or a step that is off by more
-            than ``tolerance`` of the median step (a gap, a lost sample).
+    The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
+    ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
+    both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
+    ``load_alive``; ``direction`` and ``friction_size``. The last two need signals that passed and known areas.
+
+    Args:
+        table: As for ``check_recording``. Rows count from 1.
+        limits: What is plausible.
+        sample_time_s: Constant time between two rows [s].
     """
-    if len(time_s) < 3:
-        raise RecordingError(f"has {len(time_s)} rows, expected at least 3")
-    steps = np.diff(time_s)
-    backwards = np.flatnonzero(steps <= 0.0)
-    if len(backwards):
-        row = int(backwards[0]) + 1
-        raise RecordingError(
-            f"time_s does not increase: {time_s[row]:.9g} s in row {row + 1} follows {time_s[row - 1]:.9g} s "
-            f"({len(backwards)} such rows in all); expected strictly increasing time; sort or cut the log"
-        )
-    median = float(np.median(steps))
-    uneven = np.flatnonzero(np.abs(steps - median) > tolerance * median)
-    if len(uneven):
-        row = int(uneven[0]) + 1
-        raise RecordingError(
-            f"time_s is not at a constant rate: {steps[row - 1]:.6g} s before row {row + 1}, elsewhere {median:.6g} s "
-            f"({len(uneven)} such rows in all); a sample is lost or the log was paused; cut it there"
-        )
-    rate_hz = (len(time_s) - 1) / float(time_s[-1] - time_s[0])
-    whole_hz = round(rate_hz)
-    return 1.0 / whole_hz if abs(rate_hz - whole_hz) <= 1e-4 * rate_hz else 1.0 / rate_hz
+    return list(_findings(table, limits, sample_time_s))
 
 
-def _finite(table: pd.DataFrame) -> None:
-    for column in table.columns:
-        bad = np.flatnonzero(~np.isfinite(table[column].to_numpy(dtype=np.float64)))
-        if len(bad):
-            raise RecordingError(
-                f"{column} is {table[column].iloc[bad[0]]} in row {bad[0] + 1} ({len(bad)} such rows in all); "
-                "expected finite numbers; repair or cut the log"
-            )
+def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
+    missing = missing_columns(table.columns)
+    if missing:
+        yield Finding(
+            "columns",
+            "refused",
+            f"column {missing[0]!r} is missing; got columns {list(table.columns)}, expected at least "
+            f"{list(REQUIRED_COLUMNS)} (or time_s, position_m and {DRIVE_FORCE}); map it to a channel",
+        )
+        return
+    if len(table) < 3:
+        yield Finding("length", "refused", f"has {len(table)} rows, expected at least 3")
+        return
+    columns = {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}
+    seen = {name: column_checks.survey(values, columns["position_m"]) for name, values in columns.items()}
+    finite = column_checks.finite(columns, seen)
+    yield finite
+    if finite.outcome == "refused":
+        return
+    yield _length(len(table), sample_time_s, limits)
+    yield _rate(sample_time_s, limits)
+    sound = True
+    for finding in _of_signals(columns, seen, limits, sample_time_s):
+        sound = sound and finding.outcome != "refused"
+        yield finding
+    if sound and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
+        yield from judge_friction(table, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
 
 
-def _position(position_m: Array, limits: CheckLimits) -> None:
-    stroke_m, slack_m = limits.stroke_m, limits.position_slack * limits.stroke_m
-    lowest, highest = float(position_m.min()), float(position_m.max())
-    if lowest < -slack_m or highest > stroke_m + slack_m:
-        row = int(np.argmax(np.maximum(-position_m, position_m - stroke_m)))
-        raise RecordingError(
-            f"position_m is {position_m[row]:.4g} m in row {row + 1} (it runs from {lowest:.4g} to {highest:.4g} m), "
-            f"expected 0 to {stroke_m:.4g} m, the stroke; check unit (mm read as m?), sign and zero of the sensor"
-        )
-    least_m = limits.least_travel * stroke_m
-    if highest - lowest < least_m:
-        raise RecordingError(
-            f"position_m moves by {highest - lowest:.3g} m only, expected at least {least_m:.3g} m; nothing moves, the "
-            "sensor is stuck, or its unit is wrong (m read as mm?)"
-        )
+def _of_signals(
+    columns: dict[str, Array], seen: dict[str, Survey], limits: CheckLimits, sample_time_s: float
+) -> Iterator[Finding]:
+    yield column_checks.position_range(seen["position_m"], limits)
+    yield column_checks.motion(seen["position_m"], limits)
+    yield column_checks.position_stuck(columns["position_m"], sample_time_s, limits)
+    if DRIVE_FORCE in columns:
+        yield from column_checks.drive_force(DRIVE_FORCE, seen[DRIVE_FORCE], limits)
+    else:
+        for name in PRESSURES:
+            yield from column_checks.pressure(name, seen[name], limits)
+        yield _pressures_differ(columns)
+        yield _unit_plausible(seen, limits)
+    if limits.load == "measured" and "load_force_n" in columns:
+        yield _load_alive(seen["load_force_n"])
 
 
-def _pressure(column: str, pressure_pa: Array, position_m: Array, limits: CheckLimits) -> None:
-    lowest, highest = float(pressure_pa.min()), float(pressure_pa.max())
-    if lowest < limits.lowest_pressure_pa or highest > limits.highest_pressure_pa:
-        row = int(
-            np.argmax(np.maximum(limits.lowest_pressure_pa - pressure_pa, pressure_pa - limits.highest_pressure_pa))
-        )
-        raise RecordingError(
-            f"{column} is {pressure_pa[row] / 1e5:.4g} bar in row {row + 1}, expected "
-            f"{limits.lowest_pressure_pa / 1e5:.4g} to {limits.highest_pressure_pa / 1e5:.4g} bar gauge; "
-            "check unit (Pa or kPa read as bar?) and sign"
-        )
-    if highest - lowest < limits.least_pressure_span_pa:
-        what = "is constant" if highest == lowest else f"changes by {highest - lowest:.3g} Pa only"
-        raise RecordingError(
-            f"{column} {what} (at {highest:.4g} Pa) while the cylinder moves; the sensor is stuck or not connected, "
-            "or the unit is wrong (bar read as Pa?)"
-        )
-    start, end, travel_m = _longest_stuck_travel(pressure_pa, position_m)
-    if travel_m > limits.stuck_travel * limits.stroke_m:
-        raise RecordingError(
-            f"{column} stays at exactly {pressure_pa[start]:.6g} Pa from row {start + 1} to row {end} while the "
-            f"piston travels {travel_m:.3g} m; the sensor is stuck or at the end of its range"
-        )
+def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
+    duration_s = rows * sample_time_s
+    text = f"lasts {duration_s:.3g} s ({rows} rows)"
+    if duration_s >= limits.minimum_duration_s:
+        return Finding("length", "ok", text)
+    text += (
+        f", expected at least {limits.minimum_duration_s:.3g} s; log longer or lower ingest.checks.minimum_duration_s"
+    )
+    return Finding("length", "refused", text)
 
 
-def _longest_stuck_travel(pressure_pa: Array, position_m: Array) -> tuple[int, int, float]:
-    """Returns first row, end row and travel [m] of the constant stretch over which the piston goes furthest."""
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(pressure_pa) != 0.0) + 1])
-    travel = np.maximum.reduceat(position_m, starts) - np.minimum.reduceat(position_m, starts)
-    longest = int(np.argmax(travel))
-    end = int(starts[longest + 1]) if longest + 1 < len(starts) else len(pressure_pa)
-    return int(starts[longest]), end, float(travel[longest])
+def _rate(sample_time_s: float, limits: CheckLimits) -> Finding:
+    rate_hz = 1.0 / sample_time_s
+    if rate_hz >= limits.minimum_rate_hz * (1.0 - RATE_TOLERANCE):
+        return Finding("rate", "ok", f"is sampled at {rate_hz:.4g} Hz")
+    text = (
+        f"is sampled at {rate_hz:.4g} Hz, expected at least {limits.minimum_rate_hz:.4g} Hz; the filters would smear "
+        "starts, stops and reversals over each other; log faster, or correct the unit of time_s (ms read as s?)"
+    )
+    return Finding("rate", "refused", text)
+
+
+def _pressures_differ(columns: dict[str, Array]) -> Finding:
+    """Judges two pressures that are the same in every row: one channel logged twice."""
+    if np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]):
+        text = (
+            "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "
+            "twice or mapped twice; correct the mapping"
+        )
+        return Finding("pressures_differ", "refused", text)
+    return Finding("pressures_differ", "ok", "the two pressures differ")
+
+
+def _unit_plausible(seen: dict[str, Survey], limits: CheckLimits) -> Finding:
+    """Judges a recording that never has any pressure: its unit is too small, or nobody switched on the supply."""
+    name = max(PRESSURES, key=lambda column: seen[column].highest)
+    peak = f"the highest pressure in the whole recording is {spoken(name, seen[name].highest)} ({name})"
+    if seen[name].highest >= limits.least_peak_pressure_pa:
+        return Finding("unit_plausible", "ok", peak)
+    text = (
+        f"{peak}, expected at least {limits.least_peak_pressure_pa / 1e5:.4g} bar; check the unit (MPa read as bar, "
+        "kPa as Pa?) and that the supply was on, or lower least_peak_pressure_pa for pneumatics"
+    )
+    return Finding("unit_plausible", "refused", text)
+
+
+def _load_alive(seen: Survey) -> Finding:
+    if seen.span > 0.0:
+        return Finding("load_alive", "ok", f"load_force_n changes by {spoken('load_force_n', seen.span)}")
+    text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
+    return Finding("load_alive", "noted", text)

@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
+from collections import Counter, defaultdict
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.checks import CheckLimits, check_recording
+from cylinder_friction.recordings.calibration import NoZero, ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.files import whole_folder, write_json
-from cylinder_friction.recordings.mapping import (
-    ChannelMapping,
-    apply_mapping,
-    check_mapping,
-    compile_name_pattern,
-    names_from_path,
-)
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.fingerprints import Fingerprints
+from cylinder_friction.recordings.mapping import check_mapping
+from cylinder_friction.recordings.one_file import judged, metadata_of, pieces_of
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
 
 if TYPE_CHECKING:
-    import re
     from collections.abc import Mapping
     from pathlib import Path
 
-    from cylinder_friction.recordings.readers import Reader
-
-QUARANTINE_FILE = "quarantine.json"
+    from cylinder_friction.recordings.recipe import Recipe
+    from cylinder_friction.recordings.signal import Piece
 
 
 @dataclass(frozen=True)
@@ -38,47 +33,69 @@ class Source:
     Attributes:
         folder: The folder that is searched.
         pattern: Glob of the files in it, ``**`` for folders below.
-        name_pattern: Regular expression on the relative path, with groups ``test``, ``session``, optionally ``load``.
-        reader: Reads one file.
-        channels: Column to the logger's channel.
-        cylinder: Name of the cylinder.
+        recipe: How one of them becomes recordings.
     """
 
     folder: Path
     pattern: str
-    name_pattern: str
-    reader: Reader
-    channels: Mapping[str, ChannelMapping]
-    cylinder: str
+    recipe: Recipe
 
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A file that did not become a recording, and why."""
+    """A file, or a piece of one, that did not become a recording, and why.
+
+    Attributes:
+        file: Its path below the source's folder.
+        reason: What is wrong, where, and what to do.
+        piece: Which stretch of the file, where it came apart; empty for the whole file.
+    """
 
     file: str
     reason: str
+    piece: str = ""
 
 
 @dataclass
 class Ingested:
     """What became of the files, in the order of their paths."""
 
+    files: int = 0
+    notes: list[str] = field(default_factory=list)
     recordings: list[tuple[RecordingMetadata, int]] = field(default_factory=list)
     quarantined: list[Quarantined] = field(default_factory=list)
 
+    def repaired(self) -> list[RecordingMetadata]:
+        """Returns the recordings that had to be repaired."""
+        return [metadata for metadata, _ in self.recordings if metadata.repairs]
 
-def ingest_folder(source: Source, limits: CheckLimits, into: Path) -> Ingested:
-    """Writes ``into`` whole: one Parquet file a usable recording, and ``quarantine.json`` with the others' reasons.
+    def summary(self) -> str:
+        """Returns what happened, for a person: one line in all, one a repair and one a refusal."""
+        seconds = sum(rows * metadata.sample_time_s for metadata, rows in self.recordings)
+        lines = [
+            f"{len(self.recordings)} recordings ({seconds / 3600.0:.3g} h) from {self.files} files; "
+            f"{len(self.repaired())} repaired or noted, {len(self.quarantined)} quarantined"
+        ]
+        lines += [f"  note         {note}" for note in self.notes]
+        lines += [f"  used         {entry.name}: {'; '.join(entry.repairs)}" for entry in self.repaired()]
+        lines += [
+            f"  quarantined  {entry.file}{f' ({entry.piece})' if entry.piece else ''}: {entry.reason}"
+            for entry in self.quarantined
+        ]
+        return "\n".join(lines)
 
-    One bad file never stops the others. Also set aside: a copy of a file already read, a second recording of one
-    name, and recordings at another sample rate than most.
+
+def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested:
+    """Writes ``into`` whole, one Parquet file a usable recording, and the others' reasons as ``quarantine_file``.
+
+    One bad file never stops the others, and memory holds one file at a time. Also set aside: a copy of a file already
+    read, the same recording exported twice, a second recording of one name, and recordings at another sample rate than
+    most.
 
     Raises:
-        RecordingError: The mapping or the name pattern is wrong, there is no file, or not one file is usable.
+        RecordingError: The mapping is wrong, there is no file, or not one is usable.
     """
-    check_mapping(source.channels)
-    name_pattern = compile_name_pattern(source.name_pattern)
+    check_mapping(source.recipe.channels)
     files = sorted(path for path in source.folder.glob(source.pattern) if path.is_file())
     if not files:
         raise RecordingError(
@@ -86,58 +103,95 @@ def ingest_folder(source: Source, limits: CheckLimits, into: Path) -> Ingested:
             "ingest.source and their pattern as ingest.pattern in params.yaml"
         )
     with whole_folder(into) as folder:
-        result = _ingest_files(files, source, name_pattern, limits, folder)
+        result = _Ingest(source, folder).run(files)
         _set_aside_other_rates(result, folder)
+        result.quarantined.sort(key=lambda entry: (entry.file, entry.piece))
+        write_json(quarantine_file, [asdict(entry) for entry in result.quarantined])
         if not result.recordings:
             first = result.quarantined[0]
             raise RecordingError(
                 f"{source.folder}: none of {len(files)} files is usable; the first, {first.file}: {first.reason}"
             )
-        result.quarantined.sort(key=lambda entry: entry.file)
-        write_json(folder / QUARANTINE_FILE, [asdict(entry) for entry in result.quarantined])
     return result
 
 
-def _ingest_files(
-    files: list[Path], source: Source, name_pattern: re.Pattern[str], limits: CheckLimits, folder: Path
-) -> Ingested:
-    result = Ingested()
-    seen: dict[str, str] = {}
-    names: dict[str, str] = {}
-    for path in tqdm(files, desc="ingest", unit="file", disable=None):
-        relative = path.relative_to(source.folder).as_posix()
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+class _Ingest:
+    """What one run over a folder has to remember: what was seen, and what became of it."""
+
+    def __init__(self, source: Source, folder: Path) -> None:
+        self._source = source
+        self._folder = folder
+        self._result = Ingested()
+        self._digests: dict[str, str] = {}
+        self._names: dict[str, str] = {}
+        self._fingerprints = Fingerprints()
+        self._zeros: dict[str, ZeroReading | NoZero] = {}
+
+    def run(self, files: list[Path]) -> Ingested:
+        relative = {path.relative_to(self._source.folder).as_posix(): path for path in files}
+        self._result.files = len(files)
+        self._result.notes = self._source.recipe.names.lines_without_file(relative)
+        if self._source.recipe.zero.method != "none":
+            self._zeros = session_zeros(relative, self._source.recipe)
+        for name, path in tqdm(relative.items(), desc="ingest", unit="file", disable=None):
+            self._file(path, name)
+        return self._result
+
+    def _file(self, path: Path, relative: str) -> None:
+        recipe = self._source.recipe
         try:
-            if digest in seen:
-                raise RecordingError(f"holds the same bytes as {seen[digest]}; a copy would be counted twice")
-            recording = _read(path, relative, digest, source, name_pattern, limits)
-            if recording.name in names:
-                raise RecordingError(f"has the name {recording.name!r}, which {names[recording.name]} has already")
-        except RecordingError as error:
-            result.quarantined.append(Quarantined(relative, str(error)))
-        else:
-            names[recording.name] = relative
-            write_recording(folder, recording)
-            result.recordings.append((recording.metadata, len(recording)))
-        seen.setdefault(digest, relative)
-    return result
+            digest = _new_digest(path, relative, self._digests)
+            names = recipe.names.names(relative)
+            pieces = pieces_of(path, recipe)
+        except (RecordingError, OSError) as error:
+            self._result.quarantined.append(Quarantined(relative, str(error)))
+            return
+        for number, piece in enumerate(pieces, start=1):
+            metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
+            try:
+                self._piece(piece, metadata)
+            except RecordingError as error:
+                where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
+                self._result.quarantined.append(Quarantined(relative, str(error), where))
+
+    def _piece(self, piece: Piece, metadata: RecordingMetadata) -> None:
+        recording = judged(piece, metadata, self._source.recipe, self._zeros.get(metadata.session))
+        if recording.name in self._names:
+            raise RecordingError(f"has the name {recording.name!r}, which {self._names[recording.name]} has already")
+        match = self._fingerprints.add(recording.name, piece.table)
+        if match is not None:
+            raise RecordingError(
+                f"is the same measurement as recording {match.name!r}, or overlaps it ({100.0 * match.share:.0f} % of "
+                "its windows are equal, noise and all); a model could be judged by what it was taught; keep one of them"
+            )
+        self._names[recording.name] = metadata.source_file
+        write_recording(self._folder, recording)
+        self._result.recordings.append((recording.metadata, len(recording)))
 
 
-def _read(
-    path: Path, relative: str, digest: str, source: Source, name_pattern: re.Pattern[str], limits: CheckLimits
-) -> Recording:
-    names = names_from_path(relative, name_pattern)
-    metadata = RecordingMetadata(
-        name=names.name,
-        test=names.test,
-        session=names.session,
-        sample_time_s=0.0,
-        cylinder=source.cylinder,
-        load=names.load,
-        source_file=relative,
-        source_sha256=digest,
-    )
-    return check_recording(metadata, apply_mapping(source.reader.read(path), source.channels), limits)
+def _new_digest(path: Path, relative: str, seen: dict[str, str]) -> str:
+    """Returns the SHA-256 of a file's bytes and remembers it; raises ``RecordingError`` for bytes already seen."""
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    if digest in seen:
+        raise RecordingError(f"holds the same bytes as {seen[digest]}; a copy would be counted twice")
+    seen[digest] = relative
+    return digest
+
+
+def session_zeros(files: Mapping[str, Path], recipe: Recipe) -> dict[str, ZeroReading | NoZero]:
+    """Returns what the pressure sensors of each session read while vented, from the recordings that show it.
+
+    A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
+    cannot be read is passed over here; the run over the files says why.
+    """
+    readings: defaultdict[str, list[ZeroReading | NoZero]] = defaultdict(list)
+    for relative, path in tqdm(files.items(), desc="zeros", unit="file", disable=None):
+        with suppress(RecordingError, OSError):
+            names = recipe.names.names(relative)
+            for piece in pieces_of(path, recipe):
+                readings[names.session].append(find_zero(piece.table, recipe.zero, recipe.channels, names.name))
+    return {session: session_zero(read) for session, read in readings.items()}
 
 
 def _set_aside_other_rates(result: Ingested, folder: Path) -> None:
@@ -151,7 +205,7 @@ def _set_aside_other_rates(result: Ingested, folder: Path) -> None:
             (folder / f"{metadata.name}.parquet").unlink()
             reason = (
                 f"has a sample time of {metadata.sample_time_s:.9g} s, but {count} of {counts.total()} recordings have "
-                f"{common:.9g} s; resample it or ingest it on its own"
+                f"{common:.9g} s; name one rate for all as ingest.time.rate_hz, or ingest it on its own"
             )
             result.quarantined.append(Quarantined(metadata.source_file, reason))
     result.recordings = [entry for entry in result.recordings if entry[0].sample_time_s == common]

@@ -1,137 +1,184 @@
-"""From a logger's channels to a recording's columns, and from a file's path to who and when."""
+"""Where each column of a recording comes from: a logger's channel, its unit, its sensor, and which way it counts."""
 
 from __future__ import annotations
 
-import re
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
-import numpy as np
-import pandas as pd
-
-from cylinder_friction.recordings.recording import REQUIRED_COLUMNS, RecordingError
-from cylinder_friction.recordings.units import QUANTITIES, check_unit, to_si
+from cylinder_friction.recordings.mapped_file import MappedFile, map_signals
+from cylinder_friction.recordings.names import PathNames, compile_name_pattern, names_from_path
+from cylinder_friction.recordings.recording import RecordingError, missing_columns
+from cylinder_friction.recordings.sensor import SensorScale
+from cylinder_friction.recordings.spelling import electrical, stated_reference
+from cylinder_friction.recordings.units import QUANTITIES, check_unit, to_column_unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
     from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = [
+    "ChannelMapping",
+    "MappedFile",
+    "PathNames",
+    "check_mapping",
+    "compile_name_pattern",
+    "map_signals",
+    "names_from_path",
+    "wanted_channels",
+]
+
+STANDARD_ATMOSPHERE_PA = 101325.0
+"""What an absolute pressure is above gauge pressure (ISO 2533); the weather's ±3 kPa is left in the zero."""
+
+Reference = Literal["gauge", "absolute"]
 
 
 @dataclass(frozen=True)
 class ChannelMapping:
     """Where one column of a recording comes from.
 
+    With x what the sensor reads, in its unit, the column is sign · (x - offset), in the column's own unit, less one
+    standard atmosphere where pressure is absolute.
+
     Attributes:
-        channel: The logger's name of the channel.
-        unit: What the logger writes it in, one of ``units.UNITS``.
-        sign: -1 where the sensor is mounted backwards, so that extension is positive and pressure is gauge pressure.
+        channel: The logger's name of the channel; empty only for a ``time_s`` that is made from ``rate_hz``.
+        unit: What the logger writes it in: a unit of the column's quantity, or V, mA or count with a ``sensor``.
+            Empty only for a time channel that holds dates.
+        sign: -1 where the sensor is mounted backwards, so that extension and what drives it are positive.
+        table: Name of the file's table that holds the channel; needed where its name occurs in several.
+        time: Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of
+            this one's own table.
+        reference: What pressure is counted from; a unit such as ``bara`` says so itself.
+        sensor: What the channel's signal means, and what the sensor can read.
+        offset: What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its
+            reading with the rod in.
+        rate_hz: Of ``time_s`` alone, in place of a channel: rows come at this rate, the first at 0 s [Hz].
+
+    Raises:
+        RecordingError: A value is out of the question, or a signal is without its sensor.
     """
 
-    channel: str
-    unit: str
+    channel: str = ""
+    unit: str = ""
     sign: int = 1
+    table: str = ""
+    time: str = ""
+    reference: Reference = "gauge"
+    sensor: SensorScale | None = None
+    offset: float = 0.0
+    rate_hz: float | None = None
 
+    def __post_init__(self) -> None:
+        where = f"channel {self.channel!r}"
+        if self.rate_hz is None and not self.channel:
+            raise RecordingError("channel: expected the logger's name of the channel, but got ''")
+        if self.rate_hz is not None and (self.channel or not 0.0 < self.rate_hz < math.inf):
+            raise RecordingError(
+                f"{where}: rate_hz must be a positive number and takes the place of a channel, but got {self.rate_hz!r}"
+            )
+        if self.sign not in (1, -1):
+            raise RecordingError(f"{where}: sign must be 1 or -1, but got {self.sign!r}")
+        if self.reference not in get_args(Reference):
+            raise RecordingError(f"{where}: reference must be gauge or absolute, but got {self.reference!r}")
+        if not math.isfinite(self.offset):
+            raise RecordingError(f"{where}: offset must be a finite number, but got {self.offset!r}")
+        self._check_signal(where)
 
-@dataclass(frozen=True)
-class PathNames:
-    """What a file's path says: the recording's name, test, session and load."""
+    def _check_signal(self, where: str) -> None:
+        scaled = self.sensor is not None and self.sensor.signal is not None
+        if electrical(self.unit) is not None and not scaled:
+            raise RecordingError(
+                f"{where}: unit {self.unit!r} is a sensor's signal and means nothing without its range; "
+                "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
+            )
+        if scaled and electrical(self.unit) is None:
+            raise RecordingError(
+                f"{where}: unit {self.unit!r} is what the sensor reads already, but its signal is stated too; expected "
+                "V, mA or count as the channel's unit, or a sensor without signal"
+            )
 
-    name: str
-    test: str
-    session: str
-    load: str
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Returns the mapping of a plain nested dictionary, for example out of YAML."""
+        sensor = values.get("sensor")
+        return cls(**{**values, "sensor": None if sensor is None else SensorScale.from_dict(sensor)})
+
+    @property
+    def reading_unit(self) -> str:
+        """Unit of what the sensor reads, once its electrical signal is understood."""
+        return self.sensor.unit if self.sensor is not None and self.sensor.signal is not None else self.unit
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the channel holds absolute pressure."""
+        return self.reference == "absolute" or stated_reference(self.reading_unit) == "absolute"
+
+    def column_values(self, raw: Array, column: str) -> Array:
+        """Returns a channel's cells as the column's values; the array itself where there is nothing to convert."""
+        reading = raw if self.sensor is None else self.sensor.reading(raw)
+        zeroed = reading if self.offset == 0.0 else reading - self.offset
+        return self.counted(to_column_unit(zeroed, self.reading_unit, column))
+
+    def counted(self, values: Array) -> Array:
+        """Returns values in the column's unit, counted as the column does: sign, then atmosphere."""
+        signed = values if self.sign == 1 else -values
+        return signed - STANDARD_ATMOSPHERE_PA if self.absolute else signed
 
 
 def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
     """Refuses a mapping that could not make a recording of any file.
 
     Raises:
-        RecordingError: A column is unknown or a required one is not mapped, a unit or a sign is wrong, or one
-            channel is to fill two columns.
+        RecordingError: A column is unknown or a required one is not mapped, a unit does not fit, or one channel is to
+            fill two columns.
     """
     for column in mapping:
         if column not in QUANTITIES:
             raise RecordingError(f"column {column!r} is not known; expected some of {', '.join(QUANTITIES)}")
-    missing = [column for column in REQUIRED_COLUMNS if column not in mapping]
+    missing = missing_columns(mapping)
     if missing:
         raise RecordingError(f"column {missing[0]!r} has no channel; name the logger's channel that holds it")
-    users: dict[str, str] = {}
+    users: dict[tuple[str, str], str] = {}
     for column, source in mapping.items():
-        check_unit(column, source.unit)
-        if source.sign not in (1, -1):
-            raise RecordingError(f"column {column!r}: sign must be 1 or -1, but got {source.sign!r}")
-        if source.channel in users:
+        _check_column(column, source)
+        for (table, channel), user in users.items():
+            if channel == source.channel and (table == source.table or not (table and source.table)):
+                raise RecordingError(
+                    f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column a channel"
+                )
+        users[source.table, source.channel] = column
+
+
+def _check_column(column: str, source: ChannelMapping) -> None:
+    if column == "time_s":
+        if source.unit:
+            check_unit(column, source.unit)
+        if source.sign != 1 or source.sensor is not None or source.time:
+            raise RecordingError("column 'time_s': sign, sensor and time have no meaning for time; leave them out")
+        return
+    if source.rate_hz is not None:
+        raise RecordingError(f"column {column!r}: rate_hz is for 'time_s' alone; name the channel")
+    check_unit(column, source.reading_unit)
+    if source.sensor is not None:
+        check_unit(column, source.sensor.unit)
+        if not source.absolute and stated_reference(source.sensor.unit) == "absolute":
             raise RecordingError(
-                f"channel {source.channel!r} is to fill both {users[source.channel]!r} and {column!r}; "
-                "expected one column a channel"
+                f"column {column!r}: the sensor's unit {source.sensor.unit!r} is absolute pressure, but the channel "
+                "is read as gauge; set reference: absolute, or give the range in gauge pressure"
             )
-        users[source.channel] = column
-
-
-def apply_mapping(channels: pd.DataFrame, mapping: Mapping[str, ChannelMapping]) -> pd.DataFrame:
-    """Returns a recording's columns, in SI units, from the logger's channels; channels not mapped are left out.
-
-    Raises:
-        RecordingError: A channel is missing or occurs twice, or holds something that is not a number.
-    """
-    return pd.DataFrame({column: _column(channels, column, source) for column, source in mapping.items()})
-
-
-def _column(channels: pd.DataFrame, column: str, source: ChannelMapping) -> NDArray[np.float64]:
-    found = int((channels.columns == source.channel).sum())
-    if found != 1:
-        problem = "is missing" if found == 0 else f"occurs {found} times"
+    if source.reference == "absolute" and QUANTITIES[column] != "pressure":
+        raise RecordingError(f"column {column!r}: reference: absolute is for pressures alone; leave it out")
+    if source.reference == "absolute" and stated_reference(source.reading_unit) == "gauge":
         raise RecordingError(
-            f"channel {source.channel!r} (for {column!r}) {problem}; got channels "
-            f"{', '.join(map(repr, channels.columns))}; correct the file or ingest.channels.{column}.channel"
+            f"column {column!r}: unit {source.reading_unit!r} is gauge pressure, but reference is absolute; correct one"
         )
-    raw = channels[source.channel]
-    numbers = pd.to_numeric(raw, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
-    text = np.isnan(numbers) & raw.notna().to_numpy()
-    if text.any() and not pd.api.types.is_numeric_dtype(raw):
-        row = int(np.flatnonzero(text)[0])
-        raise RecordingError(
-            f"channel {source.channel!r} (for {column!r}) holds {raw.iloc[row]!r} in row {row + 1} "
-            f"({int(text.sum())} such rows in all); expected numbers in {source.unit}"
-        )
-    return source.sign * to_si(numbers, source.unit)
 
 
-def compile_name_pattern(pattern: str) -> re.Pattern[str]:
-    """Returns the compiled pattern of file paths.
-
-    Raises:
-        RecordingError: It is not a regular expression, or lacks one of the named groups ``test`` and ``session``.
-    """
-    try:
-        compiled = re.compile(pattern)
-    except re.error as error:
-        raise RecordingError(f"name pattern {pattern!r} is not a regular expression: {error}") from None
-    for group in ("test", "session"):
-        if group not in compiled.groupindex:
-            raise RecordingError(
-                f"name pattern {pattern!r} has no group {group!r}; write (?P<{group}>...) around the part of the "
-                f"path that names the {group}"
-            )
-    return compiled
-
-
-def names_from_path(path: str, pattern: re.Pattern[str]) -> PathNames:
-    """Returns what a path, relative to the ingested folder and with ``/``, says about its recording.
-
-    The pattern is searched for anywhere in the path. The recording's name is the path without its last suffix,
-    with ``-`` for ``/``.
-
-    Raises:
-        RecordingError: The pattern is not found, or finds an empty test or session.
-    """
-    match = pattern.search(path)
-    groups = match.groupdict() if match else {}
-    if not groups.get("test") or not groups.get("session"):
-        raise RecordingError(
-            f"path {path!r} does not tell test and session: the pattern {pattern.pattern!r} finds "
-            f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
-        )
-    stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
-    return PathNames(stem.replace("/", "-"), groups["test"], groups["session"], groups.get("load") or "")
+def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
+    """Returns the names of all channels that a mapping reads, time channels included."""
+    return {name for source in mapping.values() for name in (source.channel, source.time) if name}

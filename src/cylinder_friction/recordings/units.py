@@ -2,40 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from decimal import Decimal
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import DRIVE_FORCE, RecordingError
+from cylinder_friction.recordings.spelling import bare, electrical, names_a_unit, parsable, usual
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit: what it measures, and how many of the project's unit one of it is."""
-
-    quantity: str
-    scale: float
-
-
-UNITS = {
-    "Pa": Unit("pressure", 1.0),
-    "kPa": Unit("pressure", 1e3),
-    "MPa": Unit("pressure", 1e6),
-    "bar": Unit("pressure", 1e5),
-    "psi": Unit("pressure", 6894.757293168361),
-    "m": Unit("length", 1.0),
-    "mm": Unit("length", 1e-3),
-    "in": Unit("length", 0.0254),
-    "s": Unit("time", 1.0),
-    "ms": Unit("time", 1e-3),
-    "N": Unit("force", 1.0),
-    "kN": Unit("force", 1e3),
-    "°C": Unit("temperature", 1.0),
-}
-"""Every known unit by the name it goes by in the configuration."""
 
 QUANTITIES = {
     "time_s": "time",
@@ -43,35 +20,126 @@ QUANTITIES = {
     "pressure_2_pa": "pressure",
     "position_m": "length",
     "load_force_n": "force",
+    DRIVE_FORCE: "force",
     "oil_temperature_c": "temperature",
 }
 """What each column of a recording measures."""
 
+COLUMN_UNITS = {"time": "second", "pressure": "pascal", "length": "meter", "force": "newton", "temperature": "degC"}
+"""What the columns of each quantity are in."""
 
-def units_of(quantity: str) -> list[str]:
-    """Returns the names of the units that measure a quantity."""
-    return [name for name, unit in UNITS.items() if unit.quantity == quantity]
+COMMON = {
+    "time": ("s", "ms", "us", "min"),
+    "pressure": ("Pa", "kPa", "MPa", "bar", "mbar", "psi", "kgf/cm2"),
+    "length": ("m", "mm", "in", "cm", "um"),
+    "force": ("N", "kN", "lbf", "kgf", "kip"),
+    "temperature": ("°C", "K", "°F"),
+}
+"""Units to offer in a message; every other unit of the quantity that pint knows will do too."""
 
 
 def check_unit(column: str, unit: str) -> None:
     """Refuses a unit that does not exist or does not measure what the column holds.
 
     Raises:
-        RecordingError: The message names the column, the unit and the units that would do.
+        RecordingError: The message names the column, the unit and units that would do.
     """
     wanted = QUANTITIES[column]
-    if unit not in UNITS:
+    would_do = f"expected one of {', '.join(COMMON[wanted])}, or another unit of {wanted}"
+    if wanted == "pressure" and bare(unit) == "mPa":
+        raise RecordingError(f"column {column!r}: unit {unit!r} is millipascal; write MPa for megapascal")
+    if _conversion(unit, wanted) is not None:
+        return
+    if electrical(unit) is not None:
         raise RecordingError(
-            f"column {column!r}: unit {unit!r} is not known; expected one of {', '.join(units_of(wanted))} "
-            f"(all known units: {', '.join(UNITS)})"
+            f"column {column!r}: unit {unit!r} is a sensor's electrical signal, but the column holds a {wanted}; "
+            "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
         )
-    if UNITS[unit].quantity != wanted:
-        raise RecordingError(
-            f"column {column!r}: unit {unit!r} measures {UNITS[unit].quantity}, but the column holds a {wanted}; "
-            f"expected one of {', '.join(units_of(wanted))}"
-        )
+    measured = quantity_of(unit)
+    if measured is None:
+        raise RecordingError(f"column {column!r}: unit {unit!r} is not known; {would_do}")
+    raise RecordingError(
+        f"column {column!r}: unit {unit!r} measures {measured}, but the column holds a {wanted}; {would_do}"
+    )
 
 
-def to_si(values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
-    """Returns values given in ``unit`` in the project's unit of the same quantity."""
-    return values * UNITS[unit].scale
+def to_column_unit(values: NDArray[np.float64], unit: str, column: str) -> NDArray[np.float64]:
+    """Returns values given in ``unit`` in the column's own unit; values already in it are returned untouched.
+
+    Temperatures are converted with their zero, so 32 °F is 0 °C.
+
+    Raises:
+        RecordingError: As ``check_unit``.
+    """
+    conversion = _conversion(unit, QUANTITIES[column])
+    if conversion is None:
+        check_unit(column, unit)
+        raise AssertionError(f"{unit!r} passed as a unit of {column!r}")
+    scale, offset = conversion
+    scaled = values if scale == 1.0 else values * scale
+    return scaled if offset == 0.0 else scaled + offset
+
+
+def column_scale(column: str, unit: str) -> float:
+    """Returns how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C.
+
+    Raises:
+        RecordingError: As ``check_unit``.
+    """
+    check_unit(column, unit)
+    conversion = _conversion(unit, QUANTITIES[column])
+    assert conversion is not None
+    return conversion[0]
+
+
+def units_agree(stated: str, configured: str) -> bool:
+    """Returns whether what a file states of its channel can be what the configuration says: the same unit.
+
+    Spellings do not matter (``[Bar]`` and ``bar`` agree), nor does what pressure is counted from. Text that is no unit
+    in use (``rod side``, ``A``, ``-``) contradicts nothing.
+    """
+    quantity, signal = quantity_of(configured), electrical(configured)
+    if bare(stated) == bare(configured) or (quantity is None and signal is None):
+        return True
+    if signal is not None or quantity is None:
+        return electrical(stated) == signal or not names_a_unit(stated)
+    one, two = _conversion(stated, quantity), _conversion(configured, quantity)
+    if one is None or two is None:
+        return not names_a_unit(stated)
+    return all(math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12) for a, b in zip(one, two, strict=True))
+
+
+@cache
+def quantity_of(unit: str) -> str | None:
+    """Returns which of a recording's quantities a unit measures; None if none of them."""
+    for quantity in COLUMN_UNITS:
+        if usual(unit, quantity) is not None:
+            return quantity
+    if electrical(unit) is not None:
+        return None
+    return next((quantity for quantity in COLUMN_UNITS if _conversion(unit, quantity) is not None), None)
+
+
+@cache
+def _conversion(unit: str, quantity: str) -> tuple[float, float] | None:
+    """Returns scale and offset to the quantity's own unit, each the nearest float; None if it is no such unit."""
+    text = usual(unit, quantity) or parsable(unit)
+    if text is None or (quantity == "pressure" and bare(unit) == "mPa"):
+        return None
+    registry = _registry()
+    try:
+        parsed, own = registry.Unit(text), registry.Unit(COLUMN_UNITS[quantity])
+        if "delta" in text or parsed.dimensionality != own.dimensionality:
+            return None
+        zero, one = (registry.Quantity(Decimal(value), parsed).to(own).magnitude for value in (0, 1))
+    except Exception:  # pint meets free text here, and has a dozen ways to say that it is no unit
+        return None
+    return float(one - zero), float(zero)
+
+
+@cache
+def _registry() -> Any:
+    """Returns the one registry, made when the first unit is looked up; decimal, so that no factor is rounded twice."""
+    from pint import UnitRegistry
+
+    return UnitRegistry(non_int_type=Decimal)

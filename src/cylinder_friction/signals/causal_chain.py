@@ -59,6 +59,12 @@ class MovingAverage:
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         return run_causal(self.block(sample_time_s), samples)
 
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        return run_causal_force(self.block(sample_time_s), force_n)
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        return run_causal_motion(self.block(sample_time_s), position_m)
+
     def reach(self, sample_time_s: float) -> Reach:
         return Reach(self.block(sample_time_s).length - 1, 0)
 
@@ -93,6 +99,12 @@ class OneSidedSavitzkyGolay:
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         return run_causal(self.block(sample_time_s), samples)
 
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        return run_causal_force(self.block(sample_time_s), force_n)
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        return run_causal_motion(self.block(sample_time_s), position_m)
+
     def reach(self, sample_time_s: float) -> Reach:
         return Reach(self.block(sample_time_s).length - 1, 0)
 
@@ -110,6 +122,19 @@ def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:
 def run_causal(block: CausalBlock, samples: Array) -> SmoothSignals:
     """Returns what a causal block with four outputs makes of a whole recording."""
     return SmoothSignals(*np.ascontiguousarray(block.advance(block.new_state(), samples).T))
+
+
+def run_causal_force(block: CausalBlock, force_n: Array) -> Array:
+    """Returns what a causal block makes of a force, which takes the place of pressure 1, shape ``(n,)``."""
+    nothing = np.zeros_like(force_n)
+    return run_causal(block, np.column_stack([force_n, nothing, nothing])).pressure_1_smooth_pa
+
+
+def run_causal_motion(block: CausalBlock, position_m: Array) -> tuple[Array, Array]:
+    """Returns velocity and acceleration that a causal block makes of a position, each of shape ``(n,)``."""
+    nothing = np.zeros_like(position_m)
+    signals = run_causal(block, np.column_stack([nothing, nothing, position_m]))
+    return signals.velocity_m_s, signals.acceleration_m_s2
 
 
 @dataclass

@@ -52,9 +52,16 @@ class RtsSmoother:
             ]
             for side in (PRESSURE_1, PRESSURE_2)
         ]
-        position_m = samples[:, POSITION]
-        motion = smooth_states(self._position_model(quantisation_step(position_m), sample_time_s), position_m)
-        return SmoothSignals(pressures[0], pressures[1], motion[:, 1].copy(), motion[:, 2].copy())
+        velocity, acceleration = self.motion(samples[:, POSITION], sample_time_s)
+        return SmoothSignals(pressures[0], pressures[1], velocity, acceleration)
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        # How much is smoothed follows from pressure_rate over pressure_noise alone, so their pascals cancel.
+        return smooth_states(self._pressure_model(0.0, sample_time_s), force_n)[:, 0].copy()
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        states = smooth_states(self._position_model(quantisation_step(position_m), sample_time_s), position_m)
+        return states[:, 1].copy(), states[:, 2].copy()
 
     def reach(self, sample_time_s: float) -> Reach:
         """Returns the rows after which less than 1 % of a disturbance is left; strictly it looks at all rows."""

@@ -37,6 +37,25 @@ class SmoothSignals:
 
 
 @dataclass(frozen=True)
+class SmoothDrive:
+    """Smooth signals of a recording with a drive force in place of pressures, each of shape ``(n,)``.
+
+    Attributes:
+        drive_force_smooth_n: Force on the rod, smoothed as pressures are, positive towards extension [N].
+        velocity_m_s: [m/s].
+        acceleration_m_s2: [m/s²].
+    """
+
+    drive_force_smooth_n: Array
+    velocity_m_s: Array
+    acceleration_m_s2: Array
+
+    def columns(self) -> dict[str, Array]:
+        """Returns the signals by name, as a recording's table takes them."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
 class Reach:
     """How far a filter looks: its output at row t follows from inputs at rows ``t - before`` to ``t + after``."""
 
@@ -49,6 +68,12 @@ class SignalFilter(Protocol):
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         """Returns the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        """Returns a force, shape ``(n,)``, smoothed as pressures are: neither later nor duller than they become."""
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        """Returns velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``, as ``smooth`` does."""
 
     def reach(self, sample_time_s: float) -> Reach:
         """Returns how far the filter looks, the longest of its four outputs."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from cylinder_friction.signals.causal import cascade_taps
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
+from cylinder_friction.signals.savitzky_golay import savitzky_golay
 from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, Reach, SmoothSignals
 
 if TYPE_CHECKING:
@@ -41,6 +41,13 @@ class CentredMovingAverage:
             run_centred(velocity, samples[:, POSITION]),
             run_centred(acceleration, samples[:, POSITION]),
         )
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        return run_centred(self._taps(sample_time_s)[0], force_n)
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        _, velocity, acceleration = self._taps(sample_time_s)
+        return run_centred(velocity, position_m), run_centred(acceleration, position_m)
 
     def reach(self, sample_time_s: float) -> Reach:
         half = max(len(taps) // 2 for taps in self._taps(sample_time_s))
@@ -83,19 +90,22 @@ class SavitzkyGolay:
         return OneSidedSavitzkyGolay(**vars(self))
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        longest = max(self.pressure_window, self.velocity_window, self.acceleration_window)
-        if len(samples) < longest:
-            raise ValueError(f"got {len(samples)} samples, but Savitzky-Golay needs at least its window of {longest}")
-        pressures = [
-            savgol_filter(samples[:, side], self.pressure_window, self.pressure_order)
-            for side in (PRESSURE_1, PRESSURE_2)
-        ]
-        position_m = samples[:, POSITION]
-        velocity = savgol_filter(position_m, self.velocity_window, self.velocity_order, deriv=1, delta=sample_time_s)
-        acceleration = savgol_filter(
-            position_m, self.acceleration_window, self.acceleration_order, deriv=2, delta=sample_time_s
-        )
+        velocity, acceleration = self.motion(samples[:, POSITION], sample_time_s)
+        pressures = [self.smooth_force(samples[:, side], sample_time_s) for side in (PRESSURE_1, PRESSURE_2)]
         return SmoothSignals(pressures[0], pressures[1], velocity, acceleration)
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:  # noqa: ARG002 - windows are in samples
+        return savitzky_golay(force_n, self.pressure_window, self.pressure_order)
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        longest = max(self.pressure_window, self.velocity_window, self.acceleration_window)
+        if len(position_m) < longest:
+            raise ValueError(
+                f"got {len(position_m)} samples, but Savitzky-Golay needs at least its window of {longest}"
+            )
+        velocity = savitzky_golay(position_m, self.velocity_window, self.velocity_order, 1, sample_time_s)
+        acceleration = savitzky_golay(position_m, self.acceleration_window, self.acceleration_order, 2, sample_time_s)
+        return velocity, acceleration
 
     def reach(self, sample_time_s: float) -> Reach:  # noqa: ARG002 - windows are in samples
         half = max(self.pressure_window, self.velocity_window, self.acceleration_window) // 2

@@ -8,6 +8,7 @@ from tqdm import tqdm
 
 from cylinder_friction.recordings import iterate_recordings, recording_paths, whole_folder, write_recording
 from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.signals.recorded import smooth_columns
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
@@ -18,15 +19,16 @@ if TYPE_CHECKING:
 def run(params: Params) -> RunRecord:
     """Reads ``data/interim/recordings``, writes ``data/interim/signals``; the raw columns stay as they are.
 
-    Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``.
+    Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``; where a drive
+    force stands in for the pressures, ``drive_force_smooth_n`` in place of the first two; and of a measured load
+    ``load_force_smooth_n``.
     """
     chosen = filters_by_method(**params.filter.model_dump(exclude={"method"}))[params.filter.method]
     rows = 0
     count = len(recording_paths(RECORDINGS_FOLDER))
     with whole_folder(SIGNALS_FOLDER) as folder:
         for recording in tqdm(iterate_recordings(RECORDINGS_FOLDER), "filter", count, unit="recording", disable=None):
-            signals = chosen.smooth(recording.samples(), recording.sample_time_s)
-            write_recording(folder, recording.with_columns(**signals.columns()))
+            write_recording(folder, recording.with_columns(**smooth_columns(recording, chosen)))
             rows += len(recording)
     return RunRecord(
         name="filter",

@@ -6,50 +6,78 @@ from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tqdm import tqdm
+
 from cylinder_friction.recordings import (
-    QUARANTINE_FILE,
     ChannelMapping,
     CheckLimits,
+    CsvOptions,
     Ingested,
+    NameRules,
+    Recipe,
+    ScreenRules,
     Source,
+    TimeRules,
+    ZeroRules,
     ingest_folder,
-    reader_for,
 )
-from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, flat, hash_of
+from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.params import IngestParams, Params
+    from cylinder_friction.recordings import LoadMode
+
+QUARANTINE_FILE = Path("data/interim/quarantine.json")
+"""Every file, or piece of one, that did not become a recording, and why."""
 
 
 def run(params: Params) -> RunRecord:
-    """Reads ``ingest.source``, writes ``data/interim/recordings``: one file a recording, and ``quarantine.json``.
+    """Reads ``ingest.source``, writes ``data/interim/recordings``, one file a recording, and ``quarantine.json``.
 
     Raises:
         RecordingError: There is no file, or not one is usable.
     """
-    settings = params.ingest
-    limits = CheckLimits(params.cylinder.stroke_m, minimum_duration_s=settings.minimum_duration_s)
-    ingested = ingest_folder(source_from(settings, params.cylinder.name), limits, RECORDINGS_FOLDER)
+    ingested = ingest_folder(source_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE)
+    tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(
         name="ingest",
-        params=flat(settings),
+        params=flat(params.ingest),
         metrics=_metrics(ingested),
-        artifacts=artifacts(RECORDINGS_FOLDER / QUARANTINE_FILE),
+        artifacts=artifacts(QUARANTINE_FILE),
         datasets={"recordings": hash_of(RECORDINGS_FOLDER)},
     )
 
 
-def source_from(settings: IngestParams, cylinder: str) -> Source:
+def source_from(params: Params) -> Source:
     """Returns what ``ingest_folder`` reads, from the configuration."""
-    options = getattr(settings, settings.format).model_dump()  # each format's options stand under its name
-    return Source(
-        folder=Path(settings.source),
-        pattern=settings.pattern,
-        name_pattern=settings.name_pattern,
-        reader=reader_for(settings.format, **options),
-        channels={column: ChannelMapping(**channel.model_dump()) for column, channel in settings.channels.items()},
-        cylinder=cylinder,
+    folder = Path(params.ingest.source)
+    return Source(folder, params.ingest.pattern, recipe_from(params, folder))
+
+
+def recipe_from(params: Params, folder: Path) -> Recipe:
+    """Returns how a file becomes recordings; a table of names is looked for in ``folder``."""
+    settings = params.ingest
+    cylinder = cylinder_from(params.cylinder)
+    table = None if settings.name_table is None else folder / settings.name_table
+    return Recipe(
+        names=NameRules(settings.name_pattern, table),
+        channels={column: ChannelMapping.from_dict(each.model_dump()) for column, each in settings.channels.items()},
+        cylinder=cylinder.name,
+        limits=limits_from(settings, cylinder, params.label.load),
+        file_format=settings.format,
+        csv=CsvOptions(**settings.csv.model_dump()),
+        screen=ScreenRules(**settings.screen.model_dump(), stroke_m=cylinder.stroke_m),
+        time=TimeRules(**settings.time.model_dump()),
+        zero=ZeroRules(**settings.zero.model_dump()),
+    )
+
+
+def limits_from(settings: IngestParams, cylinder: Cylinder, load: LoadMode) -> CheckLimits:
+    """Returns what a recording of this cylinder must be."""
+    return CheckLimits(
+        cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2, load, **settings.checks.model_dump()
     )
 
 
@@ -58,7 +86,9 @@ def _metrics(ingested: Ingested) -> dict[str, float]:
     for metadata, rows in ingested.recordings:
         seconds[f"test_{metadata.test}.seconds"] += rows * metadata.sample_time_s
     return {
+        "files": float(ingested.files),
         "recordings": float(len(ingested.recordings)),
+        "repaired": float(len(ingested.repaired())),
         "quarantined": float(len(ingested.quarantined)),
         "sessions": float(len({metadata.session for metadata, _ in ingested.recordings})),
         **seconds,

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from cylinder_friction.evaluation.splits import split_sessions
-from cylinder_friction.labelling import Audit, AuditRow, Labeller, Stiffness
+from cylinder_friction.labelling import (
+    Audit,
+    AuditRow,
+    Labeller,
+    LoadPlan,
+    MotionPlan,
+    SessionFound,
+    SessionPoints,
+    Stiffness,
+)
 from cylinder_friction.recordings import (
     RecordingError,
     read_metadata,
@@ -39,34 +48,44 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from cylinder_friction.params import LabelParams, Params
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings import Recording, RecordingMetadata
     from cylinder_friction.signals.smooth import SignalFilter
+
+IDENTIFIED_FILE = Path("data/processed/identified.json")
+"""Load and moving mass of each session."""
+
+NOTHING_IDENTIFIED = "the load is not asked of position, and the moving mass is given, so nothing was identified"
+_LOAD_PLAN, _MOTION_PLAN = LoadPlan(), MotionPlan()
 
 NO_TRUTH = "true friction of no recording is known, so labels cannot be audited"
 
 
 def run(params: Params) -> RunRecord:
-    """Reads ``data/interim/signals``, writes ``data/processed/{train,validation,test,audit}``.
+    """Reads ``data/interim/signals``, writes ``data/processed/{train,validation,test,audit}`` and ``identified.json``.
 
     Raises:
-        RecordingError: A test has too few sessions to split, or truth does not belong to its recording.
+        RecordingError: A test has too few sessions to split, truth does not belong to its recording, or a session does
+            not tell the load that it is asked.
     """
     settings = params.label
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
-    labeller = Labeller(cylinder_from(params.cylinder), stiffness_from(settings), settings.end_stop_margin_m)
+    labeller = labeller_from(params)
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
     refuse_unknown_test(params.lugre.test, [entry.test for entry in metadata])
     split = split_sessions(metadata, **settings.split.model_dump())
+    load_plan = LoadPlan(**settings.identify.model_dump())
+    found = identify_sessions(metadata, labeller, filters[params.filter.method], load_plan)
+    write_identified(found)
     metrics: dict[str, float] = {}
     for role, names in split.items():
-        metrics |= write_labelled(role, names, labeller, filters[params.filter.method])
-    audit, audited = audit_labels([entry.name for entry in metadata], params, labeller, filters)
+        metrics |= write_labelled(role, names, labeller, filters[params.filter.method], found)
+    audit, audited = audit_labels([entry.name for entry in metadata], params, labeller, filters, found)
     write_audit(audit)
     return RunRecord(
         name="label",
         params=flat(settings) | {"filter": params.filter.method},
         metrics=metrics | {"audited_recordings": float(audited)} | _audit_metrics(audit),
-        artifacts=artifacts(AUDIT_FOLDER),
+        artifacts=artifacts(AUDIT_FOLDER, IDENTIFIED_FILE),
         datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
     )
 
@@ -95,12 +114,70 @@ def stiffness_from(settings: LabelParams) -> Stiffness:
     )
 
 
-def write_labelled(role: str, names: Sequence[str], labeller: Labeller, used_filter: SignalFilter) -> dict[str, float]:
+def labeller_from(params: Params) -> Labeller:
+    """Returns how labels are made, from the configuration."""
+    settings = params.label
+    return Labeller(
+        cylinder_from(params.cylinder),
+        stiffness_from(settings),
+        settings.end_stop_margin_m,
+        settings.load,
+        settings.inertia,
+    )
+
+
+def identify_sessions(
+    metadata: Sequence[RecordingMetadata],
+    labeller: Labeller,
+    used_filter: SignalFilter,
+    load_plan: LoadPlan = _LOAD_PLAN,
+    motion_plan: MotionPlan = _MOTION_PLAN,
+) -> dict[str, SessionFound]:
+    """Returns what each session tells about its load and mass; nothing where neither is asked.
+
+    A session is whole in one role, so nothing that judges takes part in what teaches.
+
+    Raises:
+        RecordingError: A session does not tell its load.
+    """
+    if not labeller.asks_sessions:
+        return {}
+    found = {}
+    for session in sorted({entry.session for entry in metadata}):
+        points = SessionPoints(
+            labeller.cylinder.moving_mass_kg,
+            load_plan if labeller.load == "position" else None,
+            motion_plan if labeller.inertia == "identified" else None,
+        )
+        names = [entry.name for entry in metadata if entry.session == session]
+        try:
+            for recording in _filtered(names, f"identify {session}"):
+                labeller.collect(recording, used_filter.reach(recording.sample_time_s), points)
+            found[session] = points.found()
+        except RecordingError as error:
+            raise RecordingError(f"session {session!r}: {error}") from error
+    return found
+
+
+def write_identified(found: Mapping[str, SessionFound]) -> None:
+    """Writes what was identified, one entry a session; names carry their units, ``_interval`` is a pair."""
+    content: dict[str, Any] = {session: each.to_dict() for session, each in found.items()}
+    write_json(IDENTIFIED_FILE, content or {"note": NOTHING_IDENTIFIED})
+
+
+def write_labelled(
+    role: str,
+    names: Sequence[str],
+    labeller: Labeller,
+    used_filter: SignalFilter,
+    found: Mapping[str, SessionFound],
+) -> dict[str, float]:
     """Writes one role's recordings with their labels; returns how many recordings, rows and usable rows."""
     rows, usable = 0, 0
     with whole_folder(PROCESSED_FOLDERS[role]) as folder:
         for recording in _filtered(names, f"label {role}"):
-            labelled = labeller.label(recording, used_filter.reach(recording.sample_time_s))
+            reach = used_filter.reach(recording.sample_time_s)
+            labelled = labeller.label(recording, reach, found.get(recording.metadata.session))
             write_recording(folder, labelled)
             rows, usable = rows + len(labelled), usable + int(labelled.usable().sum())
     return {
@@ -111,7 +188,11 @@ def write_labelled(role: str, names: Sequence[str], labeller: Labeller, used_fil
 
 
 def audit_labels(
-    names: Sequence[str], params: Params, labeller: Labeller, filters: Mapping[str, SignalFilter]
+    names: Sequence[str],
+    params: Params,
+    labeller: Labeller,
+    filters: Mapping[str, SignalFilter],
+    found: Mapping[str, SessionFound],
 ) -> tuple[list[AuditRow], int]:
     """Returns the audit of every filter and the number of recordings whose truth is known."""
     folder = Path(params.ingest.truth)
@@ -120,7 +201,7 @@ def audit_labels(
     for recording in _filtered(known, "audit labels"):
         truth = read_truth(folder, recording)
         assert truth is not None
-        labeller.audit(recording, truth, filters, audit)
+        labeller.audit(recording, truth, filters, audit, found.get(recording.metadata.session))
     return audit.rows(), len(known)
 
 

@@ -18,8 +18,9 @@ def hash_of(path: Path) -> str:
         FileNotFoundError: There is neither a file nor a folder of that name.
     """
     if not path.is_dir():
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        with path.open("rb", buffering=0) as file:  # in pieces: a recording need not fit into memory
+            return hashlib.file_digest(file, "sha256").hexdigest()
     digest = hashlib.sha256()
-    for file in sorted(file for file in path.rglob("*") if file.is_file() and "__pycache__" not in file.parts):
-        digest.update(f"{file.relative_to(path).as_posix()}\0{hash_of(file)}\n".encode())
+    for inner in sorted(inner for inner in path.rglob("*") if inner.is_file() and "__pycache__" not in inner.parts):
+        digest.update(f"{inner.relative_to(path).as_posix()}\0{hash_of(inner)}\n".encode())
     return digest.hexdigest()

@@ -8,6 +8,7 @@ from cylinder_friction.friction_models.identification.presliding import (
     damping_velocity,
 )
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
+from cylinder_friction.friction_models.identification.reversals import PreslidingStiffness, presliding_stiffness
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points, steady_rows
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "Identification",
     "Motion",
     "Motions",
+    "PreslidingStiffness",
     "SearchEffort",
     "SteadyPoint",
     "bristle_damping",
@@ -22,6 +24,7 @@ __all__ = [
     "confidence_intervals",
     "damping_velocity",
     "identify",
+    "presliding_stiffness",
     "steady_points",
     "steady_rows",
     "with_dead_band",

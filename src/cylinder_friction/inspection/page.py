@@ -1,0 +1,72 @@
+"""The inspection of a file or a folder as one HTML page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.inspection.html_page import Pane, page_html
+from cylinder_friction.inspection.overview_pane import overview
+from cylinder_friction.inspection.recording_pane import recording_pane
+from cylinder_friction.inspection.subject import titles
+from cylinder_friction.recordings import write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.inspection.subject import Inspected
+    from cylinder_friction.signals.smooth import SignalFilter
+
+PLOTTED = 12
+"""How many recordings a page shows with figures; the others stand in the table."""
+
+
+def write_page(
+    path: Path,
+    subjects: Sequence[Inspected],
+    cylinder: Cylinder,
+    filters: Mapping[str, SignalFilter],
+    method: str = "savitzky_golay",
+    end_stop_margin_m: float = 0.003,
+    plotted: int = PLOTTED,
+) -> None:
+    """Writes the page whole; equal input makes equal bytes.
+
+    Args:
+        path: Of the HTML file.
+        subjects: What was inspected, in the order to be shown.
+        cylinder: Its areas, stroke and moving mass.
+        filters: By name, as ``filters_by_method`` gives them.
+        method: Which of them velocity and friction are shown with.
+        end_stop_margin_m: Rows this near an end stop are not usable [m].
+        plotted: How many recordings get figures: the first ones.
+
+    Raises:
+        ValueError: The method is not one of the filters.
+    """
+    if method not in filters:
+        raise ValueError(f"method: expected one of {', '.join(filters)}, but got {method!r}")
+    panes: list[Pane] = []
+    names: dict[int, str] = {}
+    for index, (title, subject) in enumerate(zip(titles(subjects), subjects, strict=True)):
+        if subject.recording is None or len(panes) == plotted:
+            continue
+        names[index] = f"recording-{index + 1}"
+        panes.append(
+            recording_pane(
+                names[index], title, subject, subject.recording, cylinder, filters, method, end_stop_margin_m
+            )
+        )
+    first = overview(subjects, names, _lead(subjects, len(panes)))
+    write_text(path, page_html("Inspection of recordings", [first, *panes]))
+
+
+def _lead(subjects: Sequence[Inspected], shown: int) -> str:
+    usable = sum(subject.recording is not None for subject in subjects)
+    if usable > shown:
+        return (
+            f"The first {shown} of {usable} usable recordings are shown with figures; inspect another file by itself "
+            "to see its own."
+        )
+    return "Choose a recording at the left to see its figures."

@@ -1,0 +1,61 @@
+"""Power spectra of the signals, and the noise that their sensors and converters leave."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import detrend, welch
+
+from cylinder_friction.signals.rts import quantisation_step
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SEGMENT_S = 8.0
+"""Length of a Welch segment: motion slower than this is not of interest."""
+
+FLOOR_SHARE = 0.6
+"""The noise floor is read above this share of half the sample rate, where hardly any motion is left."""
+
+REAL_STEP = 1e-5
+"""A smallest step below this share of the span is no converter's, but that of computed numbers."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Amplitude density of one signal.
+
+    Attributes:
+        frequency_hz: Shape ``(k,)`` [Hz], without zero.
+        density: Shape ``(k,)``, in the signal's unit over the root of a hertz.
+        floor: What the sensor's noise is at, in the same unit: the median of the highest frequencies.
+        converter_floor: What rounding to the converter's step alone would be at; NaN where no step shows.
+    """
+
+    frequency_hz: Array
+    density: Array
+    floor: float
+    converter_floor: float
+
+
+def spectrum(values: Array, sample_time_s: float) -> Spectrum:
+    """Returns the spectrum of a signal, shape ``(n,)``, from averaged segments (Welch 1967)."""
+    rate_hz = 1.0 / sample_time_s
+    segment = min(len(values), 1 << math.ceil(math.log2(SEGMENT_S * rate_hz)))
+    frequency_hz, power = welch(values, rate_hz, nperseg=segment, detrend=detrend)
+    density = np.sqrt(power)
+    high = frequency_hz >= FLOOR_SHARE * 0.5 * rate_hz
+    step = quantisation_step(values)
+    real = step > REAL_STEP * float(np.ptp(values))
+    return Spectrum(
+        frequency_hz=frequency_hz[1:],
+        density=density[1:],
+        floor=float(np.median(density[high])),
+        # Rounding has a variance of step²/12, spread evenly up to half the sample rate.
+        converter_floor=step / math.sqrt(6.0 * rate_hz) if real else math.nan,
+    )

@@ -1,0 +1,268 @@
+"""The load as a smooth function of position, identified from the symmetry of strokes up and down.
+
+What drives the piston less inertia is load plus friction, and friction turns its sign with the direction where the
+load at a position does not:
+
+    F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v
+
+L is a polynomial in position, whose order cross-validation chooses; friction is Coulomb and viscous, the same in
+both directions, over rows that clearly move. **A difference of friction between the directions that does not depend
+on position cannot be told from load**: half of it goes into L. How large it may be is therefore stated, as a share of
+Coulomb friction, and carried in the load's uncertainty beside what the strokes themselves scatter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from cylinder_friction.labelling.coverage import Coverage, coverage_of
+from cylinder_friction.labelling.robust import (
+    bootstrap_coefficients,
+    quantile_interval,
+    refuse_no_probability,
+    robust_fit,
+)
+from cylinder_friction.recordings import RecordingError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.labelling.strokes import StrokePoints
+
+    Array = NDArray[np.float64]
+
+GRID = 51
+"""Positions at which the uncertainty is kept."""
+
+_FOLDS = 5
+_BLOCKS_A_WAY = 10
+_AS_GOOD = 1.01
+_OWN_SHARE = 0.05
+_NOT_TRUSTED = 4
+"""Points a coefficient that a fit needs at least."""
+
+
+@dataclass(frozen=True)
+class LoadPlan:
+    """How a load is identified.
+
+    Attributes:
+        slowest_m_s: Slower rows do not tell it: there friction depends on speed and direction in its own ways [m/s].
+        settling_travel_m: Travel after a start or reversal that does not count [m].
+        greatest_order: Of the polynomial in position.
+        asymmetry: Standard uncertainty of the difference of friction between the directions, half of it over Coulomb
+            friction; what the data cannot tell.
+        repeats: Of the bootstrap.
+        seed: Of the bootstrap.
+        confidence: Probability of the intervals.
+
+    Raises:
+        ValueError: A number is out of its range.
+    """
+
+    slowest_m_s: float = 2e-3
+    settling_travel_m: float = 2e-3
+    greatest_order: int = 8
+    asymmetry: float = 0.15
+    repeats: int = 200
+    seed: int = 0
+    confidence: float = 0.95
+
+    def __post_init__(self) -> None:
+        for field in ("slowest_m_s", "settling_travel_m", "asymmetry"):
+            value = getattr(self, field)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"LoadPlan: {field} must be zero or a positive number, but got {value!r}")
+        for field, least in (("greatest_order", 0), ("repeats", 20)):
+            if getattr(self, field) < least:
+                raise ValueError(f"LoadPlan: {field} must be at least {least}, but got {getattr(self, field)!r}")
+        refuse_no_probability("LoadPlan", self.confidence)
+
+
+@dataclass(frozen=True)
+class LoadIdentification:
+    """A load that depends on position, and the friction found beside it.
+
+    Attributes:
+        coefficients_n: Of Legendre polynomials in position, scaled so that ``range_m`` becomes -1 to 1 [N].
+        coverage: Where strokes of both directions went; elsewhere the load is not known.
+        scatter_n: Standard uncertainty of the load from the scatter of strokes, at ``GRID`` even positions [N].
+        asymmetry_n: Standard uncertainty of the load from friction that may differ between the directions [N].
+        coulomb_n: Coulomb friction, half the difference between up and down at no speed [N].
+        coulomb_interval_n: Its confidence interval [N].
+        coulomb_extend_n, coulomb_retract_n: Median of what is left in either direction when load and viscous friction
+            are taken off [N]; a constant difference between them has gone into the load.
+        viscous_n_s_m: Viscous friction [N s/m]; 0 where the speeds do not tell it.
+        viscous_interval_n_s_m: Its confidence interval, (0, 0) where it is not told.
+        load_range_n: Least and greatest load over the coverage [N].
+        strokes_extend, strokes_retract: How many strokes it rests on.
+        residual_n: Median absolute residual of the points [N].
+        confidence: Probability of the intervals.
+    """
+
+    coefficients_n: tuple[float, ...]
+    coverage: Coverage
+    scatter_n: tuple[float, ...]
+    asymmetry_n: float
+    coulomb_n: float
+    coulomb_interval_n: tuple[float, float]
+    coulomb_extend_n: float
+    coulomb_retract_n: float
+    viscous_n_s_m: float
+    viscous_interval_n_s_m: tuple[float, float]
+    load_range_n: tuple[float, float]
+    strokes_extend: int
+    strokes_retract: int
+    residual_n: float
+    confidence: float
+
+    @property
+    def order(self) -> int:
+        """Order of the polynomial."""
+        return len(self.coefficients_n) - 1
+
+    def load_n(self, position_m: Array) -> Array:
+        """Returns the load [N], of the positions' shape; outside the coverage's range that of its nearer end."""
+        return np.asarray(legendre.legval(_scaled(position_m, self.coverage), np.array(self.coefficients_n)))
+
+    def uncertainty_n(self, position_m: Array) -> Array:
+        """Returns the load's standard uncertainty (k = 1) [N], of the positions' shape: scatter and asymmetry."""
+        scatter = np.interp(_scaled(position_m, self.coverage), np.linspace(-1.0, 1.0, GRID), np.array(self.scatter_n))
+        return np.hypot(scatter, self.asymmetry_n)
+
+    def sentence(self) -> str:
+        """Returns what was found, for a person."""
+        (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
+        return (
+            f"the load is {low_n:.4g} to {high_n:.4g} N between {from_m:.3g} and {to_m:.3g} m, from strokes "
+            f"({self.strokes_extend} out, {self.strokes_retract} in); Coulomb friction {self.coulomb_n:.4g} N "
+            f"({self.coulomb_interval_n[0]:.4g} to {self.coulomb_interval_n[1]:.4g}), "
+            f"{self.coulomb_extend_n:.4g} extending and {self.coulomb_retract_n:.4g} retracting"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns all of it as JSON takes it."""
+        content = asdict(self)
+        content["range_m"], content["order"] = list(self.coverage.range_m), self.order
+        content["stretches_m"] = [list(each) for each in content.pop("coverage")["stretches_m"]]
+        return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
+
+
+def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
+    """Returns the load that the strokes of one session tell.
+
+    Args:
+        points: Strokes of all its recordings, their force less inertia, by the plan's settings.
+        plan: How.
+
+    Raises:
+        RecordingError: Strokes of both directions do not overlap, or there are too few points.
+    """
+    coverage = coverage_of(points)
+    points = points.where(coverage.holds(points.position_m))
+    if len(points) < _NOT_TRUSTED * 3:
+        raise RecordingError(
+            f"the load cannot be told from friction: got {len(points)} points of 0.1 s where strokes of both "
+            f"directions overlap; expected at least {_NOT_TRUSTED * 3}; record slower or more strokes, or measure the "
+            "load"
+        )
+    way = np.sign(points.velocity_m_s)
+    blocks, groups = _blocks(points, way)
+    order = _order(points, coverage, blocks, plan)
+    shape = _polynomials(points.position_m, coverage, order)
+    design = np.column_stack([shape, way, points.velocity_m_s])
+    fit = robust_fit(design, points.force_n)
+    drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
+    viscous_interval = quantile_interval(drawn[:, -1], plan.confidence)
+    if viscous_interval[0] <= 0.0 or _own_share(design) < _OWN_SHARE:
+        design, viscous_interval = design[:, :-1], (0.0, 0.0)
+        fit = robust_fit(design, points.force_n)
+        drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
+    viscous = float(fit.coefficients[order + 2]) if design.shape[1] > order + 2 else 0.0
+    coulomb = float(fit.coefficients[order + 1])
+    if coulomb <= 0.0:
+        raise RecordingError(
+            f"the load cannot be told from friction: Coulomb friction came out as {coulomb:.4g} N, which would drive "
+            "the motion; check the sign of position and of the forces in the mapping"
+        )
+    grid = np.linspace(*coverage.range_m, GRID)
+    along = _polynomials(grid, coverage, order)
+    dry = points.force_n - shape @ fit.coefficients[: order + 1] - viscous * points.velocity_m_s
+    loads = (along @ fit.coefficients[: order + 1])[coverage.holds(grid)]
+    return LoadIdentification(
+        coefficients_n=tuple(float(value) for value in fit.coefficients[: order + 1]),
+        coverage=coverage,
+        scatter_n=tuple(float(value) for value in np.std(drawn[:, : order + 1] @ along.T, axis=0)),
+        asymmetry_n=plan.asymmetry * coulomb,
+        coulomb_n=coulomb,
+        coulomb_interval_n=quantile_interval(drawn[:, order + 1], plan.confidence),
+        coulomb_extend_n=float(np.median(dry[way > 0.0])),
+        coulomb_retract_n=float(-np.median(dry[way < 0.0])),
+        viscous_n_s_m=viscous,
+        viscous_interval_n_s_m=viscous_interval,
+        load_range_n=(float(loads.min()), float(loads.max())),
+        strokes_extend=len(np.unique(points.stroke[way > 0.0])),
+        strokes_retract=len(np.unique(points.stroke[way < 0.0])),
+        residual_n=float(np.median(np.abs(fit.residuals))),
+        confidence=plan.confidence,
+    )
+
+
+def _scaled(position_m: Array, coverage: Coverage) -> Array:
+    first, last = coverage.range_m
+    return np.clip(2.0 * (np.asarray(position_m) - first) / (last - first) - 1.0, -1.0, 1.0)
+
+
+def _polynomials(position_m: Array, coverage: Coverage, order: int) -> Array:
+    return np.asarray(legendre.legvander(_scaled(position_m, coverage), order))
+
+
+def _own_share(design: Array) -> float:
+    """Returns the share of velocity's square, the last column, that position and direction do not explain.
+
+    Where every stroke of a direction has one speed, it is next to nothing: viscous friction then cannot be told from
+    Coulomb friction, nor, where the directions differ in speed, from a constant load.
+    """
+    others, velocity = design[:, :-1], design[:, -1]
+    rest = velocity - others @ np.linalg.lstsq(others, velocity, rcond=None)[0]
+    return float(rest @ rest / (velocity @ velocity))
+
+
+def _blocks(points: StrokePoints, way: Array) -> tuple[NDArray[np.int64], Array]:
+    """Returns the block of each point and the direction of each block.
+
+    A stroke is a block, but where one direction has few strokes they are cut, so that each direction has about
+    ``_BLOCKS_A_WAY`` blocks or more.
+    """
+    piece = np.zeros(len(points), dtype=np.int64)
+    for each in (-1.0, 1.0):
+        own = np.flatnonzero(way == each)
+        longest = max(1, math.ceil(len(own) / _BLOCKS_A_WAY))
+        stroke = points.stroke[own]
+        piece[own] = (np.arange(len(own)) - np.searchsorted(stroke, stroke, side="left")) // longest
+    keys = np.stack([points.stroke, piece])
+    _, first, blocks = np.unique(keys, axis=1, return_index=True, return_inverse=True)
+    return blocks.astype(np.int64).ravel(), way[first]
+
+
+def _order(points: StrokePoints, coverage: Coverage, blocks: NDArray[np.int64], plan: LoadPlan) -> int:
+    """Returns the least order that predicts left-out blocks as well as the best one does, within a hundredth."""
+    way = np.sign(points.velocity_m_s)
+    greatest = min(plan.greatest_order, len(points) // _NOT_TRUSTED - 2)
+    fold = blocks % _FOLDS
+    errors = []
+    for order in range(max(greatest, 0) + 1):
+        design = np.column_stack([_polynomials(points.position_m, coverage, order), way, points.velocity_m_s])
+        total = 0.0
+        for each in range(_FOLDS):
+            out = fold == each
+            if out.any() and not out.all():
+                fit = robust_fit(design[~out], points.force_n[~out])
+                total += float(np.abs(points.force_n[out] - design[out] @ fit.coefficients).sum())
+        errors.append(total)
+    return next(order for order, error in enumerate(errors) if error <= _AS_GOOD * min(errors))

@@ -1,0 +1,135 @@
+"""Linear regression in which outliers count less, and how sure it is when neighbouring residuals are alike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import t as student
+
+from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_GREATEST_ROUNDS = 50
+_SETTLED = 1e-10
+
+
+@dataclass(frozen=True)
+class RobustFit:
+    """A regression with Huber's loss.
+
+    Attributes:
+        coefficients: Shape ``(k,)``.
+        weights: What each row counted, in (0, 1], shape ``(n,)``.
+        residuals: Target less fit, shape ``(n,)``.
+    """
+
+    coefficients: Array
+    weights: Array
+    residuals: Array
+
+
+def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTIPLE) -> RobustFit:
+    """Returns the fit of ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``.
+
+    Huber's loss, by iteratively reweighted least squares. Its threshold is a ``multiple`` of the noise, measured anew
+    in each round as a standard deviation from the median absolute residual. Columns that say the same share their
+    coefficient.
+
+    Source: Huber 1981, section 7.8.
+    """
+    scale = np.sqrt(np.mean(design**2, axis=0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    scaled = design / scale
+    weights = np.ones(len(target))
+    coefficients: Array = np.zeros(design.shape[1])
+    residuals: Array = target
+    for _ in range(_GREATEST_ROUNDS):
+        root = np.sqrt(weights)
+        found = np.linalg.lstsq(scaled * root[:, None], target * root, rcond=None)[0]
+        residuals = np.asarray(target - scaled @ found)
+        threshold = multiple * 1.4826 * float(np.median(np.abs(residuals)))
+        settled = np.max(np.abs(found - coefficients)) <= _SETTLED * (np.max(np.abs(found)) + 1e-300)
+        coefficients = np.asarray(found)
+        if settled or threshold <= 0.0:
+            break
+        weights = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), threshold))
+    return RobustFit(coefficients / scale, weights, residuals)
+
+
+def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.int64], confidence: float) -> Array:
+    """Returns half the width of each coefficient's confidence interval, shape ``(k,)``; infinite with too few clusters.
+
+    Residuals of one cluster may be as alike as they wish, those of two clusters must not be.
+
+    Source: sandwich covariance by clusters, Liang and Zeger 1986, with Student's t of as many degrees of freedom as
+    there are clusters beyond coefficients.
+    """
+    count = int(clusters.max()) + 1
+    free = count - design.shape[1]
+    if free < 1:
+        return np.full(design.shape[1], np.inf)
+    weighted = design * fit.weights[:, None]
+    scores = np.zeros((count, design.shape[1]))
+    np.add.at(scores, clusters, weighted * fit.residuals[:, None])
+    bread = np.linalg.pinv(weighted.T @ design, hermitian=True)
+    covariance = bread @ (scores.T @ scores) @ bread * (count / free)
+    reach = float(student.ppf(0.5 + 0.5 * confidence, free))
+    return np.asarray(reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+
+
+def bootstrap_coefficients(
+    design: Array, fit: RobustFit, target: Array, blocks: NDArray[np.int64], groups: Array, repeats: int, seed: int
+) -> Array:
+    """Returns coefficients of fits to blocks drawn with replacement, shape ``(repeats, k)``.
+
+    Blocks are drawn within their group, as many as it has, so that no draw is without a direction. The weights stay
+    those of the robust fit, so a draw costs one solution of ``k`` equations.
+
+    Args:
+        design: Shape ``(n, k)``.
+        fit: The robust fit of all rows.
+        target: Shape ``(n,)``.
+        blocks: Block of each row, counted from 0, shape ``(n,)``.
+        groups: Group of each block, shape ``(blocks,)``.
+        repeats: How many draws.
+        seed: Of the draws.
+
+    Source: Künsch 1989 for blocks; Davison and Hinkley 1997, section 3.8, for draws within strata.
+    """
+    count, size = len(groups), design.shape[1]
+    weighted = design * fit.weights[:, None]
+    moments, products = np.zeros((count, size)), np.zeros((count, size, size))
+    np.add.at(moments, blocks, weighted * target[:, None])
+    order = np.argsort(blocks, kind="stable")
+    edges = np.searchsorted(blocks[order], np.arange(count + 1))
+    for block in range(count):
+        rows = order[edges[block] : edges[block + 1]]
+        products[block] = weighted[rows].T @ design[rows]
+    generator = np.random.default_rng(seed)
+    members = [np.flatnonzero(groups == group) for group in np.unique(groups)]
+    found = np.empty((repeats, size))
+    for repeat in range(repeats):
+        drawn = np.concatenate([generator.choice(each, len(each)) for each in members])
+        left = products[drawn].sum(axis=0)
+        found[repeat] = np.linalg.lstsq(left, moments[drawn].sum(axis=0), rcond=1e-12)[0]
+    return found
+
+
+def quantile_interval(values: Array, confidence: float) -> tuple[float, float]:
+    """Returns the interval that holds ``confidence`` of the values, as much left out below as above."""
+    outside = 0.5 * (1.0 - confidence)
+    low, high = np.quantile(values, [outside, 1.0 - outside])
+    return float(low), float(high)
+
+
+def refuse_no_probability(owner: str, confidence: float) -> None:
+    """Raises ``ValueError`` unless ``confidence`` lies in (0, 1)."""
+    if not (math.isfinite(confidence) and 0.0 < confidence < 1.0):
+        raise ValueError(f"{owner}: confidence must lie between 0 and 1, but got {confidence!r}")

@@ -1,0 +1,71 @@
+"""How sure a friction label is, in newtons, from what is stated of the sensors behind it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.recordings import DRIVE_FORCE
+from cylinder_friction.signals.recorded import LOAD_FORCE, has_pressures
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings import Recording
+
+    Array = NDArray[np.float64]
+
+UNCERTAINTY_COLUMN = "friction_uncertainty_n"
+
+COVERAGE_FACTOR = 2.0
+"""From standard to expanded uncertainty, for a level of confidence of about 95 % (JCGM 100:2008, 6.3.3)."""
+
+
+def label_uncertainty(
+    recording: Recording, cylinder: Cylinder, load_uncertainty_n: float | Array = 0.0, *, measured_load: bool = True
+) -> Array | None:
+    """Returns the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
+
+    Friction is P1·A1 - P2·A2 - m·a - F_load, so that (JCGM 100:2008, GUM, equations 10 and 11a)
+
+        U² = 4·[A1²·u²(P1) + A2²·u²(P2) + u²(F_load)],    u²(x) = zero² + (span·x)² + resolution²/12
+
+    where zero and span are each sensor's standard uncertainties and resolution is one step of its converter, within
+    which its reading is anywhere alike. A measured drive force takes the place of both pressures. The terms add in
+    quadrature: two sensors know nothing of each other. Left out is what the label's filter does, and the inertia, whose
+    uncertainty is newtons where the sensors' is hundreds. A sensor's zero is the same in a whole recording, so the mean
+    of many rows is no surer than one.
+
+    Args:
+        recording: With the raw columns in SI units; its metadata state the sensors' uncertainty.
+        cylinder: Its areas.
+        load_uncertainty_n: Standard uncertainty (k = 1) of a load that was identified and not measured [N], one number
+            or one a row.
+        measured_load: Whether ``load_force_n``, where the recording has it, is taken off in the label.
+
+    Returns None where nothing is stated of a sensor that enters the label, for unknown is not zero. A measured load of
+    which nothing is stated is such a sensor, unless ``load_uncertainty_n`` speaks for it.
+    """
+    areas = _sensitivities(recording, cylinder)
+    spoken_for = LOAD_FORCE not in recording.metadata.uncertainty and bool(np.any(load_uncertainty_n))
+    if measured_load and LOAD_FORCE in recording.table.columns and not spoken_for:
+        areas[LOAD_FORCE] = 1.0
+    if any(column not in recording.metadata.uncertainty for column in areas):
+        return None
+    variance = np.broadcast_to(np.square(np.asarray(load_uncertainty_n, dtype=np.float64)), (len(recording),)).copy()
+    for column, area in areas.items():
+        stated = recording.metadata.uncertainty[column]
+        constant = stated.zero**2 + stated.resolution**2 / 12.0
+        variance += area**2 * constant
+        if stated.span:
+            variance += np.square((area * stated.span) * recording.column(column))
+    return np.asarray(COVERAGE_FACTOR * np.sqrt(variance))
+
+
+def _sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
+    """Returns the change of friction with each column that makes the driving force [m², or 1 for a force]."""
+    if has_pressures(recording):
+        return {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": cylinder.annulus_area_m2}
+    return {DRIVE_FORCE: 1.0}

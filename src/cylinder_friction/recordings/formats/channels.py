@@ -1,0 +1,126 @@
+"""Channels of a file without tables of its own, put together by their length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Sequence
+
+    from numpy.typing import NDArray
+
+TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel that is read when it is asked for.
+
+    Attributes:
+        name: Its path within the file.
+        length: Of it [samples].
+        read: Returns its values, shape ``(length,)``.
+        unit: As the file states it, or ''.
+        sample_time_s: Where the file states it in place of a time channel [s].
+    """
+
+    name: str
+    length: int
+    read: Callable[[], NDArray[Any]]
+    unit: str = ""
+    sample_time_s: float | None = None
+
+
+@dataclass
+class Found:
+    """What a walk through a file comes upon: channels, and names of what is none (single values, text, objects)."""
+
+    channels: list[Channel] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)
+
+
+def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, tuple[int, int] | None]]:
+    """Returns the channels that an array of this shape holds: a name each, and axis and index of it within a matrix.
+
+    A vector, standing or lying, is one channel (None in place of axis and index). A matrix is one a column, name_1,
+    name_2, ...; its longer side is time. What has fewer than two values or more than two axes is none.
+    """
+    if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
+        return [(name, None)] if max(shape) > 1 else []
+    if len(shape) != 2 or 0 in shape:
+        return []
+    axis = 1 if shape[0] >= shape[1] else 0
+    return [(f"{name}_{index + 1}", (axis, index)) for index in range(shape[axis])]
+
+
+def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
+    """Returns one table for all channels of a length (and of a stated sample time), in the order of the file.
+
+    Where there are several, a table is named by the group its channels share, otherwise by its length.
+
+    Raises:
+        RecordingError: There is no channel at all.
+    """
+    if not found.channels and wanted is not None and found.others:
+        return [LoggedTable(pd.DataFrame(), unread=tuple(found.others))]
+    if not found.channels:
+        got = f"; got {', '.join(found.others[:20])}" if found.others else ""
+        raise RecordingError(
+            f"holds no channels{got}; expected vectors of numbers (save MATLAB's timeseries and table objects as "
+            "plain arrays)"
+        )
+    timed = {channel.length for channel in found.channels if _is_time(channel.name, separator)}
+    groups: dict[tuple[int, float | None], list[Channel]] = {}
+    for channel in found.channels:
+        step = None if channel.length in timed else channel.sample_time_s
+        groups.setdefault((channel.length, step), []).append(channel)
+    tables = []
+    for position, ((length, sample_time_s), channels) in enumerate(groups.items()):
+        name = "" if len(groups) == 1 else _shared_group(channels, separator) or f"{length} rows"
+        others = found.others if position == 0 else []
+        tables.append(table_of(channels, wanted, name, sample_time_s, others))
+    return tables
+
+
+def table_of(
+    channels: Sequence[Channel],
+    wanted: Collection[str] | None,
+    name: str,
+    sample_time_s: float | None = None,
+    others: Sequence[str] = (),
+) -> LoggedTable:
+    """Returns channels of one length as a table, with a channel ``time`` [s] first if a sample time is given."""
+    if sample_time_s is not None:
+        length, step = channels[0].length, sample_time_s
+        channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
+    loaded = [channel for channel in channels if wanted is None or channel.name in wanted]
+    unread = [channel.name for channel in channels if wanted is not None and channel.name not in wanted]
+    table = pd.DataFrame({index: channel.read() for index, channel in enumerate(loaded)}, copy=False)
+    table.columns = pd.Index([channel.name for channel in loaded], dtype=object)
+    units = {channel.name: channel.unit for channel in channels if channel.unit}
+    return LoggedTable(table, units, name, (*unread, *others))
+
+
+def numeric(values: NDArray[Any]) -> NDArray[Any]:
+    """Returns numbers in the machine's own byte order; true and false as 1 and 0; half precision as single."""
+    if values.dtype.kind == "b":
+        return values.astype(np.uint8)
+    if values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):
+        return values.astype(np.float32 if values.dtype.itemsize == 2 else np.float64)
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+def _shared_group(channels: Sequence[Channel], separator: str) -> str:
+    groups = {channel.name.rpartition(separator)[0] for channel in channels}
+    return groups.pop() if len(groups) == 1 else ""
+
+
+def _is_time(name: str, separator: str) -> bool:
+    return name.rsplit(separator, 1)[-1].casefold() in TIME_NAMES

@@ -1,0 +1,184 @@
+"""Text tables: comma, semicolon, tab or blank separated, with whatever a logger writes above them."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+
+from cylinder_friction.recordings.formats.cells import MISSING, split_cells
+from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
+from cylinder_friction.recordings.formats.layout import Layout, find_layout
+from cylinder_friction.recordings.formats.source import HEAD_SIZE
+from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
+from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.formats.options import CsvOptions
+    from cylinder_friction.recordings.formats.source import FileSource
+
+_FEWEST_LINES = 20
+_LARGEST_HEAD = 64 * HEAD_SIZE
+
+
+def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[str] | None) -> LoggedTable:
+    """Returns the table of a text file.
+
+    The layout is found out from its first lines; Arrow reads the rest in one pass.
+
+    Raises:
+        RecordingError: The file is no such table: another encoding, no rows of numbers, a line with more or fewer
+            values than the others, a header that comes again, or dates with two readings.
+    """
+    try:
+        text = open_text(source, options.encoding)
+        return _read(text, options, wanted)
+    except UnicodeDecodeError as error:
+        if options.encoding != "auto":
+            raise RecordingError(
+                f"its characters are not {options.encoding}: {error.reason}; name the right encoding, or leave it "
+                "to be found out (auto)"
+            ) from None
+        return _read(convert_text(source), options, wanted)
+
+
+def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> LoggedTable:
+    lines = _first_lines(text)
+    layout = find_layout([line.decode() for line in lines], options)
+    names = layout.names
+    loaded = [index for index, name in enumerate(names) if wanted is None or (name and name in wanted)]
+    unread = tuple(name for index, name in enumerate(names) if name and index not in set(loaded))
+    if not loaded:
+        return LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)
+    rows = _Rows(text, layout, text.start + sum(map(len, lines[: layout.first_row])))
+    table, decimal = rows.parsed(loaded)
+    columns: list[NDArray[Any]] = []
+    units = dict(layout.units)
+    for position, index in enumerate(loaded):
+        column = table.column(position)
+        values = plain_values(column)
+        clock = pa.types.is_time(column.type)
+        if values is None:
+            rows.refuse_second_header(column, names[index])
+            values, clock = text_values(column, decimal, names[index])
+        if clock:
+            units[names[index]] = "s"
+        columns.append(values)
+    kept = [position for position, index in enumerate(loaded) if names[index] or not _is_empty(columns[position])]
+    channels = pd.DataFrame({number: columns[position] for number, position in enumerate(kept)}, copy=False)
+    channels.columns = pd.Index([names[loaded[position]] or f"column_{loaded[position] + 1}" for position in kept])
+    return LoggedTable(channels, units, unread=unread, notes=text.notes)
+
+
+def _is_empty(values: NDArray[np.generic]) -> bool:
+    return bool(pd.isna(values).all())
+
+
+def _first_lines(text: Text) -> list[bytes]:
+    """Returns the first whole lines, so many that names and rows are surely among them."""
+    size = HEAD_SIZE
+    while True:
+        head = text.file.read_at(min(size, text.end - text.start), text.start)
+        lines: list[bytes] = head.splitlines(keepends=True)
+        if size >= text.end - text.start:
+            return lines
+        if len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD:
+            return lines[:-1]
+        size *= 4
+
+
+class _Rows:
+    """The rows of a text table, and how to name the line of one that is wrong.
+
+    Args:
+        text: The whole.
+        layout: Of the table.
+        begin: Where the first row begins [bytes].
+    """
+
+    def __init__(self, text: Text, layout: Layout, begin: int) -> None:
+        self.text = text
+        self.layout = layout
+        self.begin = begin
+
+    def parsed(self, loaded: list[int]) -> tuple[Any, str]:
+        """Returns the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
+        layout = self.layout
+        table = self._parsed(loaded, layout.decimal or ".")
+        # Whole numbers at first, and the first decimal sign further down than was looked.
+        if layout.decimal is None and layout.delimiter != ",":
+            texts = [column for column in table.columns if pa.types.is_string(column.type)]
+            floats = any(pa.types.is_floating(column.type) for column in table.columns)
+            if not floats and any(holds_decimal_commas(column) for column in texts):
+                return self._parsed(loaded, ","), ","
+        return table, layout.decimal or "."
+
+    def _parsed(self, loaded: list[int], decimal: str) -> Any:
+        width = len(self.layout.names)
+        blanks = self.layout.delimiter == "whitespace"
+        try:
+            table = pa_csv.read_csv(
+                self._stream(),
+                read_options=pa_csv.ReadOptions(use_threads=False, column_names=[str(index) for index in range(width)]),
+                parse_options=pa_csv.ParseOptions(
+                    delimiter="\t" if blanks else self.layout.delimiter, ignore_empty_lines=width > 1
+                ),
+                convert_options=pa_csv.ConvertOptions(
+                    decimal_point=decimal,
+                    null_values=MISSING,
+                    strings_can_be_null=True,
+                    include_columns=[str(index) for index in loaded],
+                ),
+            )
+        except pa.ArrowInvalid as error:
+            self._refuse_ragged_line()
+            raise RecordingError(f"cannot be read as a text table: {error}") from None
+        if any(pa.types.is_binary(column.type) for column in table.columns):
+            raise UnicodeDecodeError("utf-8", b"", 0, 1, "a character further down is not UTF-8")
+        return table
+
+    def _stream(self) -> Any:
+        length = self.text.end - self.begin
+        if self.layout.delimiter != "whitespace":
+            return self.text.file.get_stream(self.begin, length)
+        content = self.text.file.read_at(length, self.begin)
+        content = re.sub(rb"[ \t]+", b"\t", content)
+        for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
+            content = content.replace(outside, end)
+        return pa.BufferReader(content.strip(b"\t"))
+
+    def _lines(self) -> list[tuple[int, str]]:
+        """Returns the rows that are not empty, each with its number within the file, counted from 1."""
+        content = self.text.file.read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
+        lines = enumerate(re.split(r"\r\n|\n|\r", content), start=self.layout.first_row + 1)
+        return [(number, line) for number, line in lines if line or len(self.layout.names) == 1]
+
+    def _refuse_ragged_line(self) -> None:
+        width = len(self.layout.names)
+        for number, line in self._lines():
+            count = len(split_cells(line, self.layout.delimiter))
+            if count != width:
+                raise RecordingError(
+                    f"line {number} holds {count} values: {line[:80]!r}; expected {width} as in the lines above it; "
+                    "correct the line, or cut the file there if it holds two logs"
+                )
+
+    def refuse_second_header(self, column: Any, name: str) -> None:
+        """Refuses a column in which its own name comes again: the logger was started twice into one file."""
+        row = pc.index(pc.utf8_trim_whitespace(column), name).as_py()
+        if row >= 0:
+            number, line = self._lines()[row]
+            raise RecordingError(
+                f"line {number} is the header again: {line[:80]!r}; two logs in one file have two clocks; "
+                "cut the file in two there"
+            )

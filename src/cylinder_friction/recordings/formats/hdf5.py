@@ -1,0 +1,143 @@
+"""HDF5: datasets by their path, compound datasets as tables."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cylinder_friction.recordings.formats.channels import (
+    Channel,
+    Found,
+    column_arrays,
+    numeric,
+    table_of,
+    tables_by_length,
+)
+from cylinder_friction.recordings.formats.hdf5_heaps import refuse_damaged_heaps
+from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.formats.source import FileSource
+    from cylinder_friction.recordings.logged import LoggedTable
+
+_RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
+_STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
+_MOST_UNPACKED = 1100
+"""DEFLATE packs at most 1032 to 1; a dataset that claims more than this is damaged."""
+
+
+def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
+    """Returns a table for each compound dataset, and one for all other datasets of a length.
+
+    A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. Where a
+    dataset, its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time
+    among the channels, a channel ``time`` is made of it.
+
+    Raises:
+        RecordingError: h5py is not installed.
+    """
+    h5py = optional_library("h5py", "HDF5", "hdf5")
+    refuse_damaged_heaps(source)
+    with h5py.File(source.handle(), "r") as file:
+        found, tables = Found(), []
+
+        def visit(path: str, node: Any) -> None:
+            if not isinstance(node, h5py.Dataset):
+                return
+            if node.dtype.names and node.shape is not None and len(node.shape) == 1 and node.shape[0] > 0:
+                refuse_absurd_size(node, source)
+                tables.append(table_of(_fields(node), wanted, path))
+            else:
+                _add(path, node, found, source, h5py)
+
+        file.visititems(visit)
+        if found.channels or not tables:
+            tables += tables_by_length(found, wanted, "/")
+        return tables
+
+
+def refuse_absurd_size(node: Any, source: FileSource) -> None:
+    """Refuses a dataset that claims to be far larger than its file could hold."""
+    claimed = math.prod(node.shape) * node.dtype.itemsize
+    if claimed > _MOST_UNPACKED * source.size:
+        raise RecordingError(
+            f"dataset {node.name!r} claims {claimed} bytes in a file of {source.size}; it is damaged; copy it again"
+        )
+
+
+def _add(path: str, node: Any, found: Found, source: FileSource, h5py: Any) -> None:
+    text = h5py.check_string_dtype(node.dtype) is not None
+    shape = node.shape or ()
+    arrays = column_arrays(path, shape) if shape and (text or node.dtype.kind in "biuf") else []
+    if not arrays or (text and len(arrays) > 1):
+        found.others.append(path)
+        return
+    refuse_absurd_size(node, source)
+    unit, sample_time_s = _unit(node.attrs), _sample_time_s(node)
+    for name, place in arrays:
+        length = max(shape) if place is None else shape[1 - place[0]]
+        found.channels.append(Channel(name, length, _reader(node, place, text), unit, sample_time_s))
+
+
+def _reader(node: Any, place: tuple[int, int] | None, text: bool) -> Callable[[], NDArray[Any]]:
+    def read() -> NDArray[Any]:
+        if text:
+            cells: NDArray[Any] = node.asstr(errors="replace")[()].reshape(-1)
+            return cells
+        if place is None:
+            return numeric(node[()].reshape(-1))
+        return numeric(np.ascontiguousarray(node[place[1]] if place[0] == 0 else node[:, place[1]]))
+
+    return read
+
+
+def _fields(node: Any) -> list[Channel]:
+    """Returns the columns of a compound dataset; a field that is itself an array is one channel an entry."""
+    channels = []
+    for name in node.dtype.names:
+        dtype = node.dtype[name]
+        base, shape = dtype.subdtype or (dtype, ())
+        if base.kind not in "biuf" or len(shape) > 1:
+            continue
+        for index in range(shape[0] if shape else 1):
+            path = f"{name}_{index + 1}" if shape else name
+            channels.append(Channel(path, node.shape[0], _field_reader(node, name, index if shape else None)))
+    return channels
+
+
+def _field_reader(node: Any, name: str, index: int | None) -> Callable[[], NDArray[Any]]:
+    def read() -> NDArray[Any]:
+        values = node.fields(name)[()]
+        return numeric(np.ascontiguousarray(values if index is None else values[:, index]))
+
+    return read
+
+
+def _unit(attributes: Any) -> str:
+    for key in ("unit", "units", "Unit", "Units"):
+        value = attributes.get(key)
+        if isinstance(value, bytes):
+            return value.decode(errors="replace").strip()
+        if isinstance(value, str):
+            return value.strip()
+    return ""
+
+
+def _sample_time_s(node: Any) -> float | None:
+    """Returns what the dataset states, or the nearest group around it that states anything."""
+    while True:
+        attributes = {key.casefold(): node.attrs[key] for key in node.attrs if key.casefold() in (*_RATES, *_STEPS)}
+        for key, value in attributes.items():
+            if np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.number) and value > 0:
+                stated = float(value)
+                return 1.0 / stated if key in _RATES else stated
+        if node.name == "/":
+            return None
+        node = node.parent

@@ -1,0 +1,112 @@
+"""What stands above a text table's rows: names, units, and what a logger says about itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cylinder_friction.recordings.formats.cells import is_number, split_cells
+from cylinder_friction.recordings.formats.unit_names import unit_in_name, units_in_line
+from cylinder_friction.recordings.recording import RecordingError
+
+_COMMENT = ("#", "%", "//", ";", "'")
+
+
+@dataclass(frozen=True)
+class Header:
+    """Names of the columns, '' for a last one that only a delimiter at the end of each row makes; units by channel."""
+
+    names: list[str]
+    units: dict[str, str]
+
+
+def read_header(above: list[str], delimiter: str, width: int, trailing: bool, mode: str) -> Header:
+    """Returns the header that the lines above the first row make.
+
+    Args:
+        above: The lines.
+        delimiter: Between two cells.
+        width: Cells in a row.
+        trailing: Every row ends in a delimiter, so that its last cell is no channel, unless it has a name.
+        mode: ``CsvOptions.header``.
+
+    Raises:
+        RecordingError: The line of names has more or fewer cells than the rows.
+    """
+    if mode == "none":
+        return _named([], None, width, trailing)
+    block = _lines_of_cells(above, delimiter, width, trailing)
+    units: list[str] | None = None
+    if mode == "names_units" and len(block) > 1:
+        *block, units = block
+    if not block or (mode == "names_units" and units is None):
+        _refuse_other_width(above, delimiter, width, always=mode != "auto")
+        return _named([], None, width, trailing)
+    names = _names_of_pairs(block) or block[-1]
+    if mode == "auto":
+        for index in range(len(block) - 1, 0, -1):
+            if units_in_line(block[index]) and not units_in_line(block[index - 1]):
+                names, units = block[index - 1], units_in_line(block[index])
+                break
+    return _named(names, units, width, trailing)
+
+
+def _lines_of_cells(above: list[str], delimiter: str, width: int, trailing: bool) -> list[list[str]]:
+    """Returns the unbroken run of lines right above the rows that have a cell for each column."""
+    block: list[list[str]] = []
+    for line in reversed([line for line in above if line.strip()]):
+        cells = split_cells(line, delimiter)
+        bare = split_cells(line.lstrip("#%/ "), delimiter)
+        cells = bare if line.lstrip().startswith(("#", "%", "//")) else cells
+        if not _fits(cells, width, trailing) or (width == 1 and block):
+            break
+        block.insert(0, cells)
+    return block
+
+
+def _fits(cells: list[str], width: int, trailing: bool) -> bool:
+    """Rows may end in a delimiter that the names lack; LabVIEW names a comment column that its rows leave out."""
+    if len(cells) == width + 1:
+        return cells[-1].casefold() in ("", "comment")
+    return len(cells) == width or (trailing and len(cells) == width - 1)
+
+
+def _refuse_other_width(above: list[str], delimiter: str, width: int, always: bool) -> None:
+    """Names that are too few or too many are no banner: nobody could say which column is which."""
+    for number in range(len(above), 0, -1):
+        line = above[number - 1]
+        if not line.strip():
+            continue
+        cells = split_cells(line, delimiter)
+        plain = not line.lstrip().startswith(_COMMENT) and ":" not in line and "=" not in line
+        names = (
+            plain and len(cells) > 1 and len(cells) > width // 2 and not any(is_number(cell, None) for cell in cells)
+        )
+        if names or always:
+            raise RecordingError(
+                f"line {number} names {len(cells)} channels, but the line below holds {width} values; "
+                "expected a name for each value"
+            )
+        return
+
+
+def _names_of_pairs(block: list[list[str]]) -> list[str] | None:
+    """Returns the names where each channel brings its own time column and a keyword stands above each of those.
+
+    So does the TwinCAT Scope: Name;Axis.Pos;Name;Axis.Vel, then SymbolName;...;SymbolName;... and the like.
+    """
+    for cells in reversed(block):
+        keys = {cell.casefold() for cell in cells[::2] if cell}
+        if len(block) > 1 and len(cells) >= 2 and keys == {"name"}:
+            return [name for channel in cells[1::2] for name in (f"time of {channel}", channel)]
+    return None
+
+
+def _named(cells: list[str], units: list[str] | None, width: int, trailing: bool) -> Header:
+    padded = [*cells, *[""] * width][:width]
+    names = [name or f"column_{index}" for index, name in enumerate(padded, start=1)]
+    if trailing and not padded[-1]:
+        names[-1] = ""
+    found = {name: unit for name in names if (unit := unit_in_name(name)) is not None}
+    if units is not None:
+        found |= {name: unit for name, unit in zip(names, units, strict=False) if name and unit}
+    return Header(names, found)

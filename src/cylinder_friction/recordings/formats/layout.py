@@ -1,0 +1,177 @@
+"""How a text table is laid out: what separates its cells, where its names stand, where its rows begin."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.formats.cells import has_thousands, is_missing, is_number, is_value, split_cells
+from cylinder_friction.recordings.formats.header import read_header
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings.formats.options import CsvOptions
+
+DELIMITERS = ("\t", ";", ",", "|", "whitespace")
+_LOOKED_AT = 100
+_LEAST_SCORE = 0.3
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Of a text table.
+
+    Attributes:
+        delimiter: One character or ``whitespace``.
+        decimal: ``.`` or ``,``; None where the rows looked at hold whole numbers only.
+        names: Of the columns; '' for a last one that is there only because every row ends in a delimiter.
+        units: By channel, where the header states them.
+        first_row: Lines above the first row.
+    """
+
+    delimiter: str
+    decimal: str | None
+    names: list[str]
+    units: dict[str, str]
+    first_row: int
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The lines looked at, split by one delimiter."""
+
+    delimiter: str
+    decimal: str | None
+    rows: list[list[str]]
+    width: int
+    numeric: list[int]
+    score: float
+
+    def is_row(self, cells: list[str]) -> bool:
+        """Says whether every column of numbers holds one, or nothing, and not all nothing."""
+        if len(cells) != self.width:
+            return False
+        values = sum(is_value(cells[index], self.decimal) for index in self.numeric)
+        missing = sum(is_missing(cells[index]) for index in self.numeric)
+        return values > 0 and values + missing == len(self.numeric)
+
+
+def find_layout(lines: list[str], options: CsvOptions) -> Layout:
+    """Returns the layout of the table whose first lines these are, each whole.
+
+    Raises:
+        RecordingError: No rows of numbers are among them, the header fits no row, or the commas of its numbers have
+            two readings.
+    """
+    content = [index for index, line in enumerate(lines) if line.strip()]
+    wanted = DELIMITERS if options.delimiter == "auto" else (" " if options.delimiter == " " else options.delimiter,)
+    delimiters = ["whitespace" if delimiter == " " else delimiter for delimiter in wanted]
+    decimal = None if options.decimal == "auto" else options.decimal
+    grids = [grid for delimiter in delimiters if (grid := _grid(lines, content, delimiter, decimal)) is not None]
+    if not grids:
+        raise RecordingError(
+            f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
+            "a line a sample; name the delimiter and the decimal sign if they are unusual"
+        )
+    grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
+    first = _first_row(grid, lines, content, options.header)
+    trailing = grid.width > 1 and not any(row[-1] for row in grid.rows if len(row) == grid.width)
+    header = read_header(lines[:first], grid.delimiter, grid.width, trailing, options.header)
+    settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:_LOOKED_AT]], grid)
+    return Layout(grid.delimiter, settled, header.names, header.units, first)
+
+
+def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | None) -> _Grid | None:
+    """Returns the last lines as cells, or None if no column of them holds numbers or dates."""
+    if delimiter == "," and decimal is None and not any('"' in lines[index] for index in content[-_LOOKED_AT:]):
+        decimal = "."
+    rows = [split_cells(lines[index], delimiter) for index in content[-_LOOKED_AT:]]
+    if not rows:
+        return None
+    # The later of two equally common widths: a header is above the rows.
+    counts = Counter(len(row) for row in reversed(rows))
+    width, _ = counts.most_common(1)[0]
+    full = [row for row in rows if len(row) == width]
+    # A short file is half header.
+    lower = full[len(full) // 2 :]
+    numeric, cells = [], 0
+    for index in range(width):
+        values = sum(is_value(row[index], decimal) for row in lower)
+        missing = sum(is_missing(row[index]) for row in lower)
+        cells += values + missing
+        if values and 2 * (values + missing) >= len(lower):
+            numeric.append(index)
+    if not numeric:
+        return None
+    return _Grid(delimiter, decimal, rows, width, numeric, cells / width / len(lower) * len(full) / len(rows))
+
+
+def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
+    """Returns what ranks one way to split a file's lines above another.
+
+    First whether a line of names, or the first row, has as many cells as the rows: 3,845 below one name is a number
+    with a decimal comma, below two names it is two. Then the share of cells that are numbers or dates.
+    """
+    if grid.width == 1:
+        fits = not any(sign in lines[0] for sign in "\t;,|")
+    else:
+        cells = [split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:_LOOKED_AT]]
+        names = [row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row)]
+        trailing = not grid.rows[-1][-1]
+        fits = grid.is_row(cells[0]) or any(len(row) in (grid.width, grid.width - trailing) for row in names)
+    return grid.score >= _LEAST_SCORE, fits, grid.width > 1, round(grid.score, 2), grid.width
+
+
+def _first_row(grid: _Grid, lines: list[str], content: list[int], header: str) -> int:
+    """Returns the index of the first row's line; ``content`` holds those of the lines that are not empty."""
+    if header == "auto":
+        return _first_row_found(grid, lines, content)
+    below = [index for index in content if not lines[index].lstrip().startswith(("#", "%", "//"))]
+    skipped = ("none", "names", "names_units").index(header)
+    if len(below) <= skipped:
+        raise RecordingError(f"holds {len(below)} lines, but its header alone takes {skipped}; there are no rows")
+    return below[skipped]
+
+
+def _first_row_found(grid: _Grid, lines: list[str], content: list[int]) -> int:
+    @cache
+    def is_row(position: int) -> bool:
+        return grid.is_row(split_cells(lines[content[position]], grid.delimiter))
+
+    for first in range(len(content)):
+        # A line of the preamble may look like a row; most lines after it then do not. A row may be damaged.
+        after = range(first + 1, min(first + 11, len(content)))
+        if is_row(first) and 2 * sum(map(is_row, after)) >= len(after):
+            break
+    else:
+        raise RecordingError("no row of numbers was found below its header; expected a line a sample")
+    # Rows in which a sensor says 'overload' come before: they are no header, for their first number, time, is there.
+    while first > 0:
+        cells = split_cells(lines[content[first - 1]], grid.delimiter)
+        if len(cells) != grid.width or not is_value(cells[grid.numeric[0]], grid.decimal):
+            break
+        first -= 1
+    return content[first]
+
+
+def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
+    """Returns the decimal sign that these rows show.
+
+    Raises:
+        RecordingError: The delimiter is a comma, and so quoted numbers with commas have two readings.
+    """
+    cells = [row[index] for row in rows if len(row) == grid.width for index in grid.numeric]
+    points = [cell for cell in cells if "." in cell and is_number(cell, ".")]
+    commas = [cell for cell in cells if "," in cell and is_number(cell, ",")]
+    if not points and not commas:
+        return None
+    if len(commas) <= len(points):
+        return "."
+    if grid.delimiter == "," and all(has_thousands(cell) for cell in commas):
+        raise RecordingError(
+            f"{commas[0]!r} may be {commas[0].replace(',', '.')} or {commas[0].replace(',', '')}; say which sign is "
+            "the decimal one (decimal: ',' or '.')"
+        )
+    return ","

@@ -1,0 +1,55 @@
+"""How the libraries behind the readers are called: optional ones asked for, their complaints made ours."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import warnings
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def optional_library(name: str, what: str, extra: str, package: str = "") -> Any:
+    """Returns a module that only some formats need; ``package`` is what it is installed as, if not by its name.
+
+    Raises:
+        RecordingError: It is not installed; the message names the extra that brings it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise RecordingError(
+            f"reading {what} needs {package or name}, which is not installed; pip install 'cylinder-friction[{extra}]'"
+        ) from None
+
+
+@contextmanager
+def guarded(what: str) -> Iterator[None]:
+    """Turns whatever a library raises over a damaged file into a ``RecordingError``, and keeps its warnings quiet.
+
+    These libraries trust what they read, so that damage shows as any exception at all: an index out of range, a key
+    that is missing, a size that no memory holds.
+    """
+    quiet = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    except RecordingError:
+        raise
+    except Exception as error:
+        text = " ".join(str(error).split())[:300]
+        message = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        raise RecordingError(
+            f"cannot be read as {what} ({message}); it is damaged, cut off or of another kind"
+        ) from None
+    finally:
+        logging.disable(quiet)

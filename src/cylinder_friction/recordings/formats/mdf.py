@@ -1,0 +1,144 @@
+"""MDF 3 and 4 (CANape, INCA, vector loggers) through asammdf."""
+
+from __future__ import annotations
+
+import io
+import traceback
+from contextlib import redirect_stdout, suppress
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from cylinder_friction.recordings.formats.channels import numeric
+from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.mdf_links import refuse_rings
+from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.recording import RecordingError
+
+_MOST_UNPACKED = 1100
+"""DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged."""
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.formats.source import FileSource
+
+
+def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
+    """Returns one table a channel group, its master (time) first; conversions are applied, text stays text.
+
+    A sample that the file marks as invalid is NaN.
+
+    Raises:
+        RecordingError: asammdf is not installed, or the file's blocks point in a circle.
+    """
+    asammdf = optional_library("asammdf", "MDF4", "mdf")
+    refuse_rings(source)
+    # It finishes an unfinished file in place, so it gets a copy of that. It prints what it cannot make sense of.
+    unfinished = source.head.startswith(b"UnFinMF")
+    with (
+        io.BytesIO(source.all_bytes()) if unfinished else source.opened() as opened,
+        redirect_stdout(io.StringIO()),
+        _opened(asammdf, opened) as file,
+    ):
+        for group in file.groups:
+            _refuse_absurd_records(group, source.size)
+        tables = [_group(file, index, wanted) for index in range(len(file.groups))]
+    if not any(len(table.channels.columns) or table.unread for table in tables):
+        raise RecordingError("holds no channel groups; expected at least one with samples")
+    return tables
+
+
+def _opened(asammdf: Any, opened: Any) -> Any:
+    """Returns the file; where it cannot be opened, asammdf's half-made object is closed, or it complains for ever."""
+    try:
+        return asammdf.MDF(opened, process_bus_logging=False)
+    except Exception as error:
+        for frame, _ in traceback.walk_tb(error.__traceback__):
+            half_made: Any = frame.f_locals.get("self")
+            if type(half_made).__module__.startswith("asammdf.") and hasattr(half_made, "close"):
+                with suppress(Exception):
+                    half_made.close()
+        raise
+
+
+def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable:
+    group = file.groups[index]
+    master = file.masters_db.get(index)
+    order = sorted(range(len(group.channels)), key=lambda number: number != master)
+    columns: list[NDArray[Any]] = []
+    names: list[str] = []
+    units: dict[str, str] = {}
+    unread: list[str] = []
+    for number in order:
+        name = group.channels[number].name.strip()
+        if wanted is not None and name not in wanted:
+            unread.append(name)
+            continue
+        signal = file.get(group=index, index=number, raw=False, ignore_invalidation_bits=True)
+        values = _values(signal)
+        if values is None:
+            unread.append(name)
+            continue
+        unit = str(signal.unit or "").strip()
+        wide = (
+            [(name, values)]
+            if values.ndim == 1
+            else [(f"{name}_{k + 1}", values[:, k]) for k in range(values.shape[1])]
+        )
+        for path, column in wide:
+            names.append(path)
+            columns.append(column)
+            units |= {path: unit} if unit else {}
+    samples = group.channel_group.cycles_nr
+    short = [len(column) for column in columns if len(column) < samples]
+    notes = (f"the file is cut off: {min(short)} of {samples} samples are there",) if short else ()
+    table = pd.DataFrame(dict(enumerate(columns)), copy=False)
+    table.columns = pd.Index(names, dtype=object)
+    return LoggedTable(table, units, _group_name(group, index), tuple(unread), notes)
+
+
+def _refuse_absurd_records(group: Any, size: int) -> None:
+    """Refuses channels that lie outside their record, or more records than a file could hold: asammdf would crash."""
+    about = group.channel_group
+    record = about.samples_byte_nr + getattr(about, "invalidation_bytes_nr", 0)
+    samples = about.cycles_nr
+    if samples * max(record, 1) > _MOST_UNPACKED * size:
+        raise RecordingError(
+            f"claims {samples} samples of {record} bytes in a file of {size}; it is damaged; copy it again"
+        )
+    for channel in group.channels:
+        if hasattr(channel, "byte_offset"):
+            end = channel.byte_offset + (channel.bit_offset + channel.bit_count + 7) // 8
+        else:
+            end = (channel.start_offset + channel.bit_count + 7) // 8
+        if end > max(record, 8) and channel.bit_count:
+            raise RecordingError(
+                f"channel {channel.name!r} lies at byte {end} of a record of {record} bytes; it is damaged; "
+                "copy it again"
+            )
+
+
+def _values(signal: Any) -> NDArray[Any] | None:
+    """Returns a signal's samples, or None if they are no single number, text or row of numbers each."""
+    samples: NDArray[Any] = signal.samples
+    if samples.dtype.kind in "SU" and samples.ndim == 1:
+        texts = [cell.decode("utf-8", errors="replace") if isinstance(cell, bytes) else str(cell) for cell in samples]
+        values: NDArray[Any] = np.array([text.strip("\0 ") for text in texts], dtype=object)
+    elif samples.dtype.kind in "biuf" and samples.ndim <= 2:
+        values = np.ascontiguousarray(numeric(samples))
+    else:
+        return None
+    invalid = getattr(signal, "invalidation_bits", None)
+    if invalid is not None and np.any(invalid):
+        values = values.astype(object if values.dtype == object else np.float64)
+        values[np.asarray(invalid, dtype=bool)] = np.nan
+    return values
+
+
+def _group_name(group: Any, index: int) -> str:
+    name = getattr(group.channel_group, "acq_name", "") or getattr(group.channel_group, "comment", "")
+    return str(name or "").strip() or f"group {index + 1}"

@@ -1,0 +1,46 @@
+"""What a user may say about a text file; by default everything is found out."""
+
+from __future__ import annotations
+
+import codecs
+from dataclasses import dataclass
+
+HEADERS = ("auto", "none", "names", "names_units")
+
+
+@dataclass(frozen=True)
+class CsvOptions:
+    """How a text file is to be read.
+
+    Attributes:
+        delimiter: Between two values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``.
+        decimal: The decimal sign, ``.`` or ``,``, or ``auto``.
+        encoding: Of the characters, for example ``utf-8`` or ``cp1252``, or ``auto``.
+        header: ``none`` (channels are then named column_1, column_2, ...), ``names`` (one line of names),
+            ``names_units`` (a line of names and a line of units), or ``auto``, which also skips what a logger writes
+            above the names.
+
+    Raises:
+        ValueError: An option is none of these.
+    """
+
+    delimiter: str = "auto"
+    decimal: str = "auto"
+    encoding: str = "auto"
+    header: str = "auto"
+
+    def __post_init__(self) -> None:
+        if self.delimiter not in ("auto", "whitespace") and (len(self.delimiter) != 1 or self.delimiter in '\r\n"'):
+            raise ValueError(f"delimiter: expected one character, 'whitespace' or 'auto', but got {self.delimiter!r}")
+        if self.decimal not in ("auto", ".", ","):
+            raise ValueError(f"decimal: expected '.', ',' or 'auto', but got {self.decimal!r}")
+        if self.header not in HEADERS:
+            raise ValueError(f"header: expected one of {', '.join(HEADERS)}, but got {self.header!r}")
+        if self.encoding != "auto":
+            try:
+                codecs.lookup(self.encoding)
+            except LookupError:
+                raise ValueError(
+                    f"encoding: expected one that Python knows, such as utf-8 or cp1252, or 'auto', "
+                    f"but got {self.encoding!r}"
+                ) from None

@@ -1,0 +1,105 @@
+"""A file's bytes, unpacked if they are gzipped."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import mmap
+import zlib
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, BinaryIO
+
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+HEAD_SIZE = 65536
+"""So many bytes are looked at to find out what a file is [bytes]."""
+
+GZIP = b"\x1f\x8b"
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """Where a reader finds its bytes: in the file itself, or in memory where the file is gzipped.
+
+    Attributes:
+        origin: The path, or the unpacked bytes.
+        head: The first ``HEAD_SIZE`` bytes.
+        size: Of the whole [bytes].
+    """
+
+    origin: Path | bytes
+    head: bytes
+    size: int
+
+    def handle(self) -> str | io.BytesIO:
+        """Returns what a library opens: the path as text, or the bytes as a file."""
+        return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else str(self.origin)
+
+    def opened(self) -> BinaryIO:
+        """Returns the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
+        return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
+
+    @contextmanager
+    def mapped(self) -> Iterator[bytes | mmap.mmap]:
+        """Yields the bytes without reading what is not looked at."""
+        if isinstance(self.origin, bytes):
+            yield self.origin
+            return
+        with self.origin.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            yield content
+
+    def all_bytes(self) -> bytes:
+        return self.origin if isinstance(self.origin, bytes) else self.origin.read_bytes()
+
+
+def read_head(path: Path) -> bytes:
+    """Returns the first ``HEAD_SIZE`` bytes, unpacked.
+
+    Raises:
+        RecordingError: The file cannot be opened, is empty, or its gzip is damaged.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_SIZE)
+    except OSError as error:
+        raise RecordingError(f"cannot be opened: {error.strerror or error}") from None
+    if not head:
+        raise RecordingError("the file is empty: 0 bytes; expected a log")
+    if not head.startswith(GZIP):
+        return head
+    unpacked = zlib.decompressobj(16 + zlib.MAX_WBITS)
+    try:
+        head = unpacked.decompress(head, HEAD_SIZE)
+    except zlib.error as error:
+        raise _damaged_gzip(error) from None
+    if not head:
+        raise RecordingError("the gzipped file is empty or cut off: it holds 0 bytes; expected a log")
+    return head
+
+
+def open_source(path: Path) -> FileSource:
+    """Returns the file's source; a gzipped file is unpacked whole.
+
+    Raises:
+        RecordingError: As ``read_head``.
+    """
+    head = read_head(path)
+    try:
+        with path.open("rb") as file:
+            zipped = file.read(2) == GZIP
+        if not zipped:
+            return FileSource(path, head, path.stat().st_size)
+        with gzip.open(path) as file:
+            content = file.read()
+    except (OSError, EOFError, zlib.error) as error:
+        raise _damaged_gzip(error) from None
+    return FileSource(content, head, len(content))
+
+
+def _damaged_gzip(error: Exception) -> RecordingError:
+    return RecordingError(f"its gzip cannot be unpacked: {error}; the file is damaged or cut off; copy it again")

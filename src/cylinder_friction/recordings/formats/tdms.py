@@ -1,0 +1,117 @@
+"""TDMS (LabVIEW, DIAdem) through npTDMS."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of
+from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.formats.source import FileSource
+    from cylinder_friction.recordings.logged import LoggedTable
+
+
+def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
+    """Returns one table a group, or several where a group's channels differ in length or rate.
+
+    Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
+    counts from the earliest ``wf_start_time`` in the file, so that groups started apart stay apart.
+
+    Raises:
+        RecordingError: npTDMS is not installed, or a channel claims more samples than the file could hold.
+    """
+    nptdms = optional_library("nptdms", "TDMS", "tdms", "npTDMS")
+    with source.opened() as opened, nptdms.TdmsFile.open(opened) as file:
+        starts = [
+            start for group in file.groups() for channel in group.channels() if (start := _start(channel)) is not None
+        ]
+        first = min(starts, default=None)
+        tables = [table for group in file.groups() for table in _tables(group, wanted, first, source.size)]
+        cut = _cut_off(file)
+    return [replace(table, notes=(*table.notes, *cut)) for table in tables]
+
+
+def _cut_off(file: Any) -> list[str]:
+    """Returns what to say of a file that ends within its last segment, as a logger leaves it that loses power."""
+    status = getattr(file, "file_status", None)
+    if status is None or not status.incomplete_final_segment:
+        return []
+    short = [
+        f"{name} has {channel.read_length} of {channel.expected_length}"
+        for name, channel in (status.channel_statuses or {}).items()
+        if channel.read_length < channel.expected_length
+    ]
+    told = f": {', '.join(short[:3])}" if short else ""
+    return [f"the file ends within its last segment, and the samples behind are lost{told}"]
+
+
+def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None, size: int) -> list[LoggedTable]:
+    alike: dict[tuple[int, float | None, float], list[Channel]] = {}
+    others: list[str] = []
+    for channel in group.channels():
+        name = channel.name.strip()
+        if len(channel) == 0 or channel.dtype.kind not in "biufMOU":
+            others.append(name)
+            continue
+        claimed = len(channel) * (1 if channel.dtype.kind in "OU" else channel.data_type.size or 1)
+        if claimed > size:
+            raise RecordingError(
+                f"channel {name!r} claims {claimed} bytes in a file of {size}; it is damaged or cut off; copy it again"
+            )
+        unit = str(channel.properties.get("unit_string", "") or channel.properties.get("Unit", "")).strip()
+        key = (len(channel), *_clock(channel, first))
+        alike.setdefault(key, []).append(Channel(name, len(channel), _reader(channel), unit))
+    if any(channel.name.casefold() == "time" for channels in alike.values() for channel in channels):
+        alike = _by_length(alike)
+    tables: list[LoggedTable] = []
+    for (length, step, offset), channels in alike.items():
+        if step is not None:
+            channels.insert(0, Channel("time", length, _time_reader(length, step, offset), "s"))
+        tables.append(table_of(channels, wanted, group.name, others=() if tables else others))
+    return tables
+
+
+def _by_length(alike: dict[tuple[int, float | None, float], list[Channel]]) -> dict[Any, list[Channel]]:
+    """Returns the channels of a group that has a time channel by their length alone."""
+    merged: dict[tuple[int, float | None, float], list[Channel]] = {}
+    for (length, _, _), channels in alike.items():
+        merged.setdefault((length, None, 0.0), []).extend(channels)
+    return merged
+
+
+def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, float]:
+    """Returns a waveform's sample time and the time of its first sample [s]; None and 0 for other channels."""
+    step = channel.properties.get("wf_increment")
+    if not isinstance(step, int | float) or not 0.0 < step < float("inf"):
+        return None, 0.0
+    start = _start(channel)
+    later = 0.0 if start is None or first is None else float((start - first) / np.timedelta64(1, "ns")) * 1e-9
+    return float(step), float(channel.properties.get("wf_start_offset", 0.0)) + later
+
+
+def _start(channel: Any) -> np.datetime64 | None:
+    start = channel.properties.get("wf_start_time")
+    return start.astype("datetime64[ns]") if isinstance(start, np.datetime64) and not np.isnat(start) else None
+
+
+def _time_reader(length: int, step: float, offset: float) -> Callable[[], NDArray[Any]]:
+    return lambda: offset + np.arange(length, dtype=np.float64) * step
+
+
+def _reader(channel: Any) -> Callable[[], NDArray[Any]]:
+    def read() -> NDArray[Any]:
+        values: NDArray[Any] = np.asarray(channel[:])
+        if values.dtype.kind == "M":
+            return values.astype("datetime64[ns]")
+        return values.astype(object) if values.dtype.kind in "OU" else numeric(values)
+
+    return read

@@ -1,0 +1,131 @@
+"""Characters of a text file, whatever their encoding, and where its last whole line ends."""
+
+from __future__ import annotations
+
+import codecs
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from cylinder_friction.recordings.formats.detect import BYTE_ORDER_MARKS
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings.formats.source import FileSource
+
+_TAIL = 1 << 16
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text as UTF-8.
+
+    Attributes:
+        file: A ``pyarrow.NativeFile``: the file itself, or its characters in memory where they had to be converted.
+        start: Where the text begins, behind a byte order mark [bytes].
+        end: Where its last whole line ends, less the line end [bytes].
+        notes: What was left out to get there.
+    """
+
+    file: Any
+    start: int
+    end: int
+    notes: tuple[str, ...]
+
+
+def open_text(source: FileSource, encoding: str) -> Text:
+    """Returns the text up to its last whole line.
+
+    A last line without its end is left out, for its last number may be cut; so are the zero bytes that a logger leaves
+    behind when it loses power. Both are said in ``notes``. Under ``auto`` a text is what its byte order mark says, or
+    UTF-8, or cp1252 if it cannot be UTF-8.
+
+    Raises:
+        RecordingError: The bytes are no text in that encoding, or not one line is whole.
+    """
+    mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
+    if encoding == "auto":
+        encoding = BYTE_ORDER_MARKS[mark] if mark else ("utf-8" if _is_utf8(source) else "cp1252")
+    if codecs.lookup(encoding).name not in ("utf-8", "utf-8-sig", "ascii"):
+        return _ended(pa.BufferReader(converted(source, encoding)), 0)
+    in_memory = isinstance(source.origin, bytes)
+    file = pa.BufferReader(source.origin) if in_memory else pa.OSFile(str(source.origin))
+    return _ended(file, len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0)
+
+
+def convert_text(source: FileSource) -> Text:
+    """Returns a text that began as UTF-8 but is none further down.
+
+    If there was no character beyond ASCII at first it is cp1252; otherwise it is damaged UTF-8, and its bad characters
+    become question marks.
+    """
+    if source.head.isascii():
+        return _ended(pa.BufferReader(converted(source, "cp1252")), 0)
+    return _ended(pa.BufferReader(source.all_bytes().decode("utf-8-sig", errors="replace").encode()), 0)
+
+
+def converted(source: FileSource, encoding: str) -> bytes:
+    content = source.all_bytes()
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        if encoding != "cp1252":
+            raise RecordingError(
+                f"its characters are not {encoding}: byte 0x{content[error.start]:02x} at position {error.start}; "
+                "name the right encoding, or leave it to be found out (auto)"
+            ) from None
+        text = content.decode("latin-1")
+    return text.removeprefix("\ufeff").encode(errors="replace")
+
+
+def _is_utf8(source: FileSource) -> bool:
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    try:
+        decoder.decode(source.head, final=len(source.head) >= source.size)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _ended(file: Any, start: int) -> Text:
+    notes: list[str] = []
+    size = file.size()
+    body = _last_byte_but(file, start, size, b"\0\x1a")
+    if size - body > 1:
+        notes.append(f"{size - body} zero bytes at its end were left out, as a logger leaves them that loses power")
+    end = _last_byte_but(file, start, body, b"\r\n")
+    if end == body and body > start:
+        whole = _last_line_end(file, start, body)
+        cut = file.read_at(min(body - whole, 80), whole).decode(errors="replace")
+        if whole > start:
+            notes.append(f"its last line has no line end and may be cut in a number; it was left out: {cut!r}")
+        end = _last_byte_but(file, start, whole, b"\r\n")
+    if end <= start:
+        raise RecordingError(
+            "holds not one whole line; expected a line of names and a line a sample, each with its end"
+        )
+    return Text(file, start, end, tuple(notes))
+
+
+def _last_byte_but(file: Any, start: int, end: int, stripped: bytes) -> int:
+    """Returns where the text ends without the bytes ``stripped`` at its end."""
+    while end > start:
+        length = min(_TAIL, end - start)
+        kept = file.read_at(length, end - length).rstrip(stripped)
+        if kept:
+            return int(end - length + len(kept))
+        end -= length
+    return start
+
+
+def _last_line_end(file: Any, start: int, end: int) -> int:
+    """Returns where the last line begins, which is where the one before it ends."""
+    while end > start:
+        length = min(_TAIL, end - start)
+        tail = file.read_at(length, end - length)
+        found = max(tail.rfind(b"\n"), tail.rfind(b"\r"))
+        if found >= 0:
+            return int(end - length + found + 1)
+        end -= length
+    return start

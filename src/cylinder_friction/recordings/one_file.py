@@ -1,0 +1,86 @@
+"""One file becomes pieces of recordings, step by step; nothing is judged yet but what stops the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.aligning import align
+from cylinder_friction.recordings.calibration import NoZero, ZeroReading, apply_zero, find_zero
+from cylinder_friction.recordings.checks import check_recording
+from cylinder_friction.recordings.formats import read_logged_file
+from cylinder_friction.recordings.mapping import map_signals, wanted_channels
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.screening import screen_signals
+from cylinder_friction.recordings.sensor import sensor_limits
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pandas as pd
+
+    from cylinder_friction.recordings.names import PathNames
+    from cylinder_friction.recordings.recipe import Recipe
+    from cylinder_friction.recordings.signal import Piece
+
+
+def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
+    """Returns the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
+
+    Raises:
+        RecordingError: The file cannot be read, a channel is missing, a sensor is broken, or time makes no sense.
+    """
+    tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
+    mapped = map_signals(tables, recipe.channels)
+    signals, screened = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
+    before = (*mapped.notes, *screened)
+    return [replace(piece, repairs=(*before, *piece.repairs)) for piece in align(signals, recipe.time)]
+
+
+def metadata_of(
+    piece: Piece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
+) -> RecordingMetadata:
+    """Returns who and when of one piece; where a file came apart, its pieces are numbered from 1."""
+    suffix = f"_part{number}" if pieces > 1 else ""
+    return RecordingMetadata(
+        name=f"{names.name}{suffix}",
+        test=names.test,
+        session=names.session,
+        sample_time_s=piece.sample_time_s,
+        cylinder=cylinder,
+        load=names.load,
+        source_file=source_file,
+        source_sha256=digest,
+        repairs=piece.repairs,
+    )
+
+
+def zeroed(
+    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
+) -> tuple[pd.DataFrame, RecordingMetadata]:
+    """Returns a piece's table with the zeros of its pressure sensors taken off, and metadata that say so.
+
+    Args:
+        piece: Of a file.
+        metadata: Who and when.
+        recipe: How zeros are found.
+        session: What the recording's session tells of the zeros, for a piece that shows none itself.
+
+    Raises:
+        RecordingError: The chambers were not vented in the stated window.
+    """
+    own = find_zero(piece.table, recipe.zero, recipe.channels, metadata.name)
+    reading = own if isinstance(own, ZeroReading) or session is None else session
+    return apply_zero(piece.table, metadata, reading, recipe.channels)
+
+
+def judged(
+    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
+) -> Recording:
+    """Returns a piece as a recording: pressures zeroed, every check passed; arguments as for ``zeroed``.
+
+    Raises:
+        RecordingError: The first check that is not passed.
+    """
+    table, with_zero = zeroed(piece, metadata, recipe, session)
+    return check_recording(with_zero, table, recipe.limits, piece.sample_time_s)

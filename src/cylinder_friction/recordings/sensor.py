@@ -1,0 +1,167 @@
+"""The sensor behind a channel: what it can read, how fine, how sure, and what its electrical signal means."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
+from cylinder_friction.recordings.spelling import electrical
+from cylinder_friction.recordings.units import column_scale, to_column_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.mapping import ChannelMapping
+
+    Array = NDArray[np.float64]
+
+HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
+"""From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""
+
+
+@dataclass(frozen=True)
+class SensorScale:
+    """A sensor as its data sheet states it.
+
+    Attributes:
+        range: What it reads at the two ends of its signal, in ``unit``; the first may be the larger one.
+        unit: Of ``range``, for example bar.
+        signal: What the channel holds at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V,
+            (0, 4095) counts. None where the logger has done that sum already.
+        bits: Of the converter that spreads ``range`` over 2^bits steps, if known.
+        accuracy_percent: Stated accuracy, ± percent of full scale, if known.
+        zero_uncertainty: Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration tells; it takes
+            the accuracy's place for the zero, and the accuracy then holds for the span alone.
+
+    Raises:
+        RecordingError: A number is not finite, a pair has no extent, bits or an uncertainty is out of the question.
+    """
+
+    range: tuple[float, float]
+    unit: str
+    signal: tuple[float, float] | None = None
+    bits: int | None = None
+    accuracy_percent: float | None = None
+    zero_uncertainty: float | None = None
+
+    def __post_init__(self) -> None:
+        for field in ("range", "signal"):
+            pair = getattr(self, field)
+            if pair is not None and not (len(pair) == 2 and all(map(math.isfinite, pair)) and pair[0] != pair[1]):
+                raise RecordingError(f"sensor: {field} must be two different finite numbers, but got {pair!r}")
+        if self.bits is not None and not 1 <= self.bits <= 32:
+            raise RecordingError(f"sensor: bits must be 1 to 32, but got {self.bits!r}")
+        if self.accuracy_percent is not None and not 0.0 <= self.accuracy_percent <= 100.0:
+            raise RecordingError(
+                f"sensor: accuracy_percent must be 0 to 100 (of full scale), but got {self.accuracy_percent!r}"
+            )
+        if self.zero_uncertainty is not None and not 0.0 <= self.zero_uncertainty < math.inf:
+            raise RecordingError(f"sensor: zero_uncertainty must not be negative, but got {self.zero_uncertainty!r}")
+        if self.zero_uncertainty is not None and self.accuracy_percent is None:
+            raise RecordingError("sensor: zero_uncertainty needs accuracy_percent beside it, which holds for the span")
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Returns the sensor of a plain dictionary, for example out of YAML, where pairs are lists."""
+        pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
+        return cls(**{**values, **pairs})
+
+    @property
+    def full_scale(self) -> float:
+        """Extent of the range, in ``unit``."""
+        return abs(self.range[1] - self.range[0])
+
+    def reading(self, signal: Array) -> Array:
+        """Returns what the sensor reads, in ``unit``, from its electrical signal: linear, and beyond the ends too.
+
+        The signal itself is returned where the logger has done that sum already.
+        """
+        if self.signal is None:
+            return signal
+        (low, high), (first, last) = self.range, self.signal
+        return low + (signal - first) * ((high - low) / (last - first))
+
+
+@dataclass(frozen=True)
+class SensorLimits:
+    """What a sensor can read, in the column's unit.
+
+    Attributes:
+        low: Lower end of its range.
+        high: Upper end of its range.
+        step: One step of its converter; None if not known.
+        described: The range as the logger's user knows it, for messages: ``0 to 250 bar (4 to 20 mA)``.
+    """
+
+    low: float
+    high: float
+    step: float | None
+    described: str
+
+
+def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:
+    """Returns what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
+    return {
+        column: _limits(column, source, source.sensor)
+        for column, source in mapping.items()
+        if source.sensor is not None
+    }
+
+
+def _limits(column: str, source: ChannelMapping, sensor: SensorScale) -> SensorLimits:
+    offset = source.offset * column_scale(column, source.reading_unit)
+    ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
+    described = f"{min(sensor.range):g} to {max(sensor.range):g} {sensor.unit}"
+    if sensor.signal is not None:
+        described += f" ({min(sensor.signal):g} to {max(sensor.signal):g} {source.unit})"
+    return SensorLimits(float(ends.min()), float(ends.max()), sensor_step(column, sensor, source.unit), described)
+
+
+def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> float | None:
+    """Returns one step of the converter in the column's unit: one count, or the range over 2^bits; None if unknown."""
+    if sensor.signal is not None and electrical(channel_unit) == "count":
+        steps = abs(sensor.signal[1] - sensor.signal[0])
+    elif sensor.bits is not None:
+        steps = 2.0**sensor.bits
+    else:
+        return None
+    return sensor.full_scale * column_scale(column, sensor.unit) / steps
+
+
+def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:
+    """Returns the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
+
+    A stated accuracy of ± a % of full scale bounds the error and says no more, so every error within it is as likely
+    as any other: u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It is counted as an error of the zero, for it is the same
+    in a whole recording and may stand at any reading; the span gets none on top, for the accuracy is for both together.
+    """
+    stated = {}
+    for column, source in mapping.items():
+        sensor = source.sensor
+        if sensor is not None and sensor.accuracy_percent is not None:
+            resolution = sensor_step(column, sensor, source.unit) or 0.0
+            share = sensor.accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD
+            scale = column_scale(column, sensor.unit)
+            if sensor.zero_uncertainty is not None:
+                stated[column] = SensorUncertainty(sensor.zero_uncertainty * scale, share, resolution)
+            else:
+                stated[column] = SensorUncertainty(share * sensor.full_scale * scale, 0.0, resolution)
+    return stated
+
+
+def zeroed_uncertainty(before: SensorUncertainty, zero: float, accuracy_percent: float) -> SensorUncertainty:
+    """Returns a sensor's uncertainty once its zero has been read and taken off.
+
+    Args:
+        before: As ``sensor_uncertainty`` gave it.
+        zero: Standard uncertainty of the zero reading, in the column's unit.
+        accuracy_percent: Of full scale. What is left of it grows with the reading and reaches a·FS / √3 at full scale,
+            that is a / √3 of the reading.
+    """
+    return SensorUncertainty(zero, accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD, before.resolution)

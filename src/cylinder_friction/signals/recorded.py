@@ -1,0 +1,60 @@
+"""From a recording to its smooth signals, and back from a recording that has them as columns."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings import DRIVE_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.signals.smooth import SmoothDrive, SmoothSignals
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings import Recording
+    from cylinder_friction.signals.smooth import SignalFilter
+
+LOAD_FORCE = "load_force_n"
+"""External force that resists extension, measured [N]."""
+
+SMOOTH_LOAD = "load_force_smooth_n"
+"""The same, smoothed as pressures are [N]."""
+
+
+def has_pressures(recording: Recording) -> bool:
+    """Returns whether both pressures were measured; where they were, a drive force beside them is not looked at."""
+    return all(column in recording.table.columns for column in SAMPLE_COLUMNS)
+
+
+def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
+    """Returns the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
+    if has_pressures(recording):
+        return signal_filter.smooth(recording.samples(), recording.sample_time_s)
+    force_n = signal_filter.smooth_force(recording.column(DRIVE_FORCE), recording.sample_time_s)
+    return SmoothDrive(force_n, *signal_filter.motion(recording.column("position_m"), recording.sample_time_s))
+
+
+def smooth_load(recording: Recording, signal_filter: SignalFilter) -> NDArray[np.float64] | None:
+    """Returns the measured load [N], shape ``(n,)``, smoothed as pressures are; None where none was measured."""
+    if LOAD_FORCE not in recording.table.columns:
+        return None
+    return signal_filter.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)
+
+
+def smooth_columns(recording: Recording, signal_filter: SignalFilter) -> dict[str, NDArray[np.float64]]:
+    """Returns every column that the filter adds to a recording, by name."""
+    columns = smooth_recording(recording, signal_filter).columns()
+    load_n = smooth_load(recording, signal_filter)
+    return columns if load_n is None else columns | {SMOOTH_LOAD: load_n}
+
+
+def signals_of(recording: Recording) -> SmoothSignals | SmoothDrive:
+    """Returns the smooth signals that the filter stage added to a recording.
+
+    Raises:
+        RecordingError: The recording has not been filtered.
+    """
+    if has_pressures(recording):
+        return SmoothSignals(*(recording.column(field.name) for field in fields(SmoothSignals)))
+    return SmoothDrive(*(recording.column(field.name) for field in fields(SmoothDrive)))

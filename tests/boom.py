@@ -1,0 +1,51 @@
+"""Strokes of a cylinder that carries a boom, with load and friction known in closed form."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.labelling import LoadPlan, StrokePoints, stroke_points
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+STEP_S = 0.01
+
+
+def boom_load(position_m: Array) -> Array:
+    """Gravity on a boom that the cylinder lifts at a changing lever arm [N]."""
+    angle = 0.2 + 4.0 * (position_m - 0.05)
+    return np.asarray(6000.0 * np.cos(angle) / np.sqrt(1.0 - 0.5 * np.sin(angle) ** 2))
+
+
+def motion(seconds: float = 120.0, reach_m: float = 0.08) -> tuple[Array, Array, Array]:
+    """Returns position, velocity and acceleration of slow strokes whose speed changes, each of shape ``(n,)``."""
+    time_s = STEP_S * np.arange(round(seconds / STEP_S))
+    position_m = 0.125 + reach_m * np.sin(0.4 * time_s) * np.cos(0.03 * time_s)
+    velocity = np.gradient(position_m, STEP_S)
+    return position_m, velocity, np.gradient(velocity, STEP_S)
+
+
+def boom_points(
+    seed: int = 0,
+    coulomb_n: float = 400.0,
+    viscous_n_s_m: float = 2000.0,
+    asymmetry_n: float = 0.0,
+    seconds: float = 120.0,
+    plan: LoadPlan | None = None,
+) -> StrokePoints:
+    """Returns strokes with slowly wandering noise of about 12 N; retraction has ``2 * asymmetry_n`` more friction."""
+    plan = plan or LoadPlan()
+    generator = np.random.default_rng(seed)
+    position_m, velocity, acceleration = motion(seconds)
+    wander = np.convolve(generator.normal(0.0, 12.0, len(position_m) + 99), np.full(100, 0.1), mode="valid")
+    friction_n = coulomb_n * np.sign(velocity) - asymmetry_n + viscous_n_s_m * velocity
+    force_n = boom_load(position_m) + friction_n + wander
+    usable = np.ones(len(position_m), dtype=np.bool_)
+    return stroke_points(
+        force_n, position_m, velocity, acceleration, usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m
+    )

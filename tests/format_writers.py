@@ -1,0 +1,137 @@
+"""One table written the way each logger's format holds it."""
+
+from __future__ import annotations
+
+import gzip
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import scipy.io
+from asammdf import MDF, Signal
+from nptdms import ChannelObject, TdmsWriter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+
+def synthetic(rows: int = 400, seed: int = 3) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Returns a short made-up recording with full double precision, and its units."""
+    random = np.random.default_rng(seed)
+    time = np.arange(rows) * 0.005
+    table = pd.DataFrame(
+        {
+            "time": time,
+            "P1": 20.0 + random.normal(size=rows),
+            "P2": 30.0 + random.normal(size=rows),
+            "pos": 150.0 * np.sin(time) + 1e-9 * random.normal(size=rows),
+        }
+    )
+    return table, {"time": "s", "P1": "bar", "P2": "bar", "pos": "mm"}
+
+
+def csv_text(table: pd.DataFrame, units: Mapping[str, str], delimiter: str = ",", decimal: str = ".") -> str:
+    names = [f"{name} [{units[name]}]" if name in units else str(name) for name in table.columns]
+    rows = [delimiter.join(repr(float(value)) for value in row) for row in table.to_numpy()]
+    return "\n".join([delimiter.join(names), *(row.replace(".", decimal) for row in rows), ""])
+
+
+def write_csv(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    path.write_text(csv_text(table, units), encoding="utf-8", newline="")
+
+
+def write_tsv(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    path.write_text(csv_text(table, units, "\t"), encoding="utf-8", newline="")
+
+
+def write_decimal_comma(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    path.write_bytes(csv_text(table, units, ";", ",").replace("\n", "\r\n").encode("cp1252"))
+
+
+def write_csv_gz(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    path.write_bytes(gzip.compress(csv_text(table, units).encode(), mtime=0))
+
+
+def write_matlab5(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    """Writes column vectors, a struct of units, a scalar and a text, compressed as ``save`` does."""
+    variables: dict[str, Any] = {name: table[name].to_numpy()[:, None] for name in table.columns}
+    variables |= {"units": dict(units), "serial": 42.0, "operator": "nobody"}
+    scipy.io.savemat(path, variables, do_compression=True)
+
+
+def write_matlab73(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    """Writes HDF5 as MATLAB does: a 512-byte block with its text header, its classes, its axes turned round."""
+    with h5py.File(path, "w", userblock_size=512, libver="earliest") as file:
+        for name in table.columns:
+            dataset = file.create_dataset(name, data=table[name].to_numpy()[None, :])
+            dataset.attrs["MATLAB_class"] = np.bytes_("double")
+        group = file.create_group("units")
+        group.attrs["MATLAB_class"] = np.bytes_("struct")
+        for name, unit in units.items():
+            text = np.array([[ord(letter)] for letter in unit], dtype=np.uint16)
+            group.create_dataset(name, data=text).attrs["MATLAB_class"] = np.bytes_("char")
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Sat Mar 14 08:15:00 2026 HDF5 schema 1.00 ."
+    with path.open("r+b") as raw:
+        raw.write(header.ljust(116) + bytes(8) + b"\x00\x02IM")
+
+
+def write_mdf4(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    """Writes one channel group; the column ``time`` is its master."""
+    time = table["time"].to_numpy()
+    signals = [
+        Signal(table[name].to_numpy(), time, name=str(name), unit=units.get(str(name), ""))
+        for name in table.columns
+        if name != "time"
+    ]
+    with MDF(version="4.10") as file:
+        file.append(signals, comment="bench")
+        # asammdf insists on its own ending.
+        saved = file.save(path.with_name(f"{path.name}.mf4"), overwrite=True)
+    saved.replace(path)
+
+
+def write_tdms(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    with TdmsWriter(str(path)) as writer:
+        writer.write_segment(
+            [
+                ChannelObject(
+                    "bench", name, table[name].to_numpy(), properties={"unit_string": units.get(str(name), "")}
+                )
+                for name in table.columns
+            ]
+        )
+
+
+def write_hdf5(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    with h5py.File(path, "w") as file:
+        for name in table.columns:
+            dataset = file.create_dataset(name, data=table[name].to_numpy(), compression="gzip", shuffle=True)
+            if name in units:
+                dataset.attrs["unit"] = units[str(name)]
+
+
+def write_parquet(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    """Writes several row groups; units stand in the fields' metadata."""
+    arrow = pa.Table.from_pandas(table)
+    fields = [field.with_metadata({"unit": units[field.name]} if field.name in units else {}) for field in arrow.schema]
+    schema = pa.schema(fields, metadata=arrow.schema.metadata)
+    pq.write_table(arrow.cast(schema), path, row_group_size=max(1, len(table) // 3))
+
+
+WRITERS: dict[str, Callable[[Path, pd.DataFrame, Mapping[str, str]], None]] = {
+    "csv": write_csv,
+    "tsv": write_tsv,
+    "decimal_comma": write_decimal_comma,
+    "csv_gz": write_csv_gz,
+    "matlab5": write_matlab5,
+    "matlab73": write_matlab73,
+    "mdf4": write_mdf4,
+    "tdms": write_tdms,
+    "hdf5": write_hdf5,
+    "parquet": write_parquet,
+}
+"""Every writer by the name of what it writes."""

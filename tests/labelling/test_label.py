@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from boom import STEP_S, boom_load, motion
+from cylinder_friction.labelling import Audit, Labeller, LoadPlan, SessionPoints, Stiffness
+from cylinder_friction.recordings import Recording, RecordingError, RecordingMetadata, SensorUncertainty
+from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.labelling import SessionFound
+
+FILTER = SavitzkyGolay()
+COULOMB_N, VISCOUS_N_S_M = 300.0, 1500.0
+
+
+def true_friction(velocity: np.ndarray) -> np.ndarray:
+    return COULOMB_N * np.sign(velocity) + VISCOUS_N_S_M * velocity
+
+
+def boom_recording(cylinder: Cylinder, pressures: bool = True, uncertainty: Any = None, **columns: Any) -> Recording:
+    """Returns a filtered recording of a cylinder that carries a boom, by its pressures or by its drive force."""
+    position_m, velocity, acceleration = motion()
+    force_n = boom_load(position_m) + true_friction(velocity) + cylinder.moving_mass_kg * acceleration
+    table = {"time_s": STEP_S * np.arange(len(position_m)), "position_m": position_m, **columns}
+    if pressures:
+        table["pressure_2_pa"] = np.full(len(position_m), 8e5)
+        table["pressure_1_pa"] = (force_n + 8e5 * cylinder.annulus_area_m2) / cylinder.piston_area_m2
+    else:
+        table["drive_force_n"] = force_n
+    metadata = RecordingMetadata("boom", "1", "s1", STEP_S, cylinder.name, uncertainty=uncertainty or {})
+    recording = Recording(metadata, pd.DataFrame(table))
+    return recording.with_columns(**smooth_columns(recording, FILTER))
+
+
+def session(labeller: Labeller, recording: Recording) -> SessionFound:
+    points = SessionPoints(labeller.cylinder.moving_mass_kg, LoadPlan(), None)
+    labeller.collect(recording, FILTER.reach(STEP_S), points)
+    return points.found()
+
+
+def worst_error(labelled: Recording) -> float:
+    """Returns the mean error of friction away from reversals, of usable rows [N]."""
+    velocity = motion()[1]
+    rows = labelled.usable() & (np.abs(velocity) > 5e-3)
+    return float(np.abs(labelled.column("friction_n") - true_friction(velocity))[rows].mean())
+
+
+@pytest.mark.parametrize("pressures", [True, False], ids=["pressures", "drive force"])
+def test_friction_comes_out_of_a_cylinder_that_carries_something(cylinder: Cylinder, pressures: bool) -> None:
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
+    recording = boom_recording(cylinder, pressures)
+    labelled = labeller.label(recording, FILTER.reach(STEP_S), session(labeller, recording))
+    assert worst_error(labelled) < 5.0
+    assert labelled.usable().mean() > 0.8
+    assert np.abs(labelled.column("load_force_n") - boom_load(motion()[0]))[labelled.usable()].max() < 20.0
+    assert "friction_uncertainty_n" not in labelled.table.columns
+
+
+@pytest.mark.parametrize("pressures", [True, False], ids=["pressures", "drive force"])
+def test_a_measured_load_is_taken_off(cylinder: Cylinder, pressures: bool) -> None:
+    recording = boom_recording(cylinder, pressures, load_force_n=boom_load(motion()[0]))
+    labelled = Labeller(cylinder, Stiffness(), 0.003, load="measured").label(recording, FILTER.reach(STEP_S))
+    assert worst_error(labelled) < 1.0
+
+
+def test_a_measured_load_passes_the_filter_of_the_pressures(cylinder: Cylinder) -> None:
+    """A causal filter makes pressures late; a load that was not as late would show up as friction."""
+    recording = boom_recording(cylinder, load_force_n=boom_load(motion()[0]))
+    raw = recording.column("load_force_n")
+    np.testing.assert_array_equal(recording.column("load_force_smooth_n"), FILTER.smooth_force(raw, STEP_S))
+
+
+def test_rows_where_the_load_is_not_known_are_not_usable(cylinder: Cylinder) -> None:
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
+    recording = boom_recording(cylinder)
+    found = session(labeller, recording)
+    assert found.load is not None
+    low = found.load.coverage.range_m[0]
+    labelled = labeller.label(recording, FILTER.reach(STEP_S), found)
+    outside = recording.column("position_m") < low
+    assert outside.any()
+    assert not labelled.usable()[outside].any()
+
+
+def test_uncertainty_of_an_identified_load_goes_into_the_labels(cylinder: Cylinder) -> None:
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
+    stated = {"pressure_1_pa": SensorUncertainty(1e3, 0.0), "pressure_2_pa": SensorUncertainty(1e3, 0.0)}
+    recording = boom_recording(cylinder, uncertainty=stated)
+    found = session(labeller, recording)
+    assert found.load is not None
+    labelled = labeller.label(recording, FILTER.reach(STEP_S), found)
+    expanded = labelled.column("friction_uncertainty_n")
+    assert (expanded > 2.0 * found.load.asymmetry_n).all()
+    assert expanded.max() < 2.0 * np.hypot(found.load.uncertainty_n(recording.column("position_m")).max(), 10.0)
+
+
+def test_a_load_column_that_contradicts_the_mode_is_refused(cylinder: Cylinder) -> None:
+    with_load = boom_recording(cylinder, load_force_n=boom_load(motion()[0]))
+    reach = FILTER.reach(STEP_S)
+    with pytest.raises(RecordingError, match=r"recording 'boom': label\.load is none, but a load was measured"):
+        Labeller(cylinder, Stiffness(), 0.003).label(with_load, reach)
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
+    with pytest.raises(RecordingError, match=r"label\.load is position, but a load was measured .* set label\.load to"):
+        session(labeller, with_load)
+    with pytest.raises(
+        RecordingError, match=r"label\.load is measured, but there is no column 'load_force_n'; map the"
+    ):
+        Labeller(cylinder, Stiffness(), 0.003, load="measured").label(boom_recording(cylinder), reach)
+
+
+def test_a_session_that_was_not_asked_is_refused(cylinder: Cylinder) -> None:
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
+    with pytest.raises(ValueError, match=r"expected what its session tells of load and mass .* but got None"):
+        labeller.label(boom_recording(cylinder), FILTER.reach(STEP_S))
+
+
+def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
+    heavy = replace(cylinder, moving_mass_kg=2000.0)
+    recording = boom_recording(heavy, load_force_n=boom_load(motion()[0]))
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="measured", inertia="identified")
+    points = SessionPoints(cylinder.moving_mass_kg, None, None)
+    found = replace(points.found(), moving_mass_kg=2000.0)
+    reach = FILTER.reach(STEP_S)
+    assert worst_error(labeller.label(recording, reach, found)) < 1.0
+    assert worst_error(labeller.label(recording, reach, points.found())) > 5.0
+
+
+@pytest.mark.parametrize("mode", ["trapped_oil", "paper_literal"])
+def test_the_oils_spring_needs_pressures(cylinder: Cylinder, mode: Any) -> None:
+    labeller = Labeller(cylinder, Stiffness(mode), 0.003)
+    with pytest.raises(RecordingError, match=f"label.stiffness is {mode}, .* but the recording has drive_force_n"):
+        labeller.label(boom_recording(cylinder, pressures=False), FILTER.reach(STEP_S))
+
+
+def test_audit_takes_the_session_too(cylinder: Cylinder) -> None:
+    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
+    recording = boom_recording(cylinder)
+    velocity = motion()[1]
+    truth = pd.DataFrame({"friction_n": true_friction(velocity), "velocity_m_s": velocity})
+    audit = Audit(0.5)
+    filters = {"savitzky_golay": FILTER, "centred": CentredMovingAverage()}
+    labeller.audit(recording, truth, filters, audit, session(labeller, recording))
+    (row,) = [row for row in audit.rows() if (row.filter, row.test, row.stratum) == ("savitzky_golay", "all", "steady")]
+    assert row.mae_n < 5.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("load", "gravity", "load must be one of none, measured, position, but got 'gravity'"),
+        ("inertia", "guessed", "inertia must be one of given, identified, but got 'guessed'"),
+    ],
+)
+def test_unknown_modes_are_refused(cylinder: Cylinder, field: str, value: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Labeller(cylinder, Stiffness(), 0.003, **{field: value})  # type: ignore[arg-type]

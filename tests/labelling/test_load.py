@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from boom import STEP_S, boom_load, boom_points
+from cylinder_friction.labelling import LoadPlan, SessionPoints, identify_load, stroke_points
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.rig import CampaignPlan, RigRecording, campaign
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+
+def test_load_and_friction_of_a_boom_are_found() -> None:
+    found = identify_load(boom_points(), LoadPlan())
+    grid = np.linspace(*found.coverage.range_m, 40)
+    assert np.abs(found.load_n(grid) - boom_load(grid)).max() < 15.0
+    assert found.coulomb_n == pytest.approx(400.0, rel=0.02)
+    assert found.viscous_n_s_m == pytest.approx(2000.0, rel=0.2)
+    assert found.coulomb_interval_n[0] < 400.0 < found.coulomb_interval_n[1]
+    assert found.viscous_interval_n_s_m[0] < 2000.0 < found.viscous_interval_n_s_m[1]
+    assert found.coulomb_extend_n == pytest.approx(found.coulomb_retract_n, rel=0.05)
+    assert 2 <= found.order <= 6
+    assert found.load_range_n[0] == pytest.approx(boom_load(grid).min(), abs=20.0)
+    assert min(found.strokes_extend, found.strokes_retract) >= 7
+
+
+def test_scatter_covers_the_error_as_often_as_it_says() -> None:
+    """Without asymmetry the error of the load is what strokes scatter: about 95 % within two standard deviations."""
+    inside = []
+    for seed in range(20):
+        found = identify_load(boom_points(seed), LoadPlan(asymmetry=0.0))
+        grid = np.linspace(*found.coverage.range_m, 30)
+        inside.append(np.abs(found.load_n(grid) - boom_load(grid)) < 2.0 * found.uncertainty_n(grid))
+    assert 0.80 < np.mean(inside) <= 1.0
+    assert np.mean(inside) < 1.0
+
+
+@pytest.mark.parametrize("asymmetry_n", [-40.0, 60.0])
+def test_a_constant_asymmetry_goes_into_the_load_and_is_within_its_uncertainty(asymmetry_n: float) -> None:
+    found = identify_load(boom_points(asymmetry_n=asymmetry_n), LoadPlan())
+    grid = np.linspace(*found.coverage.range_m, 40)
+    error = found.load_n(grid) - boom_load(grid)
+    assert error.mean() == pytest.approx(-asymmetry_n, abs=5.0)
+    assert (np.abs(error) < 2.0 * found.uncertainty_n(grid)).all()
+    assert found.asymmetry_n == pytest.approx(0.15 * found.coulomb_n)
+
+
+def test_outliers_count_little() -> None:
+    points = boom_points()
+    force_n = points.force_n.copy()
+    force_n[::40] += 5000.0
+    found = identify_load(replace(points, force_n=force_n), LoadPlan())
+    grid = np.linspace(*found.coverage.range_m, 40)
+    assert np.abs(found.load_n(grid) - boom_load(grid)).max() < 60.0
+
+
+def test_one_speed_a_direction_tells_no_viscous_friction() -> None:
+    """Up at one speed and down at another: viscous friction, Coulomb friction and a constant load look alike."""
+    time_s = STEP_S * np.arange(20_000)
+    phase = (time_s / 10.0) % 1.0
+    position_m = 0.125 + 0.05 * np.where(phase < 0.3, phase / 0.3, (1.0 - phase) / 0.7)
+    velocity = np.where(phase < 0.3, 0.05 / 3.0, -0.05 / 7.0)
+    generator = np.random.default_rng(3)
+    force_n = 1000.0 + 300.0 * np.sign(velocity) + 1500.0 * velocity + generator.normal(0.0, 5.0, len(velocity))
+    usable = np.ones(len(velocity), dtype=np.bool_)
+    points = stroke_points(force_n, position_m, velocity, 0.0 * velocity, usable, STEP_S, 2e-3, 2e-3)
+    found = identify_load(points, LoadPlan())
+    assert found.viscous_n_s_m == 0.0
+    assert found.viscous_interval_n_s_m == (0.0, 0.0)
+    half_difference = 300.0 + 1500.0 * 0.5 * (0.05 / 3.0 + 0.05 / 7.0)
+    assert found.coulomb_n == pytest.approx(half_difference, rel=0.01)
+
+
+def test_equal_strokes_give_equal_bits_and_json_takes_them() -> None:
+    one, two = identify_load(boom_points(), LoadPlan()), identify_load(boom_points(), LoadPlan())
+    assert one == two
+    text = json.dumps(one.to_dict(), allow_nan=False)
+    assert {"coefficients_n", "range_m", "stretches_m", "coulomb_interval_n", "order"} <= set(json.loads(text))
+
+
+def test_only_positions_of_both_directions_are_covered() -> None:
+    points = boom_points()
+    up_only = (points.velocity_m_s < 0.0) & (points.position_m > 0.16)
+    found = identify_load(points.where(~up_only), LoadPlan())
+    assert found.coverage.holds(np.array([0.10, 0.15])).all()
+    assert not found.coverage.holds(np.array([0.17, 0.19])).any()
+    assert found.coverage.length_m == pytest.approx(0.115, abs=0.01)
+    # Beyond the coverage the load is that of its end, never an extrapolated polynomial.
+    assert found.load_n(np.array([0.24])) == found.load_n(np.array([found.coverage.range_m[1]]))
+
+
+def test_strokes_of_one_direction_are_refused() -> None:
+    points = boom_points()
+    with pytest.raises(RecordingError, match="got no stroke that retracts; expected strokes of both directions"):
+        identify_load(points.where(points.velocity_m_s > 0.0), LoadPlan())
+
+
+def test_strokes_that_do_not_overlap_are_refused() -> None:
+    points = boom_points()
+    apart = ((points.velocity_m_s > 0.0) & (points.position_m > 0.13)) | (
+        (points.velocity_m_s < 0.0) & (points.position_m < 0.12)
+    )
+    message = r"strokes that extend cover 0\.12.* to 0\.20.* m and strokes that retract 0\.04.* to 0\.12.* m, with 0 %"
+    with pytest.raises(RecordingError, match=message):
+        identify_load(points.where(apart), LoadPlan())
+
+
+def test_too_few_points_are_refused() -> None:
+    points = boom_points(seconds=18.0)
+    middle = np.abs(points.position_m - 0.125) < 0.004
+    with pytest.raises(RecordingError, match=r"got \d+ points of 0\.1 s where .* expected at least 12"):
+        identify_load(points.where(middle), LoadPlan())
+
+
+def test_friction_that_drives_the_motion_is_refused() -> None:
+    with pytest.raises(RecordingError, match=r"Coulomb friction came out as -399.* check the sign"):
+        identify_load(boom_points(coulomb_n=-400.0, viscous_n_s_m=0.0), LoadPlan())
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("slowest_m_s", -1.0, "slowest_m_s must be zero or a positive number, but got -1"),
+        ("asymmetry", float("nan"), "asymmetry must be zero or a positive number, but got nan"),
+        ("greatest_order", -1, "greatest_order must be at least 0, but got -1"),
+        ("repeats", 5, "repeats must be at least 20, but got 5"),
+        ("confidence", 1.0, "confidence must lie between 0 and 1, but got 1"),
+    ],
+)
+def test_an_impossible_plan_is_refused(field: str, value: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        LoadPlan(**{field: value})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def rig_sessions(cylinder: Cylinder) -> dict[str, list[RigRecording]]:
+    sessions: dict[str, list[RigRecording]] = {}
+    for recording in campaign(cylinder, CampaignPlan(seed=1, sessions_per_test=1, recordings_per_session=2)):
+        sessions.setdefault(recording.metadata.session, []).append(recording)
+    return sessions
+
+
+@pytest.mark.slow
+def test_a_rig_that_carries_a_boom_tells_its_load(
+    cylinder: Cylinder, rig_sessions: dict[str, list[RigRecording]]
+) -> None:
+    """The rig's friction differs between the directions and with pressure, which no term of the model knows."""
+    inside, shape = [], []
+    for recordings in rig_sessions.values():
+        points = SessionPoints(cylinder.moving_mass_kg, LoadPlan(), None)
+        for recording in recordings:
+            add_with_boom(points, recording, cylinder)
+        load = points.found().load
+        assert load is not None
+        grid = np.linspace(*load.coverage.range_m, 30)
+        error = load.load_n(grid) - boom_load(grid)
+        inside.append(np.abs(error) < 2.0 * load.uncertainty_n(grid))
+        shape.append(np.abs(error - error.mean()).mean())
+    assert 0.85 < np.mean(inside) <= 1.0
+    # A tenth of friction, which is 330 to 460 N, on a load that changes by 2 kN.
+    assert max(shape) < 45.0
+
+
+def add_with_boom(points: SessionPoints, recording: RigRecording, cylinder: Cylinder) -> None:
+    """Adds a rig recording whose piston side carries the boom besides."""
+    logger = recording.logger
+    load_pa = boom_load(recording.truth["position_m"].to_numpy()) / cylinder.piston_area_m2
+    samples = np.column_stack(
+        [logger["P1 [bar]"] * 1e5 + load_pa, logger["P2 [bar]"] * 1e5, logger["Position [mm]"] * 1e-3]
+    )
+    smooth = SavitzkyGolay().smooth(samples, 0.005)
+    force_n = (
+        smooth.pressure_1_smooth_pa * cylinder.piston_area_m2 - smooth.pressure_2_smooth_pa * cylinder.annulus_area_m2
+    )
+    usable = (samples[:, 2] > 0.003) & (samples[:, 2] < cylinder.stroke_m - 0.003)
+    usable[:20], usable[-20:] = False, False
+    points.add(force_n, samples[:, 2], smooth.velocity_m_s, smooth.acceleration_m_s2, usable, 0.005)

@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cylinder_friction.labelling import (
+    LoadPlan,
+    MotionIdentification,
+    MotionPlan,
+    MotionPoints,
+    SessionPoints,
+    identify_motion,
+    motion_points,
+)
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+Array = NDArray[np.float64]
+STEP_S = 0.002
+
+
+def signals(
+    mass_kg: float, noise_n: float, seed: int = 0, amplitude_m: float = 0.05, seconds: float = 20.0
+) -> tuple[Array, Array, Array, Array]:
+    """Returns force, position, velocity and acceleration, filtered alike, of a motor-driven axis with friction."""
+    generator = np.random.default_rng(seed)
+    time_s = STEP_S * np.arange(round(seconds / STEP_S))
+    phases = generator.uniform(0.0, 6.0, 3)
+    rates = 2.0 * np.pi * np.array([0.3, 0.7, 1.3])
+    angle = np.outer(time_s, rates) + phases
+    position_m = 0.1 + amplitude_m * np.sin(angle).mean(axis=1)
+    velocity = amplitude_m * (rates * np.cos(angle)).mean(axis=1)
+    acceleration = -amplitude_m * (rates**2 * np.sin(angle)).mean(axis=1)
+    force_n = mass_kg * acceleration + 200.0 * velocity + 20.0 * np.sign(velocity) - 3.0
+    wander = np.convolve(generator.normal(0.0, noise_n, len(time_s) + 49), np.full(50, 1.0 / 50**0.5), mode="valid")
+    chosen = SavitzkyGolay(21, 2, 21, 2, 21, 2)
+    logged_m = position_m + generator.normal(0.0, 1e-7, len(time_s))
+    return chosen.smooth_force(force_n + wander, STEP_S), position_m, *chosen.motion(logged_m, STEP_S)
+
+
+def identified(mass_kg: float, noise_n: float, **how: float) -> MotionIdentification:
+    force_n, position_m, velocity, acceleration = signals(mass_kg, noise_n, **how)  # type: ignore[arg-type]
+    plan = MotionPlan()
+    return identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S, plan))
+
+
+def test_mass_and_friction_are_found() -> None:
+    found = identified(95.0, 1.0)
+    assert found.mass_kg == pytest.approx(95.0, rel=0.01)
+    assert found.viscous_n_s_m == pytest.approx(200.0, rel=0.03)
+    assert found.coulomb_n == pytest.approx(20.0, rel=0.03)
+    assert found.offset_n == pytest.approx(-3.0, abs=0.3)
+    assert found.mass_known
+    assert found.sentence().startswith("the moving mass came out as 9")
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    truth = {"mass_interval_kg": 95.0, "viscous_interval_n_s_m": 200.0, "coulomb_interval_n": 20.0}
+    found = [identified(95.0, 10.0, seed=seed) for seed in range(40)]
+    for name, value in truth.items():
+        hits = [low <= value <= high for low, high in (getattr(each, name) for each in found)]
+        assert np.mean(hits) >= 0.85, name
+    assert np.mean([high - low for low, high in (each.mass_interval_kg for each in found)]) < 20.0
+
+
+def test_a_light_piston_beside_its_friction_is_not_told() -> None:
+    found = identified(6.0, 60.0, amplitude_m=0.02)
+    assert not found.mass_known
+    low, high = found.mass_interval_kg
+    assert high - low > found.mass_kg
+    assert found.sentence().startswith("the motion does not tell the moving mass: it came out as ")
+
+
+def test_standstill_does_not_count() -> None:
+    """At rest any force below static friction may be seen; it says nothing of Coulomb friction."""
+    force_n, position_m, velocity, acceleration = signals(95.0, 1.0)
+    rest = 5000
+    force_n = np.concatenate([force_n, np.linspace(-500.0, 500.0, rest)])
+    position_m = np.concatenate([position_m, np.full(rest, position_m[-1])])
+    velocity, acceleration = np.append(velocity, np.zeros(rest)), np.append(acceleration, np.zeros(rest))
+    found = identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S, MotionPlan()))
+    assert found.coulomb_n == pytest.approx(20.0, rel=0.05)
+
+
+def test_unusable_rows_do_not_count() -> None:
+    force_n, position_m, velocity, acceleration = signals(95.0, 1.0)
+    force_n[2000:4000] = 1e4
+    usable = np.ones(len(force_n), dtype=np.bool_)
+    usable[2000:4000] = False
+    found = identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S, MotionPlan(), usable))
+    assert found.mass_kg == pytest.approx(95.0, rel=0.01)
+
+
+def test_recordings_are_joined_with_clusters_of_their_own() -> None:
+    parts = [motion_points(*signals(95.0, 1.0, seed), STEP_S, MotionPlan()) for seed in range(2)]
+    joined = MotionPoints.joined(parts)
+    assert len(joined.force_n) == sum(len(part.force_n) for part in parts)
+    assert len(np.unique(joined.cluster)) == sum(len(np.unique(part.cluster)) for part in parts)
+    assert identify_motion(joined).mass_kg == pytest.approx(95.0, rel=0.01)
+
+
+def test_too_little_motion_is_refused() -> None:
+    points = motion_points(*signals(95.0, 1.0, seconds=2.0), STEP_S, MotionPlan(block_s=0.1))
+    with pytest.raises(RecordingError, match=r"got \d+ blocks of steady motion; expected at least 40"):
+        identify_motion(points)
+
+
+def test_a_session_keeps_the_given_mass_where_the_motion_does_not_tell_it() -> None:
+    for noise_n, expected_kg in ((1.0, 95.0), (3000.0, 6.0)):
+        points = SessionPoints(6.0, None, MotionPlan())
+        force_n, position_m, velocity, acceleration = signals(95.0, noise_n)
+        usable = np.ones(len(force_n), dtype=np.bool_)
+        points.add(force_n, position_m, velocity, acceleration, usable, STEP_S)
+        found = points.found()
+        assert found.moving_mass_kg == pytest.approx(expected_kg, rel=0.02)
+        assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["motion"]["mass_known"] is (noise_n == 1.0)
+
+
+def test_mass_and_load_are_found_beside_each_other() -> None:
+    points = SessionPoints(6.0, LoadPlan(slowest_m_s=0.02), MotionPlan())
+    force_n, position_m, velocity, acceleration = signals(95.0, 1.0, seconds=40.0)
+    force_n = force_n + 2000.0 + 3000.0 * position_m
+    points.add(force_n, position_m, velocity, acceleration, np.ones(len(force_n), dtype=np.bool_), STEP_S)
+    found = points.found()
+    assert found.moving_mass_kg == pytest.approx(95.0, rel=0.03)
+    assert found.load is not None
+    grid = np.linspace(*found.load.coverage.range_m, 20)
+    # The offset of -3 N is a load to all appearances.
+    assert np.abs(found.load.load_n(grid) - (1997.0 + 3000.0 * grid)).max() < 15.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("block_s", 0.0, "block_s must be a positive number, but got 0"),
+        ("cluster_s", float("inf"), "cluster_s must be a positive number, but got inf"),
+        ("slowest_m_s", -0.1, "slowest_m_s must be zero or a positive number, but got -0.1"),
+        ("confidence", 95.0, "confidence must lie between 0 and 1, but got 95"),
+    ],
+)
+def test_an_impossible_plan_is_refused(field: str, value: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        MotionPlan(**{field: value})

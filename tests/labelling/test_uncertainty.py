@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.uncertainty import label_uncertainty
+from cylinder_friction.recordings import ChannelMapping, Recording, RecordingMetadata, SensorUncertainty
+from cylinder_friction.recordings.sensor import SensorScale, sensor_uncertainty
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CYLINDER = Cylinder("63/28", 0.063, 0.028, 0.25, 6.0)
+A1, A2 = CYLINDER.piston_area_m2, CYLINDER.annulus_area_m2
+NAT_8252 = SensorScale((0.0, 250.0), "bar", accuracy_percent=0.5)
+
+
+def recording(uncertainty: dict[str, SensorUncertainty], **columns: list[float]) -> Recording:
+    cells = {"pressure_1_pa": [0.0, 100e5], "pressure_2_pa": [50e5, 0.0], "position_m": [0.0, 0.1]} | columns
+    metadata = RecordingMetadata("r", "1", "s", 0.005, uncertainty=uncertainty)
+    return Recording(metadata, pd.DataFrame({"time_s": [0.0, 0.005]} | cells))
+
+
+def expanded(of: Recording, load_uncertainty_n: float | NDArray[np.float64] = 0.0) -> NDArray[np.float64]:
+    found = label_uncertainty(of, CYLINDER, load_uncertainty_n)
+    assert found is not None
+    assert found.shape == (len(of),)
+    return found
+
+
+def test_half_widths_of_a_data_sheet_in_newtons() -> None:
+    stated = sensor_uncertainty({column: ChannelMapping(column, "bar", sensor=NAT_8252) for column in P})
+    half_width_1 = stated["pressure_1_pa"].zero * math.sqrt(3.0) * A1
+    half_width_2 = stated["pressure_2_pa"].zero * math.sqrt(3.0) * A2
+    assert (half_width_1, half_width_2) == pytest.approx((390.0, 313.0), abs=1.0)
+    # U = 2·√(390² + 313²)/√3 N
+    np.testing.assert_allclose(expanded(recording(stated)), 577.0, atol=1.0)
+
+
+P = ("pressure_1_pa", "pressure_2_pa")
+
+
+def both(uncertainty: SensorUncertainty) -> dict[str, SensorUncertainty]:
+    return dict.fromkeys(P, uncertainty)
+
+
+def test_span_counts_with_the_reading() -> None:
+    found = expanded(recording(both(SensorUncertainty(zero=0.0, span=0.01))))
+    np.testing.assert_allclose(found, [2.0 * 0.5e5 * A2, 2.0 * 1e5 * A1])
+
+
+def test_steps_are_rectangular() -> None:
+    step_pa = 250e5 / 4096
+    found = expanded(recording(both(SensorUncertainty(0.0, 0.0, step_pa))))
+    np.testing.assert_allclose(found, 2.0 * step_pa / math.sqrt(12.0) * math.hypot(A1, A2))
+
+
+def test_loads_add_in_quadrature() -> None:
+    pressures = both(SensorUncertainty(1e4, 0.0))
+    alone = 1e4 * math.hypot(A1, A2)
+    measured = recording(pressures | {"load_force_n": SensorUncertainty(30.0, 0.0)}, load_force_n=[500.0, 600.0])
+    np.testing.assert_allclose(expanded(measured), 2.0 * math.hypot(alone, 30.0))
+    identified = expanded(recording(pressures), np.array([0.0, 40.0]))
+    np.testing.assert_allclose(identified, [2.0 * alone, 2.0 * math.hypot(alone, 40.0)])
+
+
+def test_drive_force_takes_the_place_of_missing_pressures() -> None:
+    stated = {"drive_force_n": SensorUncertainty(3.0, 0.02)}
+    table = pd.DataFrame({"time_s": [0.0, 1.0], "position_m": [0.0, 0.1], "drive_force_n": [0.0, 200.0]})
+    motor = Recording(RecordingMetadata("r", "1", "s", 1.0, uncertainty=stated), table)
+    np.testing.assert_allclose(expanded(motor), [6.0, 10.0])
+
+
+def test_unknown_is_not_zero() -> None:
+    assert label_uncertainty(recording({}), CYLINDER) is None
+    assert label_uncertainty(recording({"pressure_1_pa": SensorUncertainty(1.0, 0.0)}), CYLINDER) is None
+    loaded = recording(both(SensorUncertainty(1.0, 0.0)), load_force_n=[1.0, 2.0])
+    assert label_uncertainty(loaded, CYLINDER) is None
+    assert label_uncertainty(loaded, CYLINDER, 10.0) is not None
+    assert label_uncertainty(loaded, CYLINDER, measured_load=False) is not None

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.formats import read_logged_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def times(folder: Path, cells: list[str]):  # type: ignore[no-untyped-def]
+    path = folder / "log.csv"
+    path.write_text("Zeit;p\n" + "".join(f"{cell};{row}\n" for row, cell in enumerate(cells)), encoding="utf-8")
+    (table,) = read_logged_file(path)
+    return table
+
+
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        (["2026-03-14T08:15:00.125", "2026-03-14T08:15:01"], ["2026-03-14T08:15:00.125", "2026-03-14T08:15:01"]),
+        (["2026-03-14 08:15:00", "2026-03-14 08:15:01"], ["2026-03-14T08:15:00", "2026-03-14T08:15:01"]),
+        (
+            ["2026-03-14 08:15:00,125", "2026-03-14 08:15:00,130"],
+            ["2026-03-14T08:15:00.125", "2026-03-14T08:15:00.130"],
+        ),
+        (["14.03.2026 08:15:00,125", "14.03.2026 08:15:00,13"], ["2026-03-14T08:15:00.125", "2026-03-14T08:15:00.130"]),
+        (["01.02.2026 08:15", "1.2.2026 08:16"], ["2026-02-01T08:15", "2026-02-01T08:16"]),
+        (
+            ["2026/03/14 08:15:00:005", "2026/03/14 08:15:00:010"],
+            ["2026-03-14T08:15:00.005", "2026-03-14T08:15:00.010"],
+        ),
+        (["14-Mar-2026 08:15:00", "14-Mar-2026 08:15:01"], ["2026-03-14T08:15:00", "2026-03-14T08:15:01"]),
+        (["03/14/2026 12:00:00 AM", "03/14/2026 1:00:00 PM"], ["2026-03-14T00:00:00", "2026-03-14T13:00:00"]),
+        (["2026-03-14T08:15:00+01:00", "2026-03-14T08:15:01+01:00"], ["2026-03-14T07:15:00", "2026-03-14T07:15:01"]),
+        (["14.03.2026 08:15:00+01:00", "14.03.2026 08:15:01Z"], ["2026-03-14T07:15:00", "2026-03-14T08:15:01"]),
+        (["2026-03-14", "2026-03-15"], ["2026-03-14", "2026-03-15"]),
+        (["28/02/2026 23:59:59", "01/03/2026 00:00:00"], ["2026-02-28T23:59:59", "2026-03-01T00:00:00"]),
+        (["02/28/2026 23:59:59", "03/01/2026 00:00:00"], ["2026-02-28T23:59:59", "2026-03-01T00:00:00"]),
+        (["03/03/2026 08:00:00", "03/03/2026 08:00:01"], ["2026-03-03T08:00:00", "2026-03-03T08:00:01"]),
+    ],
+)
+def test_dates(tmp_path: Path, cells: list[str], expected: list[str]) -> None:
+    stamps = times(tmp_path, cells).channels["Zeit"].to_numpy()
+    assert stamps.dtype == np.dtype("datetime64[ns]")
+    np.testing.assert_array_equal(stamps, np.array(expected, dtype="datetime64[ns]"))
+
+
+def test_day_and_month_are_never_guessed(tmp_path: Path) -> None:
+    with pytest.raises(
+        RecordingError,
+        match=r"channel 'Zeit': '01/02/2026 08:00:00' may have the day or the month first, and no row settles it; "
+        r"expected dates with one reading: let the logger write ISO 8601",
+    ):
+        times(tmp_path, ["01/02/2026 08:00:00", "01/02/2026 08:00:01"])
+
+
+def test_a_missing_stamp_is_not_a_time(tmp_path: Path) -> None:
+    stamps = times(tmp_path, ["14.03.2026 08:15:00", "NaN", "14.03.2026 08:15:02"]).channels["Zeit"].to_numpy()
+    assert np.isnat(stamps).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("cells", [["08:15:00,125", "08:15:00,130"], ["08:15:00", "08:15:01"]])
+def test_a_time_of_day_is_seconds_since_midnight(tmp_path: Path, cells: list[str]) -> None:
+    table = times(tmp_path, cells)
+    assert table.units == {"Zeit": "s"}
+    expected = [29700.125, 29700.13] if "," in cells[0] else [29700.0, 29701.0]
+    np.testing.assert_array_equal(table.channels["Zeit"], expected)
+
+
+@pytest.mark.parametrize(
+    "cell", ["31.02.2026 08:15:00", "14.13.2026 08:15:00", "14.03.2026 25:15:00", "14.03.0026 08:15:00"]
+)
+def test_what_is_no_date_stays_text(tmp_path: Path, cell: str) -> None:
+    assert times(tmp_path, ["14.03.2026 08:15:00", cell]).channels["Zeit"].tolist() == ["14.03.2026 08:15:00", cell]

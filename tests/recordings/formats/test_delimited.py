@@ -1,0 +1,263 @@
+from __future__ import annotations
+
+import gzip
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings import LoggedTable, RecordingError
+from cylinder_friction.recordings.formats import CsvOptions, read_logged_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture
+def read(tmp_path: Path):  # type: ignore[no-untyped-def]
+    """Writes text (CRLF and all as given) to a file and reads it."""
+
+    def written(content: str | bytes, *, wanted: list[str] | None = None, **options: str) -> LoggedTable:
+        path = tmp_path / "log.csv"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        (table,) = read_logged_file(path, "csv", CsvOptions(**options), wanted)
+        return table
+
+    return written
+
+
+TWO = {"t": [0.0, 0.5], "p": [1.5, 2.5]}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "t,p\n0,1.5\n0.5,2.5\n",
+        "t;p\r\n0;1,5\r\n0,5;2,5\r\n",
+        "t\tp\r0\t1.5\r0.5\t2.5\r",
+        "t|p\n0|1.5\n0.5|2.5\n",
+        "  t    p\n  0.0   1.5\n  0.5   2.5  \n",
+        "t\tp\n0\t1,5\n0,5\t2,5\n",
+        't,p\n"0","1,5"\n"0,5","2,5"\n',
+        '"t","p"\n0,1.5\n0.5,2.5\n',
+        "t, p\n0, +1.5\n.5, 2.5E0\n",
+        "t,p,\n0,1.5,\n0.5,2.5,\n",
+        "t,p\n0,1.5,\n0.5,2.5,\n",
+        "\n\nt,p\n\n0,1.5\n\n0.5,2.5\n\n\n",
+        "\ufefft,p\n0,1.5\n0.5,2.5\n",
+        "t,p\n0,1.5\n0.5,2.5\n".encode("utf-16"),
+        b"\xff\xfe" + "t;p\r\n0;1,5\r\n0,5;2,5\r\n".encode("utf-16-le"),
+        gzip.compress(b"t,p\n0,1.5\n0.5,2.5\n"),
+    ],
+)
+def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # type: ignore[no-untyped-def]
+    table = read(content)
+    assert table.channels.to_dict("list") == TWO
+    assert table.notes == ()
+
+
+PREAMBLES = {
+    "comments": "# logger 7\n# serial 123, bench 2\nt,p\n",
+    "commented names": "# t, p\n",
+    "keys and values": "Logger: X200\nStart: 2026-03-14 08:15:00\nRate [Hz]: 2\n\nt,p\n",
+    "keys in cells": "Logger,X200\nSerial,123\nRate,2\nt,p\n",
+    "LabVIEW": "LabVIEW Measurement\nSeparator,Comma\nDecimal_Separator,.\n***End_of_Header***\n\n"
+    "Channels,2\nSamples,2,2\nX0,0.0,0.0\n***End_of_Header***\nt,p,Comment\n",
+    "HBM": "HBM_CATMAN 5.0\nT0=08:15\nt,p\ns,bar\n",
+    "title": "Test bench 7 - slow stroke\n\nt,p\n",
+}
+
+
+@pytest.mark.parametrize("preamble", PREAMBLES.values(), ids=PREAMBLES)
+def test_what_a_logger_says_above_the_names_is_skipped(read, preamble: str) -> None:  # type: ignore[no-untyped-def]
+    assert read(preamble + "0,1.5\n0.5,2.5\n").channels.to_dict("list") == TWO
+
+
+def test_twincat_scope_has_a_time_column_a_channel(read) -> None:  # type: ignore[no-untyped-def]
+    table = read(
+        "Name;Scope\nFile;D:\\a.tcscopex\nStarttime of export;133;14.03.2026\n\n"
+        "Name;Axis.x;Name;Axis.p\nSymbolComment;;SymbolComment;\nData-Type;REAL64;Data-Type;REAL64\n"
+        "SampleTime[ms];10;SampleTime[ms];10\nVariableSize;8;VariableSize;8\n\n0;0,5;0;1,5\n10;0,25;10;2,5\n"
+    )
+    assert table.channels.to_dict("list") == {
+        "time of Axis.x": [0, 10],
+        "Axis.x": [0.5, 0.25],
+        "time of Axis.p": [0, 10],
+        "Axis.p": [1.5, 2.5],
+    }
+
+
+@pytest.mark.parametrize(
+    ("header", "units"),
+    [
+        ("t [s],P1 [bar],axis[1]", {"t [s]": "s", "P1 [bar]": "bar"}),
+        ("t (s),P1 (bar),pressure (A)", {"t (s)": "s", "P1 (bar)": "bar"}),
+        ("t/s,v/mm/s,x in mm", {"t/s": "s", "v/mm/s": "mm/s", "x in mm": "mm"}),
+        ("t,P1 (rod side),x\ns,bar,mm", {"t": "s", "P1 (rod side)": "bar", "x": "mm"}),
+        ("t,P1,x\n[s],[bar],", {"t": "s", "P1": "bar"}),
+        ("t,P1,x\n(s),(bar),(°C)\nclock,piston,oil", {"t": "s", "P1": "bar", "x": "°C"}),
+        ("t,P1,x", {}),
+    ],
+)
+def test_units_of_the_header(read, header: str, units: dict[str, str]) -> None:  # type: ignore[no-untyped-def]
+    table = read(f"{header}\n0,1,2\n1,3,4\n")
+    assert table.units == units
+    assert list(table.channels.columns) == header.split("\n", maxsplit=1)[0].split(",")
+
+
+def test_without_a_header_channels_are_numbered(read) -> None:  # type: ignore[no-untyped-def]
+    for header in ("auto", "none"):
+        table = read("0\t1.5\n1\t2.5\n", header=header)
+        assert table.channels.to_dict("list") == {"column_1": [0, 1], "column_2": [1.5, 2.5]}
+
+
+def test_names_may_be_numbers_if_the_user_says_so(read) -> None:  # type: ignore[no-untyped-def]
+    assert list(read("1;2\n0;5\n1;6\n", header="names").channels.columns) == ["1", "2"]
+    table = read("1;2\n7;8\n0;5\n1;6\n", header="names_units")
+    assert table.units == {"1": "7", "2": "8"}
+    assert table.channels.to_dict("list") == {"1": [0, 1], "2": [5, 6]}
+
+
+def test_options_take_the_place_of_guesses(read) -> None:  # type: ignore[no-untyped-def]
+    assert read("p [bar]\n3,845\n3,9\n", delimiter=";", decimal=",").channels.to_dict("list") == {
+        "p [bar]": [3.845, 3.9]
+    }
+    table = read("t^p\n0^1,5\n1^2,5\n", delimiter="^")
+    assert table.channels.to_dict("list") == {"t": [0, 1], "p": [1.5, 2.5]}
+    assert read("T [°C]\r\n40.5\r\n".encode("cp437"), encoding="cp437").channels.to_dict("list") == {"T [°C]": [40.5]}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"delimiter": "ab"}, "delimiter: expected one character, 'whitespace' or 'auto', but got 'ab'"),
+        ({"decimal": "'"}, "decimal: expected '.', ',' or 'auto', but got"),
+        ({"encoding": "klingon"}, "encoding: expected one that Python knows.*but got 'klingon'"),
+        ({"header": "two"}, "header: expected one of auto, none, names, names_units, but got 'two'"),
+    ],
+)
+def test_options_are_checked(options: dict[str, str], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        CsvOptions(**options)
+
+
+def test_older_encodings_are_recognised(read) -> None:  # type: ignore[no-untyped-def]
+    assert read("T [°C],F [µN]\n40.5,1\n".encode("cp1252")).units == {"T [°C]": "°C", "F [µN]": "µN"}
+    # The first character beyond ASCII comes far down, in a remark.
+    rows = "".join(f"{i},ok\n" for i in range(20000))
+    table = read(f"t,remark\n{rows}20000,zu heiß\n".encode("cp1252"))
+    assert table.channels["remark"].iloc[-1] == "zu heiß"
+    with pytest.raises(RecordingError, match="its characters are not utf-8"):
+        read(f"t,remark\n{rows}20000,zu heiß\n".encode("cp1252"), encoding="utf-8")
+
+
+def test_missing_values_are_nan(read) -> None:  # type: ignore[no-untyped-def]
+    tokens = ["", "nan", "NaN", "NA", "N/A", "null", "-", "#N/A", " ", "1.#QNAN"]
+    table = read("t,p,empty\n" + "".join(f"{i},{token},\n" for i, token in enumerate(tokens)) + "99,1.5,\n")
+    np.testing.assert_array_equal(table.channels["p"].to_numpy(), [*[np.nan] * len(tokens), 1.5])
+    assert table.channels["empty"].isna().all()
+
+
+def test_text_stays_text_and_its_neighbours_numbers(read) -> None:  # type: ignore[no-untyped-def]
+    table = read("t,p\n0,1.5\n1,\n2,broken\n3,-2e1\n")
+    values = table.channels["p"].tolist()
+    assert (values[0], values[2], values[3]) == (1.5, "broken", -20.0)
+    assert np.isnan(values[1])
+
+
+def test_rows_in_which_a_sensor_fails_at_first_are_rows(read) -> None:  # type: ignore[no-untyped-def]
+    table = read("t,p\n0,overload\n1,overload\n" + "".join(f"{i},1.5\n" for i in range(2, 20)))
+    assert table.channels["p"].tolist() == ["overload", "overload", *[1.5] * 18]
+
+
+def test_under_a_decimal_comma_a_point_is_no_decimal_sign(read) -> None:  # type: ignore[no-untyped-def]
+    table = read("t;p\n0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n")
+    assert table.channels["p"].tolist() == [1.5, "1.234,5", "3.845", 2.5]
+
+
+def test_a_decimal_comma_that_shows_late_is_found(read) -> None:  # type: ignore[no-untyped-def]
+    rows = "".join(f"{i};0\n" for i in range(20000))
+    table = read("t;x\n" + rows + "20000;0,5\n")
+    assert table.channels["x"].iloc[-1] == 0.5
+    assert table.channels["x"].dtype == np.float64
+
+
+def test_commas_with_two_readings_are_refused(read) -> None:  # type: ignore[no-untyped-def]
+    content = 't,p\n"0","1,234"\n"1","2,345"\n'
+    with pytest.raises(RecordingError, match=r"'1,234' may be 1\.234 or 1234; say which sign is the decimal one"):
+        read(content)
+    assert read(content, decimal=",").channels["p"].tolist() == [1.234, 2.345]
+
+
+@pytest.mark.parametrize(
+    ("content", "kept", "note"),
+    [
+        (
+            "t,p\n0,1\n1,2\n2,3",
+            [1, 2],
+            "its last line has no line end and may be cut in a number; it was left out: '2,3'",
+        ),
+        ("t,p\n0,1\n1,2\n2", [1, 2], "it was left out: '2'"),
+        ("t,p\n0,1\n1,2\n" + "\0" * 500, [1, 2], "500 zero bytes at its end were left out"),
+        ("t,p\r0,1\r1,2\r2,3", [1, 2], "left out: '2,3'"),
+    ],
+)
+def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], note: str) -> None:  # type: ignore[no-untyped-def]
+    table = read(content)
+    assert table.channels["p"].tolist() == kept
+    assert any(note in entry for entry in table.notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("t,p\n", "no rows of numbers were found in its first 1 lines"),
+        ("t,p\n0,1", "no rows of numbers were found"),
+        ("\n\n", "holds not one whole line"),
+        ("1,2", "holds not one whole line"),
+        ("Dear reader,\nthere is no table here.\n", "no rows of numbers were found in its first 2 lines"),
+        ("a,b\n1,2\n3,4\n5\n", "line 4 holds 1 values: '5'; expected 2 as in the lines above it"),
+        ("# x\n\na,b\n1,2\n3,4,5\n6,7\n", "line 5 holds 3 values: '3,4,5'; expected 2"),
+        ("a,b,c\n1,2\n3,4\n", "line 1 names 3 channels, but the line below holds 2 values"),
+        ("a,b\n1,2,3\n3,4,5\n", "line 1 names 2 channels, but the line below holds 3 values"),
+        ("t,p\n0,1\n1,2\nt,p\n0,3\n", "line 4 is the header again: 't,p'; two logs in one file have two clocks"),
+        ("# log 1\nt,p\n0,1\n1,2\n# log 2\nt,p\n0,3\n", "line 5 holds 1 values: '# log 2'"),
+    ],
+)
+def test_what_is_no_table_is_refused(read, content: str, message: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(RecordingError, match=message):
+        read(content)
+
+
+def test_a_name_may_occur_twice(read) -> None:  # type: ignore[no-untyped-def]
+    table = read("t,p,p\n0,1,2\n1,3,4\n", wanted=["p"])
+    assert list(table.channels.columns) == ["p", "p"]
+    assert table.unread == ("t",)
+
+
+def test_a_wide_file_is_recognised_beyond_its_first_bytes(read) -> None:  # type: ignore[no-untyped-def]
+    names = [f"channel number {i} of the bench [bar]" for i in range(3000)]
+    rows = "\n".join(",".join(str(i + j) for i in range(3000)) for j in range(3))
+    table = read(",".join(names) + "\n" + rows + "\n", wanted=[names[2999]])
+    assert table.channels.iloc[:, 0].tolist() == [2999, 3000, 3001]
+    assert len(table.unread) == 2999
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(
+    rows=st.lists(st.tuples(numbers, numbers, numbers), min_size=1, max_size=20),
+    delimiter=st.sampled_from([",", ";", "\t", "|"]),
+    comma=st.booleans(),
+)
+def test_numbers_come_back_to_the_last_bit(tmp_path_factory, rows, delimiter: str, comma: bool) -> None:  # type: ignore[no-untyped-def]
+    decimal = "," if comma and delimiter != "," else "."
+    lines = [delimiter.join(repr(value).replace(".", decimal) for value in row) for row in rows]
+    path = tmp_path_factory.mktemp("numbers") / "log"
+    path.write_text("\n".join([delimiter.join(["time", "P1 [bar]", "pos"]), *lines, ""]), encoding="utf-8")
+    (table,) = read_logged_file(path)
+    assert list(table.channels.columns) == ["time", "P1 [bar]", "pos"]
+    np.testing.assert_array_equal(table.channels.to_numpy(dtype=np.float64), rows)

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import gzip
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.formats import detect_format, read_logged_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "the file is empty: 0 bytes"),
+        (
+            b"PK\x03\x04rest",
+            r"is a ZIP file \(perhaps an Excel workbook\): export the table as CSV; expected one of csv",
+        ),
+        (b"%PDF-1.7\n", "is a PDF"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1", "is an old Excel or Word file"),
+        (b"TDSh\x0e\0\0\0", r"is the index of a TDMS file: take the \.tdms file itself"),
+        (b'{"t": [1, 2]}', "is JSON"),
+        (b"BZh91AY", "packed with bzip2"),
+        (bytes(range(256)) * 4, r"neither text nor a known binary log: it begins with b'\\x00\\x01"),
+        (bytes(100), "neither text nor a known binary log"),
+        (b"\x1f\x8b\x08\0\0\0\0\0\0\0\xff\xff", "its gzip cannot be unpacked: .*; the file is damaged or cut off"),
+        (b"\x1f\x8b", "gzipped file is empty or cut off"),
+    ],
+)
+def test_what_is_no_log_is_refused_by_name(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=message):
+        detect_format(path)
+    with pytest.raises(RecordingError, match=message):
+        read_logged_file(path)
+
+
+def test_what_cannot_be_opened_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot be opened: No such file"):
+        read_logged_file(tmp_path / "gone.csv")
+    with pytest.raises(RecordingError, match="cannot be opened: Is a directory"):
+        read_logged_file(tmp_path)
+
+
+def test_unfinished_and_cut_gzip_is_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{i},{i * 7919 % 10007}\n" for i in range(50000))
+    whole = gzip.compress(("a,b\n" + rows).encode())
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(whole[: len(whole) // 2])
+    assert detect_format(path) == "csv"
+    with pytest.raises(RecordingError, match=r"its gzip cannot be unpacked: .*end-of-stream"):
+        read_logged_file(path)

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+import pytest
+
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.formats import read_logged_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+T = np.arange(6.0)
+
+
+def test_datasets_by_path_and_length(tmp_path: Path) -> None:
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["pressures/P1"] = T.astype(">f4")
+        file["pressures/P1"].attrs["units"] = np.bytes_("bar")
+        file["pressures/t"] = T
+        file["motion/x"] = np.arange(3.0)
+        file["motion/both"] = np.ones((3, 2), dtype=np.int16)
+        file["serial"] = 7
+        file["remarks"] = np.array(["ok"] * 6, dtype=h5py.string_dtype())
+    short, long = read_logged_file(path)
+    assert (short.name, list(short.channels.columns)) == ("motion", ["motion/both_1", "motion/both_2", "motion/x"])
+    assert (long.name, list(long.channels.columns)) == ("6 rows", ["pressures/P1", "pressures/t", "remarks"])
+    assert long.channels["pressures/P1"].dtype == np.float32
+    assert long.channels["remarks"].tolist() == ["ok"] * 6
+    assert long.units == {"pressures/P1": "bar"}
+    assert short.unread == ("serial",)
+
+
+def test_a_compound_dataset_is_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "log.h5"
+    rows = np.zeros(6, dtype=[("t", "f8"), ("raw", "u2", (2,)), ("note", "S4")])
+    rows["t"], rows["raw"][:, 1] = T, 9
+    with h5py.File(path, "w") as file:
+        file["bench/log"] = rows
+    (table,) = read_logged_file(path)
+    assert table.name == "bench/log"
+    assert list(table.channels.columns) == ["t", "raw_1", "raw_2"]
+    assert table.channels["raw_2"].tolist() == [9] * 6
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("sampling_rate", 200), ("dt", 0.005), ("sample_time_s", np.float32(0.005))]
+)
+def test_a_stated_rate_makes_a_time_channel(tmp_path: Path, key: str, value: float) -> None:
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["bench/P1"] = T
+        file["bench"].attrs[key] = value
+    (table,) = read_logged_file(path)
+    assert list(table.channels.columns) == ["time", "bench/P1"]
+    np.testing.assert_allclose(table.channels["time"], T * 0.005, rtol=1e-7)
+    assert table.units == {"time": "s"}
+
+
+def test_a_time_dataset_goes_before_a_stated_rate(tmp_path: Path) -> None:
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["time"], file["P1"] = T, T
+        file["P1"].attrs["sampling_rate"] = 200
+    (table,) = read_logged_file(path)
+    assert list(table.channels.columns) == ["P1", "time"]
+
+
+def test_a_dataset_larger_than_its_file_could_hold_is_damaged(tmp_path: Path) -> None:
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("P1", shape=(10**12,), dtype="f8", chunks=(1024,))
+    with pytest.raises(RecordingError, match="dataset '/P1' claims 8000000000000 bytes in a file of"):
+        read_logged_file(path)
+
+
+def test_a_heap_that_the_library_would_never_leave_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["P1"] = T
+        file["P1"].attrs["unit"] = "bar"
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"GCOL")
+    content[heap + 24 + 1] = 1
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=f"its heap of texts at byte {heap} is damaged"):
+        read_logged_file(path)

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.formats import read_logged_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+T = np.arange(6.0)
+
+
+def saved(folder: Path, variables: dict[str, Any]) -> Path:
+    scipy.io.savemat(folder / "log.mat", variables)
+    return folder / "log.mat"
+
+
+def test_vectors_matrices_and_structs_are_channels(tmp_path: Path) -> None:
+    both = np.column_stack([T + 1, T + 2])
+    path = saved(
+        tmp_path,
+        {
+            "t": T[:, None],
+            "row": T[None, :],
+            "counts": T.astype(np.int16),
+            "pressures": both,
+            "lying": both.T,
+            "log": {"P1": T + 3, "deep": {"x": T + 4}, "unit": "bar", "n": 6.0},
+            "kp": 2.0,
+            "remark": "slow",
+            "on": T > 2,
+        },
+    )
+    (table,) = read_logged_file(path)
+    names = ["t", "row", "counts", "pressures_1", "pressures_2", "lying_1", "lying_2", "log.P1", "log.deep.x", "on"]
+    assert list(table.channels.columns) == names
+    np.testing.assert_array_equal(table.channels["pressures_2"], T + 2)
+    np.testing.assert_array_equal(table.channels["lying_2"], T + 2)
+    assert table.channels["counts"].dtype == np.int16
+    assert table.units == {"log.P1": "bar", "log.deep.x": "bar"}
+    assert set(table.unread) == {"kp", "remark", "log.n"}
+
+
+def test_simulink_structure_with_time(tmp_path: Path) -> None:
+    signals = np.zeros((2,), dtype=[("values", object), ("label", object), ("dimensions", object)])
+    signals[0] = (T[:, None], "P1", 1.0)
+    signals[1] = (np.arange(12.0).reshape(1, 2, 6), "", np.array([1, 2]))
+    (table,) = read_logged_file(
+        saved(tmp_path, {"scope": {"time": T[:, None], "signals": signals, "blockName": "m/s"}})
+    )
+    assert list(table.channels.columns) == ["scope.time", "scope.P1", "scope.signals_2_1", "scope.signals_2_2"]
+    np.testing.assert_array_equal(table.channels["scope.signals_2_2"], np.arange(6.0, 12.0))
+    assert table.units == {"scope.time": "s"}
+
+
+def test_arrays_of_structs_are_numbered_and_other_lengths_another_table(tmp_path: Path) -> None:
+    runs = np.zeros((2,), dtype=[("x", object)])
+    runs[0], runs[1] = (T,), (np.arange(9.0),)
+    tables = read_logged_file(saved(tmp_path, {"run": runs}))
+    assert [(table.name, list(table.channels.columns), len(table.channels)) for table in tables] == [
+        ("run_1", ["run_1.x"], 6),
+        ("run_2", ["run_2.x"], 9),
+    ]
+
+
+def test_only_variables_that_are_wanted_are_loaded(tmp_path: Path) -> None:
+    path = saved(tmp_path, {"log": {"P1": T, "P2": T}, "m": np.eye(6), "x": T})
+    (table,) = read_logged_file(path, wanted=["log.P2", "m_3"])
+    assert list(table.channels.columns) == ["log.P2", "m_3"]
+    assert {"log.P1", "x"} <= set(table.unread)
+
+
+def test_a_file_without_vectors_says_what_it_holds(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="holds no channels; got kp, name; expected vectors of numbers"):
+        read_logged_file(saved(tmp_path, {"kp": 2.0, "name": "x"}))
+
+
+def test_matlab_73_structs_text_and_arrays_of_structs(tmp_path: Path) -> None:
+    path = tmp_path / "log.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["t"] = T[None, :]
+        file["both"] = np.stack([T + 1, T + 2])
+        log = file.create_group("log")
+        log["P1"] = T[None, :] + 3
+        text = log.create_dataset("unit", data=np.array([[98], [97], [114]], dtype=np.uint16))
+        text.attrs["MATLAB_class"] = np.bytes_("char")
+        hidden = file.create_group("#refs#")
+        hidden["a"], hidden["b"] = T[None, :] + 5, T[None, :] + 6
+        runs = file.create_group("run")
+        runs.create_dataset("x", data=np.array([[hidden["a"].ref], [hidden["b"].ref]], dtype=h5py.ref_dtype))
+        file["nothing"] = np.zeros(2, dtype=np.uint64)
+        file["nothing"].attrs["MATLAB_empty"] = np.uint8(1)
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, Platform: PCWIN64".ljust(124) + b"\x00\x02IM")
+    (table,) = read_logged_file(path)
+    assert {name: table.channels[name].iloc[0] for name in table.channels.columns} == {
+        "both_1": 1.0,
+        "both_2": 2.0,
+        "log.P1": 3.0,
+        "run_1.x": 5.0,
+        "run_2.x": 6.0,
+        "t": 0.0,
+    }
+    assert table.units == {"log.P1": "bar"}
+    assert table.unread == ("nothing",)

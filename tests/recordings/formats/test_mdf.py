@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from asammdf import MDF, Signal
+from asammdf.blocks.conversion_utils import from_dict
+
+import format_writers
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.formats import read_logged_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+T = np.arange(6) * 0.01
+
+
+def saved(file: MDF, folder: Path) -> Path:
+    path = file.save(folder / "log.mf4" if file.version >= "4.00" else folder / "log.mdf", overwrite=True)
+    file.close()
+    return path
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10", "4.20"])
+def test_groups_conversions_and_text(tmp_path: Path, version: str) -> None:
+    raw = np.arange(6, dtype=np.uint16)
+    linear = from_dict({"a": 0.5, "b": 1.0})
+    words = from_dict({"val_0": 0, "text_0": b"up", "val_1": 1, "text_1": b"down", "default": b"?"})
+    file = MDF(version=version)
+    file.append(
+        [
+            Signal(raw, T, name="P1", unit="bar", conversion=linear),
+            Signal(raw % 2, T, name="state", conversion=words),
+        ]
+    )
+    file.append([Signal(np.arange(3.0), np.arange(3) * 0.02, name="P1", unit="mm")])
+    fast, slow = read_logged_file(saved(file, tmp_path))
+    assert len(fast.channels) == 6
+    assert len(slow.channels) == 3
+    master = fast.channels.columns[0]
+    np.testing.assert_array_equal(fast.channels[master], T)
+    assert fast.units[master] == "s"
+    np.testing.assert_array_equal(fast.channels["P1"], raw * 0.5 + 1.0)
+    assert fast.channels["state"].tolist() == ["up", "down"] * 3
+    assert (fast.units["P1"], slow.units["P1"]) == ("bar", "mm")
+
+
+def test_samples_marked_invalid_are_missing(tmp_path: Path) -> None:
+    invalid = np.array([0, 0, 1, 0, 0, 0], dtype=bool)
+    file = MDF(version="4.10")
+    file.append([Signal(np.arange(6, dtype=np.int16), T, name="P1", invalidation_bits=invalid)])
+    (table,) = read_logged_file(saved(file, tmp_path))
+    np.testing.assert_array_equal(table.channels["P1"], [0, 1, np.nan, 3, 4, 5])
+
+
+def test_blocks_in_a_circle_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.mf4"
+    table, units = format_writers.synthetic(40)
+    format_writers.write_mdf4(path, table, units)
+    content = bytearray(path.read_bytes())
+    channel = content.index(b"##CN")
+    content[channel + 24 : channel + 32] = channel.to_bytes(8, "little")
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=f"its blocks point in a circle at byte {channel}; it is damaged"):
+        read_logged_file(path)
+
+
+def test_fewer_samples_than_stated_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "log.mf4"
+    table, units = format_writers.synthetic(40)
+    format_writers.write_mdf4(path, table, units)
+    content = bytearray(path.read_bytes())
+    # The number of samples stands behind a channel group's header, six links and the record's number.
+    place = content.index(b"##CG") + 24 + 6 * 8 + 8
+    assert content[place] == 40
+    content[place] = 60
+    path.write_bytes(content)
+    (read,) = read_logged_file(path)
+    assert len(read.channels) == 40
+    assert read.notes == ("the file is cut off: 40 of 60 samples are there",)

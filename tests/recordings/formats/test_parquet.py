@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.formats import read_logged_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_columns_of_every_kind(tmp_path: Path) -> None:
+    table = pa.table(
+        {
+            "when": pa.array([0, 1_500], pa.timestamp("ms", tz="Europe/Berlin")),
+            "day": pa.array([0, 1], pa.date32()),
+            "count": pa.array([1, None], pa.int32()),
+            "on": pa.array([True, False]),
+            "state": pa.array(["up", None]).dictionary_encode(),
+            " P1 ": pa.array([1.5, 2.5], pa.float32()),
+            "list": pa.array([[1], [2]]),
+        }
+    )
+    pq.write_table(table, tmp_path / "log")
+    (read,) = read_logged_file(tmp_path / "log")
+    assert read.unread == ("list",)
+    stamps = np.array(["1970-01-01T00:00:00", "1970-01-01T00:00:01.5"], dtype="datetime64[ns]")
+    np.testing.assert_array_equal(read.channels["when"].to_numpy(), stamps)
+    assert read.channels["day"].dtype == np.dtype("datetime64[ns]")
+    np.testing.assert_array_equal(read.channels["count"], [1.0, np.nan])
+    assert read.channels["on"].tolist() == [1, 0]
+    assert read.channels["state"].iloc[0] == "up"
+    assert pd.isna(read.channels["state"].iloc[1])
+    assert read.channels["P1"].dtype == np.float32
+
+
+def test_row_numbers_of_pandas_are_no_channel_but_its_times_are(tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    table = pd.DataFrame({"P1": [1.0, 2.0, 3.0]})
+    table[table["P1"] > 1].to_parquet(path)
+    assert list(read_logged_file(path)[0].channels.columns) == ["P1"]
+    table.set_index(pd.date_range("2026-03-14", periods=3, freq="s")).to_parquet(path)
+    assert set(read_logged_file(path)[0].channels.columns) == {"P1", "index"}
+    table.set_index(pd.Index([0.0, 0.1, 0.2], name="t")).to_parquet(path)
+    assert set(read_logged_file(path)[0].channels.columns) == {"P1", "t"}
+
+
+def test_no_rows_are_refused(tmp_path: Path) -> None:
+    pd.DataFrame({"P1": np.empty(0)}).to_parquet(tmp_path / "log")
+    with pytest.raises(RecordingError, match="holds no rows; expected a row a sample"):
+        read_logged_file(tmp_path / "log")

@@ -1,0 +1,340 @@
+"""A corpus of damaged files: each comes out as it should, says why, and never stops the good files beside it.
+
+Every case takes a good log of the rig and damages it in one way. What is expected stands beside it: ``passes``
+(nothing to say), ``repaired`` (a recording that says what was done), ``split`` (several recordings that say so) or
+``quarantined``.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import format_writers
+from cylinder_friction.recordings import (
+    ChannelMapping,
+    CheckLimits,
+    NameRules,
+    Recipe,
+    Source,
+    ingest_folder,
+    read_json,
+    read_recordings,
+)
+from cylinder_friction.rig.campaign import CampaignPlan, campaign
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings import Recording
+
+    Damage = Callable[[pd.DataFrame, Path], None]
+
+TIME, P1, P2, POSITION = "Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"
+CHANNELS = {
+    "time_s": {"channel": TIME, "unit": "s"},
+    "pressure_1_pa": {"channel": P1, "unit": "bar", "sensor": {"range": [0.0, 250.0], "unit": "bar", "bits": 12}},
+    "pressure_2_pa": {"channel": P2, "unit": "bar", "sensor": {"range": [0.0, 250.0], "unit": "bar", "bits": 12}},
+    "position_m": {"channel": POSITION, "unit": "mm"},
+}
+DAMAGED = "test1_session09_recording01"
+
+
+def csv(table: pd.DataFrame, **options: object) -> str:
+    return str(table.to_csv(index=False, float_format="%.3f", lineterminator="\n", **options))
+
+
+def text(change: Callable[[str], str | bytes], ending: str = "csv") -> Damage:
+    """Damages the text of the CSV file."""
+
+    def write(table: pd.DataFrame, folder: Path) -> None:
+        content = change(csv(table))
+        path = folder / f"{DAMAGED}.{ending}"
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+
+    return write
+
+
+def rows(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Damage:
+    """Damages the table before it is written."""
+    return lambda table, folder: (folder / f"{DAMAGED}.csv").write_text(csv(change(table)), "utf-8") and None
+
+
+def cells(column: str, where: slice | list[int] | int, value: object) -> Damage:
+    """Puts one value into some cells of a column."""
+
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        table = table.astype({column: object}) if isinstance(value, str) else table.copy()
+        table.iloc[where, table.columns.get_loc(column)] = value
+        return table
+
+    return rows(change)
+
+
+def column(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Damage:
+    """Changes a whole column."""
+    return rows(lambda table: table.assign(**{name: change(table[name].to_numpy())}))
+
+
+def cut(writer: str, share: float) -> Damage:
+    """Writes another format and keeps the first part of its bytes."""
+
+    def write(table: pd.DataFrame, folder: Path) -> None:
+        path = folder / f"{DAMAGED}.{writer}"
+        getattr(format_writers, f"write_{writer}")(path, table.rename(columns={TIME: "time"}), {})
+        content = path.read_bytes()
+        path.write_bytes(content[: int(share * len(content))])
+
+    return write
+
+
+def copy_in_other_session(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Damage:
+    """Writes the good recording once more, under another session's name."""
+
+    def write(_table: pd.DataFrame, folder: Path) -> None:
+        good = pd.read_csv(folder / "test1_session01_recording01.csv")
+        (folder / f"{DAMAGED}.csv").write_text(csv(change(good)), "utf-8")
+
+    return write
+
+
+def line(content: str, number: int, change: Callable[[str], str]) -> str:
+    lines = content.splitlines(keepends=True)
+    lines[number] = change(lines[number])
+    return "".join(lines)
+
+
+def shifted(table: pd.DataFrame, row: int, seconds: float) -> pd.DataFrame:
+    """Moves every stamp from a row on."""
+    time = table[TIME].to_numpy().copy()
+    time[row:] += seconds
+    return table.assign(**{TIME: time})
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    damage: Damage
+    outcome: str
+    says: str
+
+
+CASES: list[Case] = []  # filled below, by kind of damage
+
+
+def case(name: str, damage: Damage, outcome: str, says: str = "") -> None:
+    CASES.append(Case(name, damage, outcome, says))
+
+
+GENERATOR_SEED = 3
+
+
+def with_oil(content: str) -> str:
+    """Adds a channel whose name and unit are beyond ASCII."""
+    first, *rest = content.splitlines()
+    return "\n".join([f"{first},Öl [°C]", *(f"{row},41.5" for row in rest)]) + "\n"
+
+
+def noisy_stamps(table: pd.DataFrame) -> pd.DataFrame:
+    jitter = np.random.default_rng(GENERATOR_SEED).uniform(-1.5e-3, 1.5e-3, len(table))
+    return table.assign(**{TIME: np.round(table[TIME].to_numpy() + jitter, 6)})
+
+
+def write_precise(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Damage:
+    """As ``rows``, with stamps to the microsecond."""
+
+    def write(table: pd.DataFrame, folder: Path) -> None:
+        change(table).to_csv(folder / f"{DAMAGED}.csv", index=False, float_format="%.6f")
+
+    return write
+
+
+# The file itself
+case("empty", text(lambda _: ""), "quarantined", "is empty")
+case(
+    "header only",
+    text(lambda s: s.splitlines()[0] + "\n"),
+    "quarantined",
+    "no rows of numbers were found in its first 1 l",
+)
+case("a picture", text(lambda _: b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 8), "quarantined", "is a picture")
+case("a spreadsheet", text(lambda _: b"PK\x03\x04" + bytes(200)), "quarantined", "ZIP file .* export the table as CSV")
+case("zeros", text(lambda s: bytes(len(s))), "quarantined", "neither text nor a known binary log")
+case(
+    "cut gzip",
+    text(lambda s: gzip.compress(s.encode())[:-300], "csv.gz"),
+    "quarantined",
+    "gzip cannot be unpacked: .*cut off; copy it again",
+)
+case(
+    "damaged gzip",
+    text(lambda s: gzip.compress(s.encode())[:200] + bytes(400), "csv.gz"),
+    "quarantined",
+    "gzip cannot be unpacked",
+)
+case("cut parquet", cut("parquet", 0.7), "quarantined", "cannot be read as a Parquet file")
+case("cut matlab", cut("matlab5", 0.6), "quarantined", "MATLAB")
+case("cut tdms", cut("tdms", 0.001), "quarantined", "no channel with a row")
+case("cut hdf5", cut("hdf5", 0.5), "quarantined", "cannot be read as an HDF5 file")
+case("cut mdf", cut("mdf4", 0.5), "quarantined", "MDF")
+# Its lines
+case("a line too long", text(lambda s: line(s, 50, lambda x: x.replace("\n", ",1.0\n"))), "quarantined", "51")
+case("a line too short", text(lambda s: line(s, 50, lambda x: x.rsplit(",", 1)[0] + "\n")), "quarantined", "51")
+case("cut in the last number", text(lambda s: s[:-3]), "repaired", "last line")
+case("header again in the middle", text(lambda s: s + s), "quarantined", "line 4002 is the header again")
+case("text in a cell", cells(P1, 7, "error"), "quarantined", "'error' in row 8")
+case("thousands separators", text(lambda s: line(s, 9, lambda x: x.replace(".", ".000.", 1))), "quarantined", "row 9")
+case("utf-16", text(lambda s: s.encode("utf-16")), "passes")
+case("byte order mark", text(lambda s: b"\xef\xbb\xbf" + s.encode()), "passes")
+case("latin-1", text(lambda s: with_oil(s).encode("latin-1")), "passes")
+# Its channels
+case("channel renamed", text(lambda s: s.replace(P2, "p2 [bar]")), "quarantined", "channel 'P2 \\[bar\\]' .*missing")
+case("channel twice", text(lambda s: s.replace(P2, P1)), "quarantined", "occurs 2 times")
+case("header says MPa", rows(lambda t: t.rename(columns={P1: "P1 [MPa]"})), "quarantined", "missing")
+case("empty channel", cells(P2, slice(None), np.nan), "quarantined", "pressure_2_pa")
+# Its time
+case("rows twice", rows(lambda t: t.iloc[sorted([*range(len(t)), *range(590, 600)])]), "repaired", "10 ")
+case(
+    "a block of rows twice", rows(lambda t: pd.concat([t[:2000], t[1990:]])), "split", "split at 1 restart of the clock"
+)
+case("two rows swapped", rows(lambda t: t.iloc[[*range(500), 501, 500, *range(502, len(t))]]), "repaired", "order")
+case(
+    "clock restarts",
+    rows(lambda t: pd.concat([t[:2000], shifted(t[2000:], 0, -10.0)])),
+    "split",
+    "split at 1 restart of the clock",
+)
+case(
+    "gap of a second",
+    rows(lambda t: t.drop(index=range(2000, 2200))),
+    "split",
+    "split at 1 gap of more than 2 lost samples",
+)
+case("one sample lost", rows(lambda t: t.drop(index=[1500])), "repaired", "1 ")
+case("time stands", cells(TIME, slice(None), 1.0), "quarantined", "time")
+case("stamps missing", cells(TIME, [700, 900], np.nan), "repaired", "2 ")
+case("time in milliseconds", column(TIME, lambda t: 1e3 * t), "quarantined", "is sampled at")
+case("jitter", write_precise(noisy_stamps), "repaired", "uneven")
+case(
+    "ambiguous dates",
+    text(
+        lambda s: (
+            "\n".join([s.splitlines()[0]] + [f"01/02/2026 10:00:{i / 200:06.3f},1,2,3" for i in range(2000)]) + "\n"
+        )
+    ),
+    "quarantined",
+    "may have the day or the month first",
+)
+case("another rate", rows(lambda t: t.iloc[::2]), "quarantined", "sample time of 0.01 s")
+# Its values
+case("a few cells empty", cells(P1, [300, 301], np.nan), "repaired", "2 ")
+case("a hole in a channel", cells(P1, slice(2000, 2100), np.nan), "split", "without pressure_1_pa after 9.995 s")
+case("infinity", cells(P2, 400, np.inf), "repaired", "1 ")
+case("a spike", cells(P1, 1234, 180.0), "repaired", "spike")
+case("spikes everywhere", cells(P1, slice(10, None, 40), 180.0), "quarantined", "spike")
+case("position spikes", cells(POSITION, [1000, 2000], 240.0), "repaired", "2 ")
+case("beyond the converter", cells(P2, [500], 999.0), "repaired", "250 bar")
+case("broken wire", cells(P2, slice(1000, None), -62.5), "quarantined", "0 to 250 bar")
+case(
+    "saturated",
+    column(P1, lambda p: np.where(p > np.quantile(p, 0.8), 250.0, p)),
+    "quarantined",
+    "the sensor is saturated",
+)
+case("stuck pressure", column(P1, lambda p: np.where(np.arange(len(p)) > 500, p[500], p)), "quarantined", "stays at")
+case("constant pressure", cells(P2, slice(None), 10.0), "quarantined", "constant")
+case("nothing moves", column(POSITION, lambda x: 100.0 + 0.01 * np.sin(np.arange(len(x)))), "quarantined", "moves")
+case("too short", rows(lambda t: t.iloc[:600]), "quarantined", "expected at least 5 s")
+case("rate too low", rows(lambda t: t.iloc[::20]), "quarantined", "is sampled at")
+# Its units and signs
+case("Pa as bar", column(P1, lambda p: 1e5 * p), "quarantined", "bar")
+case("bar as Pa", rows(lambda t: t.assign(**{P1: t[P1] * 1e-5, P2: t[P2] * 1e-5})), "quarantined", "unit")
+case("metres as millimetres", column(POSITION, lambda x: 1e-3 * x), "quarantined", "unit")
+case("micrometres as millimetres", column(POSITION, lambda x: 1e3 * x), "quarantined", "unit")
+case("position has the other sign", column(POSITION, lambda x: -x), "quarantined", "sign")
+case("position counts from the other end", column(POSITION, lambda x: 250.0 - x), "quarantined", "inverted")
+case("pressures swapped", rows(lambda t: t.rename(columns={P1: P2, P2: P1})[list(t.columns)]), "quarantined", "swapped")
+case("zero of position far off", column(POSITION, lambda x: x + 150.0), "quarantined", "stroke")
+# Its neighbours
+case("the same file", copy_in_other_session(lambda t: t), "quarantined", "same bytes")
+case("the same recording, coarser", copy_in_other_session(lambda t: t.round(2)), "quarantined", "recording")
+case("the same recording, later", copy_in_other_session(lambda t: shifted(t, 0, 100.0)), "quarantined", "recording")
+case("half of the same recording", copy_in_other_session(lambda t: t.iloc[len(t) // 2 :]), "quarantined", "recording")
+case(
+    "path that tells nothing",
+    lambda t, folder: (folder / "stray.csv").write_text(csv(t), "utf-8") and None,
+    "quarantined",
+    "does not tell test and session",
+)
+
+
+@pytest.fixture(scope="module")
+def logs(cylinder: Cylinder) -> list[pd.DataFrame]:
+    """Three recordings of 20 s from three sessions of the rig's first test."""
+    plan = CampaignPlan(seed=5, sessions_per_test=3, recordings_per_session=1, duration_s=20.0)
+    taken = [recording.logger for _, recording in zip(range(3), campaign(cylinder, plan), strict=False)]
+    return [pd.read_csv(io.StringIO(csv(table))) for table in taken]
+
+
+@pytest.fixture
+def source(tmp_path: Path, logs: list[pd.DataFrame], cylinder: Cylinder) -> Source:
+    folder = tmp_path / "raw"
+    folder.mkdir()
+    for number, table in enumerate(logs[:2], start=1):
+        (folder / f"test1_session0{number}_recording01.csv").write_text(csv(table), "utf-8")
+    recipe = Recipe(
+        names=NameRules(r"(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_"),
+        channels={name: ChannelMapping.from_dict(values) for name, values in CHANNELS.items()},
+        cylinder=cylinder.name,
+        limits=CheckLimits(cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2),
+    )
+    return Source(folder, "*", recipe)
+
+
+def of_the_damaged(recordings: list[Recording]) -> list[Recording]:
+    return [
+        recording
+        for recording in recordings
+        if not recording.name.startswith("test1_session0") or recording.name.startswith(DAMAGED)
+    ]
+
+
+@pytest.mark.parametrize("damaged", CASES, ids=lambda entry: entry.name)
+def test_damaged_file(damaged: Case, source: Source, logs: list[pd.DataFrame], tmp_path: Path) -> None:
+    damaged.damage(logs[2].copy(), source.folder)
+    result = ingest_folder(source, tmp_path / "recordings", tmp_path / "quarantine.json")
+    recordings = read_recordings(tmp_path / "recordings")
+    good = [recording for recording in recordings if recording not in of_the_damaged(recordings)]
+    assert [recording.name for recording in good] == ["test1_session01_recording01", "test1_session02_recording01"]
+    assert all(recording.metadata.repairs == () for recording in good)
+    bad = of_the_damaged(recordings)
+    assert {recording.name for recording in bad} <= {DAMAGED, f"{DAMAGED}_part1", f"{DAMAGED}_part2"}
+    reasons = [entry["reason"] for entry in read_json(tmp_path / "quarantine.json")]
+    for recording in bad:
+        assert np.isfinite(recording.samples()).all()
+        np.testing.assert_allclose(np.diff(recording.column("time_s")), recording.sample_time_s, rtol=0.3)
+    if damaged.outcome == "quarantined":
+        assert bad == []
+        (reason,) = reasons
+        assert re.search(damaged.says, reason), reason
+        assert reason in result.summary()
+        return
+    assert reasons == []
+    assert len(bad) == (2 if damaged.outcome == "split" else 1)
+    said = " ".join(sentence for recording in bad for sentence in recording.metadata.repairs)
+    assert (said == "") == (damaged.outcome == "passes"), said
+    assert damaged.says in said
+    assert said == "" or DAMAGED in result.summary()
+
+
+def test_the_corpus_is_wide() -> None:
+    assert len({entry.name for entry in CASES}) == len(CASES) >= 40
