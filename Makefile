@@ -62,6 +62,7 @@ track: install ## log every finished stage to MLflow, without duplicates
 bench: install ## measure speeds against peers in the same run
 	python benchmarks/rig_speed.py
 	python benchmarks/lugre_best_possible.py
+	python benchmarks/ingest_throughput.py --hours 2
 
 seeds: install ## the comparison for three campaign seeds (about half an hour)
 	python benchmarks/campaign_seeds.py $(or $(ARGS),1 2 3)

@@ -43,7 +43,7 @@ def made_strokes(
     generator = np.random.default_rng(1)
     time_s = SAMPLE_TIME_S * np.arange(round(seconds / SAMPLE_TIME_S))
     moving = np.clip(time_s - rest_s, 0.0, None)
-    speed = 0.02 * (1.0 + (moving // 8.0) % 4.0)
+    speed = 0.01 * 2.0 ** ((moving // 8.0) % 4.0)  # 10 to 80 mm/s
     velocity = np.where(moving > 0.0, speed * np.sign(np.sin(2.0 * np.pi * moving / 4.0)), 0.0)
     position = 0.05 + np.cumsum(velocity) * SAMPLE_TIME_S
     friction = np.where(velocity == 0.0, 0.0, 300.0 * np.sign(velocity) + 1500.0 * velocity)

@@ -410,3 +410,30 @@ def test_lost_samples_of_a_real_log_are_counted() -> None:
     (piece,) = align(one(time_s, logged.iloc[:, 3].to_numpy(dtype=np.float64)), TimeRules())
     assert piece.repairs == ("time: 179 lost samples interpolated (at most 1 in a row, first after 2 s)",)
     assert len(piece.table) == len(logged) + 179
+
+
+def test_stamps_of_two_tables_that_differ_by_rounding_are_one_clock() -> None:
+    time_s = np.arange(4000) * 0.005
+    other_s = 0.1 + np.arange(4000 - 20) * 0.005
+    assert not np.isin(other_s, time_s).all()
+    (piece,) = align({"a": Signal(time_s, sine(time_s)), "b": Signal(other_s, sine(other_s))}, TimeRules())
+    assert piece.repairs == ("time: 0.1 s at the start and 0 s at the end left out, not covered by every column",)
+    assert np.array_equal(piece.table["a"], sine(time_s)[20:])
+    assert np.array_equal(piece.table["b"], sine(other_s))
+
+
+def test_a_gap_in_one_table_is_none_in_a_slower_one_whose_stamps_are_among_its_own() -> None:
+    fast_s = np.arange(20_000) * 0.001
+    fast_s = fast_s[(fast_s < 9.0) | (fast_s > 9.7)]
+    slow_s = np.arange(2000) * 0.01
+    pieces = align({"a": Signal(fast_s, sine(fast_s)), "b": Signal(slow_s, sine(slow_s))}, TimeRules())
+    assert len(pieces) == 2
+    assert "split at 1 gap of more than 2 lost samples (first: 0.701 s without a after" in pieces[0].repairs[0]
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.02, 0.04])
+def test_the_rate_of_stamps_with_jitter_does_not_depend_on_what_was_lost(lost: float) -> None:
+    generator = np.random.default_rng(4)
+    time_s = np.arange(12_000) * 0.005 + generator.normal(0.0, 5e-4, 12_000)
+    time_s = time_s[generator.random(12_000) >= lost]
+    assert {piece.sample_time_s for piece in align(one(time_s, sine(time_s)), TimeRules())} == {0.005}

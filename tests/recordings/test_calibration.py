@@ -201,3 +201,20 @@ def test_recording_without_pressures_has_no_zero() -> None:
 def test_impossible_rules_are_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         ZeroRules(**change)
+
+
+def test_noise_of_the_position_sensor_is_no_motion() -> None:
+    table = session()
+    noisy = table.assign(position_m=table["position_m"] + np.random.default_rng(7).normal(0.0, 1.2e-4, len(table)))
+    assert np.ptp(noisy["position_m"][: 3 * RATE_HZ]) > FOUND.still_m
+    for rules in (FOUND, ZeroRules("window", window_s=(0.0, 3.0))):
+        assert found(noisy, rules).offsets["pressure_1_pa"] == pytest.approx(0.6e5, abs=2e3)
+
+
+def test_a_creeping_piston_is_motion() -> None:
+    table = session()
+    creeping = table.assign(position_m=table["position_m"] + 3e-4 * table["time_s"])
+    with pytest.raises(
+        RecordingError, match=r"position_m changes by 0\.[89].* mm from 0 to 2\.995 s, the stated window"
+    ):
+        find_zero(creeping, ZeroRules("window", window_s=(0.0, 3.0)), MAPPING)

@@ -193,3 +193,22 @@ def test_clear_motion_leaves_out_ends_stops_and_reversals() -> None:
     assert position[motion.rows].min() > 0.05 * STROKE_M
     assert position[motion.rows].max() < 0.95 * STROKE_M
     assert np.array_equal(motion.sense, np.sign(np.cos(0.5 * time_s[motion.rows])))
+
+
+@pytest.mark.parametrize("steady_n", [0.0, 2000.0])
+def test_load_cell_of_wrong_sign_is_refused(steady_n: float) -> None:
+    table = pushed(load_n=2000.0 - steady_n)
+    table = table.assign(drive_force_n=table["drive_force_n"] + steady_n, load_force_n=table["load_force_n"] + steady_n)
+    (finding,) = judge_friction(table, 0.005, STROKE_M, None, "measured")
+    assert finding.outcome == "ok"
+    (finding,) = judge_friction(table.assign(load_force_n=-table["load_force_n"]), 0.005, STROKE_M, None, "measured")
+    assert finding.outcome == "refused"
+    assert finding.text.startswith("load_force_n is inverted: as it stands, the force against the motion is")
+
+
+def test_a_further_load_beside_a_load_cell_is_noted() -> None:
+    table = pushed().assign(drive_force_n=lambda table: table["drive_force_n"] + 2000.0)
+    (finding,) = judge_friction(table, 0.005, STROKE_M, None, "measured")
+    assert finding.outcome == "noted"
+    assert "so there is another load of about 2e+03 N" in finding.text
+    assert finding.text.endswith("check unit and zero of load_force_n, or zero the sensors")

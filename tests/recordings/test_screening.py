@@ -201,3 +201,22 @@ def test_nothing_is_found_in_a_real_crane(crane_tables: dict[str, pd.DataFrame])
     for table in crane_tables.values():
         signals = {str(column): Signal(TIME_S, table[column].to_numpy()) for column in table.columns}
         assert screen_signals(signals, {}, RULES)[1] == ()
+
+
+def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> None:
+    time_s = 0.0005 * np.arange(10 * ROWS)
+    values = np.full(len(time_s), np.nan)
+    values[7::10] = with_values([3000], 60e5)
+    signals, (said,) = screen_signals({"pressure_1_pa": Signal(time_s, values)}, LIMITS, RULES)
+    assert "pressure_1_pa is 60 bar in row 30008 (1 such rows in all), a spike" in said
+    screened = signals["pressure_1_pa"].values
+    assert np.flatnonzero(np.isnan(screened) & ~np.isnan(values)).tolist() == [30007]
+
+
+def test_a_missing_sample_beside_a_jump_is_no_spike() -> None:
+    values = with_values([3000], 60e5)
+    values[2998] = np.nan
+    values[3001] = np.nan
+    screened, (said,) = screen(values)
+    assert "is 60 bar in row 3001 (1 such rows in all)" in said
+    assert np.flatnonzero(np.isnan(screened)).tolist() == [2998, 3000, 3001]

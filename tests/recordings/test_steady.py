@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.steady import longest_steady, mean_uncertainty
+from cylinder_friction.recordings.steady import averaged, longest_steady, mean_uncertainty
 
 
 def brute_force(signals: np.ndarray, spans: np.ndarray, bounds: np.ndarray) -> tuple[int, int]:
@@ -57,3 +57,11 @@ def test_uncertainty_covers_autocorrelated_noise(memory: float) -> None:
 def test_constant_and_short_readings_show_no_scatter() -> None:
     assert mean_uncertainty(np.full(1000, 3.3)) == 0.0
     assert mean_uncertainty(np.array([1.0, 2.0])) == 0.0
+
+
+def test_averages_are_centred_and_shorter_at_the_ends() -> None:
+    signals = np.column_stack([np.arange(6.0) ** 2 + 1e9, np.ones(6)])
+    result = averaged(signals, 1)
+    np.testing.assert_allclose(result[:, 0] - 1e9, [0.5, 5 / 3, 14 / 3, 29 / 3, 50 / 3, 20.5], rtol=1e-6)
+    assert np.array_equal(result[:, 1], np.ones(6))
+    assert averaged(signals, 0) is signals

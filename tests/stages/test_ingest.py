@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from cylinder_friction.composition import compose_params
 from cylinder_friction.params import IngestParams, Params, check_params
-from cylinder_friction.recordings import Recording, read_json, read_recordings
+from cylinder_friction.recordings import Recording, RecordingError, read_json, read_recordings
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
 
@@ -119,3 +119,24 @@ def test_unknown_unit_is_refused() -> None:
     channels["position_m"]["unit"] = "parsnips"
     with pytest.raises(ValidationError, match="unit 'parsnips' is not known; expected one of m, mm, in"):
         IngestParams.model_validate(content)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            ["label.load=measured"],
+            "label.load is measured, but ingest.channels has no 'load_force_n'; map the load cell",
+        ),
+        (
+            ["+ingest.channels.load_force_n={channel: F, unit: kN}"],
+            "label.load is none, but ingest.channels maps a load cell",
+        ),
+    ],
+)
+def test_mapping_that_contradicts_the_load_is_refused_before_any_file(
+    workplace: Path, changes: list[str], message: str
+) -> None:
+    params = check_params(compose_params(CONF, ["ingest=own", *changes]), "test")
+    with pytest.raises(RecordingError, match=message):
+        ingest.run(params)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,29 +18,35 @@ from cylinder_friction.recordings import (
     metadata_of,
     name_of,
     pieces_of,
+    read_logged_file,
     zeroed,
 )
+from cylinder_friction.recordings.aligning import align
+from cylinder_friction.recordings.mapping import map_signals, wanted_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from cylinder_friction.recordings import Piece, Recipe, RecordingMetadata
 
 
-def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> list[Inspected]:
-    """Returns what was found in each file, in their order; a file that comes apart gives one entry a piece.
+def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
+    """Yields what was found in each file, in their order; a file that comes apart gives one entry a piece.
 
     Args:
         files: By the name that is shown, which is the path below the source where that is known.
         recipe: How a file becomes recordings.
     """
-    bar = tqdm(files.items(), desc="inspect", unit="file", disable=None)
-    return [subject for name, path in bar for subject in inspect_file(name, path, recipe)]
+    for name, path in tqdm(files.items(), desc="inspect", unit="file", disable=None):
+        yield from inspect_file(name, path, recipe)
 
 
 def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
-    """Returns what was found in one file. A path that tells no session is noted, for it may lie elsewhere later."""
+    """Returns what was found in one file. A path that tells no session is noted, for it may lie elsewhere later.
+
+    What is refused has its recording all the same wherever the signals can be read.
+    """
     findings = []
     try:
         names = recipe.names.names(name)
@@ -49,7 +56,10 @@ def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
     try:
         pieces = pieces_of(path, recipe)
     except (RecordingError, OSError) as error:
-        return [Inspected(name, [*findings, Finding("file", "refused", str(error))])]
+        findings.append(Finding("file", "refused", str(error)))
+        pieces = _as_logged(path, recipe)
+        if not pieces:
+            return [Inspected(name, findings)]
     found = []
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, names, number, len(pieces), name, "", recipe.cylinder)
@@ -57,16 +67,26 @@ def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
     return found
 
 
+def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
+    """Returns the pieces of a refused file with its bad samples in it, to be looked at; none where it is unreadable."""
+    with suppress(RecordingError, OSError):
+        tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
+        return align(map_signals(tables, recipe.channels).signals, recipe.time)
+    return []
+
+
 def _inspected(
-    name: str, piece: Piece, metadata: RecordingMetadata, recipe: Recipe, before: list[Finding]
+    name: str, piece: Piece, metadata: RecordingMetadata, recipe: Recipe, before: Sequence[Finding]
 ) -> Inspected:
+    findings = list(before)
     try:
         table, metadata = zeroed(piece, metadata, recipe)
     except RecordingError as error:
-        return Inspected(name, [*before, Finding("zero", "refused", str(error))], None, piece.repairs)
-    findings = inspect_recording(table, recipe.limits, piece.sample_time_s)
+        findings.append(Finding("zero", "refused", str(error)))
+        table = piece.table
+    findings += inspect_recording(table, recipe.limits, piece.sample_time_s)
     try:
         recording = Recording(replace(metadata, sample_time_s=piece.sample_time_s), table)
     except RecordingError:  # the findings say so already
-        return Inspected(name, [*before, *findings], None, piece.repairs)
-    return Inspected(name, [*before, *findings], recording, piece.repairs)
+        return Inspected(name, findings, None, piece.repairs)
+    return Inspected(name, findings, recording, piece.repairs)

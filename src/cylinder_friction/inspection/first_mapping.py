@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cylinder_friction.inspection.channel_facts import ChannelFacts, facts_of
 from cylinder_friction.inspection.fitting_units import fitting_units, suspicion
 from cylinder_friction.inspection.sign_guess import position_sign
@@ -77,6 +79,7 @@ class GuessedMapping:
     stamps: dict[int, ChannelFacts] = field(default_factory=dict)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a broken file may hold numbers at the limit of what there is
 def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
     """Returns a first mapping of a file, as far as names, units and values tell.
 

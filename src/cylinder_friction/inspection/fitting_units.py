@@ -62,7 +62,7 @@ def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
         return ""
     least, greatest, shown_in, scale, what = limits
     with np.errstate(over="ignore"):
-        low, high = to_column_unit(np.array([channel.low, channel.high]), unit, column)
+        low, high = to_column_unit(np.array([channel.low, channel.high]), unit, column).tolist()
     size = high - low if QUANTITIES[column] == "length" else max(abs(low), abs(high))
     if least <= size <= greatest:
         return ""

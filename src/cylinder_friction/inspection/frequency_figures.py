@@ -49,7 +49,7 @@ def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -
         view: Its smooth velocity.
         cost: Of the filter in use, whose cut-offs are marked; None if they are not known.
     """
-    figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.08)
+    figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.11)
     position_mm = MM_PER_M * recording.column("position_m")
     raw_velocity = np.diff(position_mm) / recording.sample_time_s
     if has_pressures(recording):

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 CURVE_POINTS = 300
-SPEED_TICKS = [step * 10.0**power for power in range(-3, 5) for step in (1, 2, 5)]
+WIDE_SPAN = 10.0
+"""From this ratio of speeds on, fewer of them are written at the axis."""
 
 
 def against_velocity(view: FrictionView) -> go.Figure:
@@ -53,7 +54,7 @@ def against_velocity(view: FrictionView) -> go.Figure:
     if view.curve is not None:
         _curve(figure, view, view.curve)
     figure.update_xaxes(title_text="velocity [mm/s]", row=1, col=1)
-    figure.update_xaxes(title_text="speed [mm/s]", type="log", tickvals=SPEED_TICKS, row=1, col=2)
+    figure.update_xaxes(title_text="speed [mm/s]", type="log", tickvals=_speed_ticks(view), row=1, col=2)
     figure.update_yaxes(title_text=f"{view.friction_name} [N]", row=1, col=1)
     figure.update_yaxes(title_text="against the motion [N]", row=1, col=2)
     return finish(figure, 480, legend_rows=2)
@@ -80,6 +81,12 @@ def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
         ("extending", EXTENDING, np.flatnonzero(view.usable & ~slow & (velocity > 0.0))),
         ("retracting", RETRACTING, np.flatnonzero(view.usable & ~slow & (velocity < 0.0))),
     ]
+
+
+def _speed_ticks(view: FrictionView) -> list[float]:
+    speeds = [abs(point.velocity_m_s) for point in view.points] or [1.0]
+    steps = (1, 2, 5) if max(speeds) >= WIDE_SPAN * min(speeds) else (1, 2, 3, 4, 5, 6, 8)
+    return [step * 10.0**power for power in range(-3, 5) for step in steps]
 
 
 def _cloud(name: str, colour: str, x: Array, y: Array) -> go.Scatter:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.friction_models import SteadyPoint, StribeckCurve, fit_stribeck, steady_points
+from cylinder_friction.friction_models import SteadyPoint, StribeckCurve, steady_points
+from cylinder_friction.inspection.known_curve import known_curve
 from cylinder_friction.inspection.standstill import noise_rms, standstill_rows
 from cylinder_friction.labelling import Stiffness, friction_label, usable_rows
 from cylinder_friction.labelling.equation_of_motion import drive_force
@@ -49,7 +50,7 @@ class FrictionView:
         usable: Rows away from end stops and from the recording's edges, shape ``(n,)``.
         slowest_m_s: Slower rows count as standstill [m/s].
         points: Steady sliding by speed and direction.
-        curve: Fitted to them; None where there is none, and then ``no_curve`` says why.
+        curve: Fitted to them; None where they do not tell one, and then ``no_curve`` says why.
         load_n: Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN where
             the piston does not pass the same positions in both directions.
         half_difference_n: Half the difference there: friction whatever the load is [N].
@@ -91,7 +92,7 @@ def friction_view(
     slowest_m_s = max(LEAST_SPEED_M_S, NOISE_MULTIPLE * float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest))))
     labelled = recording.with_columns(friction_n=friction_n, velocity_m_s=signals.velocity_m_s, usable=usable)
     points = tuple(steady_points([labelled], slowest_m_s))
-    curve, no_curve = _curve(points)
+    curve, no_curve = known_curve(points)
     load_n, half_difference_n = up_and_down(position_m, signals.velocity_m_s, friction_n, usable, slowest_m_s)
     return FrictionView(
         signals=signals,
@@ -108,24 +109,6 @@ def friction_view(
         no_curve=no_curve,
         assumed=_assumed(recording, cylinder, load_force_n is not None, end_stop_margin_m),
     )
-
-
-def _curve(points: tuple[SteadyPoint, ...]) -> tuple[StribeckCurve | None, str]:
-    """Returns the curve through the points, or why none can be drawn."""
-    opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
-    if points and len(opposing) < 0.7 * len(points):
-        return None, (
-            f"only {len(opposing)} of {len(points)} points of steady sliding oppose the motion, as friction must; the "
-            "force carries a load, the position counts the other way, or the pressures are swapped"
-        )
-    try:
-        return fit_stribeck(
-            np.array([point.velocity_m_s for point in points]),
-            np.array([point.friction_n for point in points]),
-            np.sqrt(np.array([point.rows for point in points], dtype=np.float64)),
-        ), ""
-    except ValueError as error:
-        return None, str(error)
 
 
 def up_and_down(

@@ -39,6 +39,9 @@ table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabu
 th { text-align: left; vertical-align: bottom; border-bottom: 2px solid var(--ink); padding: .35rem .6rem; }
 td { text-align: left; vertical-align: top; border-bottom: 1px solid var(--line); padding: .32rem .6rem; }
 th.number, td.number { text-align: right; } th.number { max-width: 7.2rem; } td.number { white-space: nowrap; }
+th.group { text-align: center; border-bottom: 1px solid var(--line); padding-bottom: .15rem; color: var(--quiet);
+  font-weight: 500; white-space: nowrap; }
+.compact th, .compact td { padding-left: .35rem; padding-right: .35rem; } .compact th:not(.group) { font-size: .82rem; }
 td.words { min-width: 16rem; max-width: 46rem; overflow-wrap: anywhere; }
 tbody tr:hover { background: var(--wash); }
 .badge { display: inline-block; padding: .02rem .5rem; border-radius: 1rem; font-size: .82rem; font-weight: 600;
@@ -50,7 +53,8 @@ tbody tr:hover { background: var(--wash); }
   font: inherit; cursor: pointer; } .counts button[aria-pressed=true] { border-color: var(--accent);
   box-shadow: inset 0 0 0 1px var(--accent); } .counts strong { font-size: 1.25rem; margin-right: .35rem; }
 dl { display: grid; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); gap: .7rem 1.2rem; margin: 1rem 0; }
-dt { color: var(--quiet); font-size: .82rem; } dd { margin: 0; font-variant-numeric: tabular-nums; }
+dt { color: var(--quiet); font-size: .82rem; }
+dd { margin: 0; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
 section { scroll-margin-top: 10rem; }
 figure { margin: .6rem 0 1rem; }
 details { margin: .2rem 0; } summary { cursor: pointer; color: var(--accent); }
@@ -126,10 +130,23 @@ class Pane:
         entries = "".join(f"<div><dt>{html.escape(a)}</dt><dd>{html.escape(b)}</dd></div>" for a, b in facts)
         self.parts.append(f"<dl>{entries}</dl>")
 
-    def table(self, head: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int] = (0,)) -> None:
-        """Adds a table; columns named in ``words`` hold text, the others numbers, to the right."""
+    def table(
+        self,
+        head: Sequence[str],
+        rows: Iterable[Sequence[str]],
+        words: Sequence[int] = (0,),
+        groups: Sequence[tuple[str, int]] = (),
+    ) -> None:
+        """Adds a table; columns named in ``words`` hold text, the others numbers, to the right.
+
+        ``groups`` stand above the head: what so many columns, from the left, have in common.
+        """
         style = ["" if column in words else "number" for column in range(len(head))]
         top = "".join(f'<th class="{style[column]}">{html.escape(cell)}</th>' for column, cell in enumerate(head))
+        kind = ' class="compact"' if groups else ""
+        if groups:
+            over = "".join(f'<th class="group" colspan="{width}">{html.escape(name)}</th>' for name, width in groups)
+            top = f"{over}</tr><tr>{top}"
         body = "".join(
             "<tr>"
             + "".join(f'<td class="{style[column]}">{html.escape(cell)}</td>' for column, cell in enumerate(row))
@@ -137,7 +154,7 @@ class Pane:
             for row in rows
         )
         self.parts.append(
-            f'<div class="scroll"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+            f'<div class="scroll"><table{kind}><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
         )
 
     def figure(self, figure: go.Figure, caption: str) -> None:
@@ -163,6 +180,11 @@ def breakable(path: str) -> str:
 def badge(outcome: str) -> str:
     """Returns an outcome as HTML: its word on its colour."""
     return f'<span class="badge {html.escape(outcome)}">{html.escape(outcome)}</span>'
+
+
+def four_digits(value: float) -> str:
+    """Returns a number with four digits and no power of ten in between."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
 
 
 def page_html(title: str, panes: Sequence[Pane]) -> str:

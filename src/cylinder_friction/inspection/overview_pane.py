@@ -56,13 +56,12 @@ def _row(title: str, subject: Inspected, pane: str | None) -> str:
     cells = f"<td>{badge(subject.outcome)}</td><td>{link}</td>"
     cells += f'<td class="words">{_reasons(subject)}</td>'
     numbers = ("", "", "")
-    if subject.recording is not None:
-        recording = subject.recording
-        position_m = recording.column("position_m")
+    seen = subject.seen
+    if seen is not None:
         numbers = (
-            f"{len(recording) * recording.sample_time_s:.5g}",
-            f"{1.0 / recording.sample_time_s:.5g}",
-            f"{1e3 * position_m.min():.4g} to {1e3 * position_m.max():.4g}",
+            f"{seen.rows * seen.sample_time_s:.5g}",
+            f"{1.0 / seen.sample_time_s:.5g}",
+            f"{1e3 * seen.least_position_m:.4g} to {1e3 * seen.greatest_position_m:.4g}",
         )
     cells += "".join(f'<td class="number">{cell}</td>' for cell in numbers)
     return f'<tr data-outcome="{subject.outcome}">{cells}</tr>'
@@ -72,7 +71,7 @@ def _reasons(subject: Inspected) -> str:
     """Returns the first reason, and the others folded below it."""
     reasons = [html.escape(reason) for reason in subject.reasons()]
     if not reasons:
-        return "" if subject.recording is not None else "became no recording"
+        return "" if subject.seen is not None else "became no recording"
     if len(reasons) == 1:
         return reasons[0]
     others = "".join(f"<div>{reason}</div>" for reason in reasons[1:])

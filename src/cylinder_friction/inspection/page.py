@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cylinder_friction.inspection.choice import PLOTTED, chosen
 from cylinder_friction.inspection.html_page import Pane, page_html
 from cylinder_friction.inspection.overview_pane import overview
 from cylinder_friction.inspection.recording_pane import recording_pane
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.inspection.subject import Inspected
     from cylinder_friction.signals.smooth import SignalFilter
-
-PLOTTED = 12
-"""How many recordings a page shows with figures; the others stand in the table."""
 
 
 def write_page(
@@ -40,7 +38,7 @@ def write_page(
         filters: By name, as ``filters_by_method`` gives them.
         method: Which of them velocity and friction are shown with.
         end_stop_margin_m: Rows this near an end stop are not usable [m].
-        plotted: How many recordings get figures: the first ones.
+        plotted: How many files get figures, see ``chosen``.
 
     Raises:
         ValueError: The method is not one of the filters.
@@ -49,13 +47,14 @@ def write_page(
         raise ValueError(f"method: expected one of {', '.join(filters)}, but got {method!r}")
     panes: list[Pane] = []
     names: dict[int, str] = {}
-    for index, (title, subject) in enumerate(zip(titles(subjects), subjects, strict=True)):
-        if subject.recording is None or len(panes) == plotted:
-            continue
+    named = titles(subjects)
+    for index in chosen(subjects, plotted):
+        subject = subjects[index]
+        assert subject.recording is not None
         names[index] = f"recording-{index + 1}"
         panes.append(
             recording_pane(
-                names[index], title, subject, subject.recording, cylinder, filters, method, end_stop_margin_m
+                names[index], named[index], subject, subject.recording, cylinder, filters, method, end_stop_margin_m
             )
         )
     first = overview(subjects, names, _lead(subjects, len(panes)))
@@ -63,10 +62,12 @@ def write_page(
 
 
 def _lead(subjects: Sequence[Inspected], shown: int) -> str:
-    usable = sum(subject.recording is not None for subject in subjects)
-    if usable > shown:
+    readable = sum(subject.seen is not None for subject in subjects)
+    if readable > shown:
         return (
-            f"The first {shown} of {usable} usable recordings are shown with figures; inspect another file by itself "
-            "to see its own."
+            f"{shown} of {readable} recordings that could be read are shown with figures, refused ones before others; "
+            "inspect another file by itself to see its own."
         )
+    if shown == 0:
+        return "Nothing could be read far enough to be drawn."
     return "Choose a recording at the left to see its figures."

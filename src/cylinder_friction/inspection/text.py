@@ -21,7 +21,7 @@ def text_report(subjects: Sequence[Inspected]) -> str:
 def _block(title: str, subject: Inspected) -> str:
     lines = [(finding.outcome, finding.check, finding.text) for finding in subject.findings]
     lines += [("repaired", "repair", text) for text in subject.all_repairs()]
-    if subject.recording is None and all(outcome != "refused" for outcome, _, _ in lines):
+    if subject.seen is None and all(outcome != "refused" for outcome, _, _ in lines):
         lines.append(("refused", "file", "became no recording"))
     width = max((len(check) for _, check, _ in lines), default=0)
     told = [f"  {outcome:<8}  {check:<{width}}  {text}".rstrip() for outcome, check, text in lines]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
 
@@ -80,7 +80,7 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
     np.add.at(scores, clusters, weighted * fit.residuals[:, None])
     bread = np.linalg.pinv(weighted.T @ design, hermitian=True)
     covariance = bread @ (scores.T @ scores) @ bread * (count / free)
-    reach = float(student.ppf(0.5 + 0.5 * confidence, free))
+    reach = float(stdtrit(free, 0.5 + 0.5 * confidence))
     return np.asarray(reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.sensor import sensor_step, sensor_uncertainty, zeroed_uncertainty
-from cylinder_friction.recordings.steady import longest_steady, mean_uncertainty
+from cylinder_friction.recordings.steady import averaged, longest_steady, mean_uncertainty
 from cylinder_friction.recordings.units import column_scale
 
 if TYPE_CHECKING:
@@ -36,6 +36,10 @@ ZeroMethod = Literal["none", "window", "found"]
 
 PRESSURES = ("pressure_1_pa", "pressure_2_pa")
 
+AVERAGED_S = 0.1
+"""Noise is averaged over so long before a signal is called steady: the extremes
+of raw noise lie further apart the longer one looks, and a position sensor of ±0.1 mm would never stand still."""
+
 
 @dataclass(frozen=True)
 class ZeroRules:
@@ -46,8 +50,8 @@ class ZeroRules:
             both chambers are vented; ``found`` looks for the longest stretch that may be one.
         window_s: From and to, of the recording's time [s]; for ``window``.
         band_pa: A vented sensor reads less than this either way [Pa].
-        steady_pa: Within a vented stretch a pressure stays within this, noise included [Pa].
-        still_m: Within a vented stretch the position stays within this, noise included [m].
+        steady_pa: Within a vented stretch a pressure stays within this, noise averaged over ``AVERAGED_S`` [Pa].
+        still_m: Within a vented stretch the position stays within this, averaged alike [m].
         minimum_s: A shorter stretch is none [s].
         accuracy_factor: A zero further off than this many times the sensor's accuracy is trapped pressure, or a
             broken sensor; where the accuracy is not stated, the band alone decides.
@@ -127,17 +131,18 @@ def find_zero(
     if not columns:
         return NoZero("zeros of the pressure sensors not corrected: there is no pressure column")
     time_s = table["time_s"].to_numpy(dtype=np.float64)
+    step_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
+    half = round(0.5 * AVERAGED_S / step_s) if step_s > 0.0 else 0
     signals = np.column_stack([table[column].to_numpy(dtype=np.float64) for column in ("position_m", *columns)])
     if rules.window_s is not None:
         first, end = (int(row) for row in np.searchsorted(time_s, rules.window_s))
     else:
         spans = np.array([rules.still_m, *[rules.steady_pa] * len(columns)])
         bounds = np.array([np.inf, *[_largest_zero(column, rules, mapping) + rules.steady_pa for column in columns]])
-        first, end = longest_steady(signals, spans, bounds)
-    step_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
+        first, end = longest_steady(averaged(signals, half), spans, bounds)
     if (end - first) * step_s < _least_length(rules) - 0.5 * step_s:
         return NoZero(_too_short(rules, (end - first) * step_s))
-    problem = _not_vented(signals[first:end], columns, rules, mapping)
+    problem = _not_vented(averaged(signals[first:end], half), columns, rules, mapping)
     if problem:
         where = f"from {time_s[first]:.4g} to {time_s[end - 1]:.4g} s"
         if rules.method == "window":

@@ -96,7 +96,8 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested
         RecordingError: The mapping is wrong, there is no file, or not one is usable.
     """
     check_mapping(source.recipe.channels)
-    files = sorted(path for path in source.folder.glob(source.pattern) if path.is_file())
+    # A link that leads nowhere is a file too: one that cannot be read.
+    files = sorted(path for path in source.folder.glob(source.pattern) if not path.is_dir())
     if not files:
         raise RecordingError(
             f"{source.folder}: no file matches {source.pattern!r}; put recordings there, or name their folder as "
@@ -130,12 +131,23 @@ class _Ingest:
     def run(self, files: list[Path]) -> Ingested:
         relative = {path.relative_to(self._source.folder).as_posix(): path for path in files}
         self._result.files = len(files)
-        self._result.notes = self._source.recipe.names.lines_without_file(relative)
+        self._result.notes = [*self._source.recipe.names.lines_without_file(relative), *self._not_read(files)]
         if self._source.recipe.zero.method != "none":
             self._zeros = session_zeros(relative, self._source.recipe)
         for name, path in tqdm(relative.items(), desc="ingest", unit="file", disable=None):
             self._file(path, name)
         return self._result
+
+    def _not_read(self, matching: list[Path]) -> list[str]:
+        """Returns a sentence on the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
+        source = self._source
+        beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
+        left_out = sorted(beside - set(matching) - {source.recipe.names.table})
+        if not left_out:
+            return []
+        first = left_out[0].relative_to(source.folder).as_posix()
+        files = "1 file" if len(left_out) == 1 else f"{len(left_out)} files"
+        return [f"{files} not read, for {source.pattern!r} does not match (first: {first}); see ingest.pattern"]
 
     def _file(self, path: Path, relative: str) -> None:
         recipe = self._source.recipe

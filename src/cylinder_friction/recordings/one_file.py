@@ -70,7 +70,8 @@ def zeroed(
         RecordingError: The chambers were not vented in the stated window.
     """
     own = find_zero(piece.table, recipe.zero, recipe.channels, metadata.name)
-    reading = own if isinstance(own, ZeroReading) or session is None else session
+    # Where nobody can tell, the recording's own reason says more than that its session has none.
+    reading = session if isinstance(session, ZeroReading) and not isinstance(own, ZeroReading) else own
     return apply_zero(piece.table, metadata, reading, recipe.channels)
 
 

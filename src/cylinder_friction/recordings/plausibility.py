@@ -33,7 +33,7 @@ LoadMode = Literal["none", "measured", "position"]
 HALF_WINDOW_S = 0.05
 """Velocity is the difference over twice this time."""
 
-ROWS = 20_000
+ROWS = 5_000
 """As many rows at most are looked at, spread evenly: more make the answer no surer."""
 
 SURE = 3.0
@@ -108,8 +108,8 @@ def judge_friction(
 ) -> list[Finding]:
     """Returns the findings ``direction`` (swapped, inverted) and ``friction_size`` (unit of the pressures).
 
-    Refuses only what is clear: friction that drives the motion, or pressures that balance far better the other way
-    round. What could also be a load or an offset that nobody stated is noted.
+    Refuses only what is clear: friction that drives the motion, or signals that balance far better the other way round.
+    What could also be a load or an offset that nobody stated is noted.
 
     Args:
         table: An evenly sampled recording in SI units, without NaN.
@@ -123,23 +123,23 @@ def judge_friction(
     problem = _cannot_tell(table, motion, areas_m2, load)
     if problem:
         return [Finding("direction", "noted", f"whether friction opposes the motion cannot be told: {problem}")]
-    position = table["position_m"].to_numpy(dtype=np.float64)[motion.rows]
-    load_n = table["load_force_n"].to_numpy(dtype=np.float64)[motion.rows] if load == "measured" else 0.0
-    if DRIVE_FORCE in table.columns:
-        force = table[DRIVE_FORCE].to_numpy(dtype=np.float64)[motion.rows]
-        (as_is,) = _balances(motion, position, [force - load_n])
-        return [_direction_of_force(as_is, load)]
+    columns = {str(name): table[name].to_numpy(dtype=np.float64)[motion.rows] for name in table.columns}
+    position, load_n = columns["position_m"], columns["load_force_n"] if load == "measured" else 0.0
+    if DRIVE_FORCE in columns:
+        drive = columns[DRIVE_FORCE]
+        as_is, turned = _balances(motion, position, [drive - load_n, drive + load_n])
+        return [_inverted_load(as_is, turned, load) or _direction_of_force(as_is, load)]
     assert areas_m2 is not None
-    p1, p2 = (table[f"pressure_{side}_pa"].to_numpy(dtype=np.float64)[motion.rows] for side in (1, 2))
-    forces = [p1 * areas_m2[0] - p2 * areas_m2[1] - load_n, p2 * areas_m2[0] - p1 * areas_m2[1] - load_n]
-    as_is, swapped = _balances(motion, position, forces)
-    direction = _direction(as_is, swapped, load)
+    (a1, a2), p1, p2 = areas_m2, columns["pressure_1_pa"], columns["pressure_2_pa"]
+    drive, exchanged = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
+    as_is, swapped, turned = _balances(motion, position, [drive - load_n, exchanged - load_n, drive + load_n])
+    direction = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
     return [direction] if direction.outcome == "refused" else [direction, _size(as_is, areas_m2)]
 
 
 def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> ClearMotion:
-    """Returns the rows of clear motion: above a fifth of the usual top speed, five percent away from the end stops,
-    not where speed changes within a quarter of a second by as much as the top speed."""
+    """Returns the rows of clear motion: above a fifth of the usual top speed, 5 % away from the end stops, not where
+    speed changes within a quarter of a second by as much as the top speed."""
     half = max(1, round(HALF_WINDOW_S / sample_time_s))
     rows = np.arange(2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS))
     if len(rows) == 0:
@@ -167,20 +167,18 @@ def _cannot_tell(table: pd.DataFrame, motion: ClearMotion, areas_m2: tuple[float
         return "the areas of the cylinder are not known"
     if load == "measured" and "load_force_n" not in table.columns:
         return "load_force_n is not recorded, though the load is to be measured"
-    fewest = min(np.count_nonzero(motion.sense > 0.0), np.count_nonzero(motion.sense < 0.0))
+    fewest = int(min(np.count_nonzero(motion.sense > 0.0), np.count_nonzero(motion.sense < 0.0)))
     if fewest < 20:
-        return f"the piston moves clearly in both directions in {int(fewest)} rows only, expected 20 each"
+        return f"the piston moves clearly in both directions in {fewest} rows only, expected 20 each"
     shape = _position_terms(table["position_m"].to_numpy(dtype=np.float64)[motion.rows])
     explained, *_ = np.linalg.lstsq(shape, motion.sense, rcond=None)
     left = float(np.var(motion.sense - shape @ explained) / np.var(motion.sense))
-    if left < LEAST_OVERLAP:
-        return "extension and retraction hardly pass the same positions"
-    return ""
+    return "extension and retraction hardly pass the same positions" if left < LEAST_OVERLAP else ""
 
 
 def _position_terms(position: Array) -> Array:
     centred = (position - position.mean()) / max(float(np.std(position)), 1e-12)
-    return np.column_stack([centred**power for power in range(4)])
+    return np.vander(centred, 4, increasing=True)
 
 
 def _balances(motion: ClearMotion, position: Array, forces: list[Array]) -> list[Balance]:
@@ -199,6 +197,20 @@ def _balances(motion: ClearMotion, position: Array, forces: list[Array]) -> list
         )
         for index, force in enumerate(forces)
     ]
+
+
+def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding | None:
+    """Returns a refusal where the force balances only if the load cell counts the other way round."""
+    opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
+    better = opposes or as_is.rest_n > (BETTER + 1.0) * turned.rest_n
+    if load != "measured" or not (turned.dissipates and better):
+        return None
+    return Finding(
+        "direction",
+        "refused",
+        f"load_force_n is inverted: as it stands, {_against(as_is)}; the other way round, {_against(turned)}; change "
+        "its sign in the mapping (it is positive where the load resists extension)",
+    )
 
 
 def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
@@ -245,13 +257,15 @@ def _direction_of_force(as_is: Balance, load: LoadMode) -> Finding:
 
 def _plausible(as_is: Balance, load: LoadMode) -> Finding:
     if not as_is.dissipates:
-        text = f"friction of {as_is.friction_n:.3g} N cannot be told from zero ({as_is.rest_n:.3g} N are unexplained)"
-        return Finding("direction", "noted", text)
+        doubt = f"friction of {as_is.friction_n:.3g} N cannot be told from zero ({as_is.rest_n:.3g} N are unexplained)"
+        return Finding("direction", "noted", doubt)
     if load != "position" and as_is.weaker_n < 0.0:
+        another = "another" if load == "measured" else "a"
+        remedy = "check unit and zero of load_force_n" if load == "measured" else "state the load"
+        load_n = 0.5 * (as_is.extending_n - as_is.retracting_n)
         text = (
-            f"{_against(as_is)}: one of them drives the motion, so there is a load of about "
-            f"{0.5 * (as_is.extending_n - as_is.retracting_n):.3g} N, or a pressure sensor's zero is off; state the "
-            "load, or zero the sensors"
+            f"{_against(as_is)}: one of them drives the motion, so there is {another} load of about {load_n:.3g} N, "
+            f"or a pressure sensor's zero is off; {remedy}, or zero the sensors"
         )
         return Finding("direction", "noted", text)
     return Finding("direction", "ok", f"friction opposes the motion, with {as_is.friction_n:.3g} N on average")

@@ -6,11 +6,11 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    import pandas as pd
     from numpy.typing import NDArray
 
 SAMPLE_COLUMNS = ("pressure_1_pa", "pressure_2_pa", "position_m")
@@ -106,8 +106,13 @@ class Recording:
                 f"{list(self.table.columns)}, expected at least {list(REQUIRED_COLUMNS)} "
                 f"(or time_s, position_m and {DRIVE_FORCE})"
             )
-        columns = [name for name in (*SAMPLE_COLUMNS, DRIVE_FORCE) if name in self.table.columns]
-        refuse_not_finite(self.name, self.table[columns].to_numpy(dtype=np.float64), columns)
+        for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
+            if name in self.table.columns:
+                values = self.column(name)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    all_finite = bool(np.isfinite(values.sum()))  # a finite sum has only finite terms
+                if not all_finite:
+                    refuse_not_finite(self.name, values[:, None], (name,))
 
     @property
     def name(self) -> str:
@@ -151,7 +156,12 @@ class Recording:
 
     def with_columns(self, **columns: NDArray[Any]) -> Recording:
         """Returns a copy with columns added or replaced; the recording itself stays as it was."""
-        return replace(self, table=self.table.assign(**columns))
+        table = pd.DataFrame({name: self.table[name] for name in self.table.columns} | columns, copy=False)
+        return replace(self, table=table)
+
+    def without_columns(self, *names: str) -> Recording:
+        """Returns a copy without some columns; a name that is not there is passed over."""
+        return replace(self, table=self.table[[column for column in self.table.columns if column not in names]])
 
 
 def missing_columns(columns: Collection[str]) -> list[str]:

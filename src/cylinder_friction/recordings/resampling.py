@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.signal import kaiser_beta
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,6 +46,8 @@ def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
     inside = np.clip(wanted, at[0], at[-1])
     # Counted from the first sample in steps of one: the divided differences of small steps at large times lose digits.
     step = (at[-1] - at[0]) / (len(at) - 1)
+    from scipy.interpolate import PchipInterpolator  # half a second that most files do not need
+
     result: Array = PchipInterpolator((at - at[0]) / step, values)((inside - at[0]) / step)
     return result
 
@@ -98,6 +98,8 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
 def _kernel() -> Array:
     """Returns the right half of the kernel, ``ENTRIES`` values a sample of the lower rate, and a zero at its end."""
     distance = np.arange(int(HALF_WIDTH * ENTRIES) + 2) / ENTRIES
+    from scipy.signal import kaiser_beta
+
     window = np.i0(kaiser_beta(STOP_BAND_DB) * np.sqrt(np.clip(1.0 - (distance / HALF_WIDTH) ** 2, 0.0, None)))
     kernel: Array = np.sinc(2.0 * CUT_OFF * distance) * window
     kernel[distance >= HALF_WIDTH] = 0.0

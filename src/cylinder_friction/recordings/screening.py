@@ -101,33 +101,30 @@ def screen_signals(
     screened: dict[str, Signal] = {}
     repairs: list[str] = []
     for column, signal in signals.items():
-        values, said = _screen_logged(column, signal.values, limits.get(column), rules)
+        values, said = _screened(column, signal.values, limits.get(column), rules)
         screened[column] = signal if values is signal.values else replace(signal, values=values)
         repairs += said
     return screened, tuple(repairs)
 
 
-def _screen_logged(
-    column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules
-) -> tuple[Array, list[str]]:
+def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[Array, list[str]]:
     """Leaves missing samples aside: a channel slower than its table has a value every tenth row, and spikes too."""
-    missing = np.isnan(values)
-    if not missing.any():
+    rows = np.flatnonzero(~np.isnan(values))
+    if len(rows) == len(values):
         return _screen(column, values, sensor, rules, None)
-    rows = np.flatnonzero(~missing)
     logged = values[rows]
     sound, said = _screen(column, logged, sensor, rules, rows)
     if sound is logged:
         return values, said
-    result = values.copy()
-    result[rows] = sound
-    return result, said
+    values = values.copy()
+    values[rows] = sound
+    return values, said
 
 
 def _screen(
     column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules, rows: NDArray[np.int64] | None
 ) -> tuple[Array, list[str]]:
-    """``rows`` are those of the table that ``values``, without a NaN, stand in; None for all of them."""
+    """``rows`` are the table's in which ``values``, without a NaN, stand; None for all of them."""
     low, high = _readable(sensor, rules)
     bottom, top = _ends(column, sensor, rules)
     height = _spike_height(values, low, high, sensor.step if sensor else None, rules)
@@ -141,8 +138,7 @@ def _screen(
         if counts[kind] == 0:
             continue
         at = int(first[kind])
-        row = at if rows is None else int(rows[at])
-        what = _described(kind, column, values[at], sensor, row, int(counts[kind]))
+        what = _described(kind, column, values[at], sensor, at if rows is None else int(rows[at]), int(counts[kind]))
         if counts[kind] > few or longest[kind] > rules.longest_bad:
             raise RecordingError(
                 f"{what}, at most {int(longest[kind])} in a row; expected at most {few}, and {rules.longest_bad} in a "

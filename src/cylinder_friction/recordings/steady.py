@@ -76,6 +76,18 @@ def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, in
     return best_first, best_end
 
 
+def averaged(signals: Array, half: int) -> Array:
+    """Returns the centred moving average over ``2·half + 1`` rows, fewer towards the ends, shape ``(n, m)``."""
+    if half < 1 or len(signals) == 0:
+        return signals
+    # Sums of what differs from the first row: a long sum of large numbers loses the digits of small changes.
+    sums = np.concatenate([np.zeros((1, signals.shape[1])), np.cumsum(signals - signals[0], axis=0)])
+    rows = np.arange(len(signals))
+    first, end = np.maximum(rows - half, 0), np.minimum(rows + half + 1, len(signals))
+    result: Array = signals[0] + (sums[end] - sums[first]) / (end - first)[:, None]
+    return result
+
+
 def mean_uncertainty(values: Array) -> float:
     """Returns the standard uncertainty of the mean of samples that may depend on each other, shape ``(n,)``.
 

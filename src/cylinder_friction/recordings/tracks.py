@@ -154,7 +154,8 @@ def _share_stamps(tables: list[tuple[Array, dict[str, Array]]]) -> list[tuple[Ar
 def _union(one_s: Array, other_s: Array) -> tuple[Array, Indices, Indices] | None:
     """Returns the stamps of two tables as one, and the row of each table's stamps in it; None for two clocks.
 
-    Stamps within ``ROUNDING`` of a step are the same one: two tables may add up their steps from different starts.
+    Stamps within ``ROUNDING`` of a step are the same one: two tables may add up their steps from different starts. A
+    slower table keeps its clock though its stamps are all among the other's: a gap in one is then none in the other.
     """
     if not ((one_s[1:] > one_s[:-1]).all() and (other_s[1:] > other_s[:-1]).all()):
         return None
@@ -169,7 +170,7 @@ def _union(one_s: Array, other_s: Array) -> tuple[Array, Indices, Indices] | Non
     if not (np.diff(one_rows).all() and np.diff(other_rows).all()):
         return None
     common = len(both_s) - int(new.sum())
-    return (both_s[order][new], one_rows, other_rows) if common >= TOGETHER * min(len(one_s), len(other_s)) else None
+    return (both_s[order][new], one_rows, other_rows) if common >= TOGETHER * max(len(one_s), len(other_s)) else None
 
 
 def _placed(values: Array, rows: Indices, length: int) -> Array:

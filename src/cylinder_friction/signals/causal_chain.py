@@ -121,7 +121,7 @@ def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:
 
 def run_causal(block: CausalBlock, samples: Array) -> SmoothSignals:
     """Returns what a causal block with four outputs makes of a whole recording."""
-    return SmoothSignals(*np.ascontiguousarray(block.advance(block.new_state(), samples).T))
+    return SmoothSignals(*np.ascontiguousarray(block.advance(block.new_state(), np.ascontiguousarray(samples)).T))
 
 
 def run_causal_force(block: CausalBlock, force_n: Array) -> Array:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cylinder_friction.recordings import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.signals.smooth import SmoothDrive, SmoothSignals
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings import Recording
@@ -30,7 +31,8 @@ def has_pressures(recording: Recording) -> bool:
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
     """Returns the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
     if has_pressures(recording):
-        return signal_filter.smooth(recording.samples(), recording.sample_time_s)
+        samples = np.stack([recording.column(column) for column in SAMPLE_COLUMNS]).T  # each signal in one piece
+        return signal_filter.smooth(samples, recording.sample_time_s)
     force_n = signal_filter.smooth_force(recording.column(DRIVE_FORCE), recording.sample_time_s)
     return SmoothDrive(force_n, *signal_filter.motion(recording.column("position_m"), recording.sample_time_s))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from tqdm import tqdm
 
 from cylinder_friction.recordings import iterate_recordings, recording_paths, whole_folder, write_recording
@@ -21,14 +22,16 @@ def run(params: Params) -> RunRecord:
 
     Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``; where a drive
     force stands in for the pressures, ``drive_force_smooth_n`` in place of the first two; and of a measured load
-    ``load_force_smooth_n``.
+    ``load_force_smooth_n``. They are stored in single precision, thousands of times finer than any sensor's step.
     """
     chosen = filters_by_method(**params.filter.model_dump(exclude={"method"}))[params.filter.method]
     rows = 0
     count = len(recording_paths(RECORDINGS_FOLDER))
     with whole_folder(SIGNALS_FOLDER) as folder:
         for recording in tqdm(iterate_recordings(RECORDINGS_FOLDER), "filter", count, unit="recording", disable=None):
-            write_recording(folder, recording.with_columns(**smooth_columns(recording, chosen)))
+            smooth = smooth_columns(recording, chosen)
+            single = {name: values.astype(np.float32) for name, values in smooth.items()}
+            write_recording(folder, recording.with_columns(**single))
             rows += len(recording)
     return RunRecord(
         name="filter",

@@ -15,12 +15,14 @@ from cylinder_friction.recordings import (
     Ingested,
     NameRules,
     Recipe,
+    RecordingError,
     ScreenRules,
     Source,
     TimeRules,
     ZeroRules,
     ingest_folder,
 )
+from cylinder_friction.signals.recorded import LOAD_FORCE
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
@@ -37,8 +39,9 @@ def run(params: Params) -> RunRecord:
     """Reads ``ingest.source``, writes ``data/interim/recordings``, one file a recording, and ``quarantine.json``.
 
     Raises:
-        RecordingError: There is no file, or not one is usable.
+        RecordingError: Mapping and ``label.load`` contradict each other, there is no file, or not one is usable.
     """
+    refuse_unlike_load(params)
     ingested = ingest_folder(source_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE)
     tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(
@@ -48,6 +51,25 @@ def run(params: Params) -> RunRecord:
         artifacts=artifacts(QUARANTINE_FILE),
         datasets={"recordings": hash_of(RECORDINGS_FOLDER)},
     )
+
+
+def refuse_unlike_load(params: Params) -> None:
+    """Refuses what the stage ``label`` would refuse after all files were read.
+
+    Raises:
+        RecordingError: A load cell is mapped that the label does not take, or the label takes one that is not mapped.
+    """
+    mapped, load = LOAD_FORCE in params.ingest.channels, params.label.load
+    if mapped and load != "measured":
+        raise RecordingError(
+            f"label.load is {load}, but ingest.channels maps a load cell ({LOAD_FORCE!r}); set label.load to measured, "
+            "or leave its channel out of the mapping"
+        )
+    if load == "measured" and not mapped:
+        raise RecordingError(
+            f"label.load is measured, but ingest.channels has no {LOAD_FORCE!r}; map the load cell's channel to it, or "
+            "set label.load to none or position"
+        )
 
 
 def source_from(params: Params) -> Source:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cylinder_friction.inspection import inspect_files, text_report, write_page
+from cylinder_friction.inspection import held, inspect_files, text_report, write_page
 from cylinder_friction.labelling import LoadPlan, SessionPoints
 from cylinder_friction.recordings import Finding, RecordingError
 from cylinder_friction.signals.methods import filters_by_method
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     """Writes the page of a file, or of the files of a folder; returns the report and whether anything was refused.
 
-    Files of a folder are those that ``ingest.pattern`` matches.
+    Files of a folder are those that ``ingest.pattern`` matches. Memory holds the recordings that are drawn, no more.
 
     Raises:
         RecordingError: The folder holds no such file.
@@ -35,27 +35,27 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
     labeller, chosen = labeller_from(params), filters[params.filter.method]
     recipe = recipe_from(params, Path(params.ingest.source))
-    subjects = [_with_load(subject, labeller, chosen, params) for subject in inspect_files(files, recipe)]
+    subjects = held(_with_load(subject, labeller, chosen, params) for subject in inspect_files(files, recipe))
     write_page(
         page, subjects, cylinder_from(params.cylinder), filters, params.filter.method, params.label.end_stop_margin_m
     )
-    return text_report(subjects), any(subject.outcome == "refused" for subject in subjects)
+    return text_report(subjects).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
 
 
 def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter, params: Params) -> Inspected:
     """Returns a subject whose recording has the load that its own strokes tell, where position decides it.
 
-    ``label`` asks whole sessions; here each recording speaks for itself.
+    ``label`` asks whole sessions; here each recording speaks for itself. What is refused is not asked.
     """
-    if subject.recording is None or labeller.load != "position":
+    if subject.recording is None or subject.outcome == "refused" or labeller.load != "position":
         return subject
     recording = subject.recording
     points = SessionPoints(labeller.cylinder.moving_mass_kg, LoadPlan(**params.label.identify.model_dump()), None)
-    smooth = recording.with_columns(**smooth_columns(recording, used_filter))
     try:
+        smooth = recording.with_columns(**smooth_columns(recording, used_filter))
         labeller.collect(smooth, used_filter.reach(recording.sample_time_s), points)
         load = points.found().load
-    except RecordingError as error:
+    except ValueError as error:  # shorter than the filter, or strokes that tell no load
         return replace(subject, findings=[*subject.findings, Finding("load", "noted", str(error))])
     assert load is not None
     with_load = recording.with_columns(load_force_n=load.load_n(recording.column("position_m")))

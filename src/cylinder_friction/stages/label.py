@@ -54,6 +54,15 @@ if TYPE_CHECKING:
 IDENTIFIED_FILE = Path("data/processed/identified.json")
 """Load and moving mass of each session."""
 
+ONLY_FOR_LABELS = (
+    "pressure_1_smooth_pa",
+    "pressure_2_smooth_pa",
+    "drive_force_smooth_n",
+    "load_force_smooth_n",
+    "acceleration_m_s2",
+)
+"""Nothing after the label looks at these; they stay in ``data/interim/signals``."""
+
 NOTHING_IDENTIFIED = "the load is not asked of position, and the moving mass is given, so nothing was identified"
 _LOAD_PLAN, _MOTION_PLAN = LoadPlan(), MotionPlan()
 
@@ -178,7 +187,7 @@ def write_labelled(
         for recording in _filtered(names, f"label {role}"):
             reach = used_filter.reach(recording.sample_time_s)
             labelled = labeller.label(recording, reach, found.get(recording.metadata.session))
-            write_recording(folder, labelled)
+            write_recording(folder, labelled.without_columns(*ONLY_FOR_LABELS))
             rows, usable = rows + len(labelled), usable + int(labelled.usable().sum())
     return {
         f"{role}.recordings": float(len(names)),

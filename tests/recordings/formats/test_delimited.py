@@ -49,7 +49,7 @@ TWO = {"t": [0.0, 0.5], "p": [1.5, 2.5]}
         "\ufefft,p\n0,1.5\n0.5,2.5\n",
         "t,p\n0,1.5\n0.5,2.5\n".encode("utf-16"),
         b"\xff\xfe" + "t;p\r\n0;1,5\r\n0,5;2,5\r\n".encode("utf-16-le"),
-        gzip.compress(b"t,p\n0,1.5\n0.5,2.5\n"),
+        gzip.compress(b"t,p\n0,1.5\n0.5,2.5\n", mtime=0),
     ],
 )
 def test_every_spelling_of_one_table(read, content: str | bytes) -> None:  # type: ignore[no-untyped-def]
@@ -261,3 +261,13 @@ def test_numbers_come_back_to_the_last_bit(tmp_path_factory, rows, delimiter: st
     (table,) = read_logged_file(path)
     assert list(table.channels.columns) == ["time", "P1 [bar]", "pos"]
     np.testing.assert_array_equal(table.channels.to_numpy(dtype=np.float64), rows)
+
+
+@pytest.mark.parametrize(
+    "pattern", ["dd.mm.yyyy hh:mm:ss", "dd.mm.yyyy hh:mm:ss,000", "TT.MM.JJJJ hh:mm:ss", "HH:mm:ss"]
+)
+def test_a_line_of_units_may_say_how_dates_are_written(read, pattern: str) -> None:  # type: ignore[no-untyped-def]
+    rows = "".join(f"26.03.2026 08:15:0{second},500;{second},25;7,5\n" for second in range(6))
+    table = read(f"Zeit;Druck A;Weg\n{pattern};bar;mm\n{rows}")
+    assert list(table.channels) == ["Zeit", "Druck A", "Weg"]
+    assert table.units == {"Druck A": "bar", "Weg": "mm"}

@@ -75,16 +75,3 @@ def test_a_dataset_larger_than_its_file_could_hold_is_damaged(tmp_path: Path) ->
         file.create_dataset("P1", shape=(10**12,), dtype="f8", chunks=(1024,))
     with pytest.raises(RecordingError, match="dataset '/P1' claims 8000000000000 bytes in a file of"):
         read_logged_file(path)
-
-
-def test_a_heap_that_the_library_would_never_leave_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "log.h5"
-    with h5py.File(path, "w") as file:
-        file["P1"] = T
-        file["P1"].attrs["unit"] = "bar"
-    content = bytearray(path.read_bytes())
-    heap = content.index(b"GCOL")
-    content[heap + 24 + 1] = 1
-    path.write_bytes(content)
-    with pytest.raises(RecordingError, match=f"its heap of texts at byte {heap} is damaged"):
-        read_logged_file(path)

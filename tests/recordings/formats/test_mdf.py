@@ -55,18 +55,6 @@ def test_samples_marked_invalid_are_missing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.channels["P1"], [0, 1, np.nan, 3, 4, 5])
 
 
-def test_blocks_in_a_circle_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "log.mf4"
-    table, units = format_writers.synthetic(40)
-    format_writers.write_mdf4(path, table, units)
-    content = bytearray(path.read_bytes())
-    channel = content.index(b"##CN")
-    content[channel + 24 : channel + 32] = channel.to_bytes(8, "little")
-    path.write_bytes(content)
-    with pytest.raises(RecordingError, match=f"its blocks point in a circle at byte {channel}; it is damaged"):
-        read_logged_file(path)
-
-
 def test_fewer_samples_than_stated_are_said(tmp_path: Path) -> None:
     path = tmp_path / "log.mf4"
     table, units = format_writers.synthetic(40)
@@ -80,3 +68,16 @@ def test_fewer_samples_than_stated_are_said(tmp_path: Path) -> None:
     (read,) = read_logged_file(path)
     assert len(read.channels) == 40
     assert read.notes == ("the file is cut off: 40 of 60 samples are there",)
+
+
+def test_a_channel_beyond_its_record_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.mf4"
+    table, units = format_writers.synthetic(40)
+    format_writers.write_mdf4(path, table, units)
+    content = bytearray(path.read_bytes())
+    # A channel's offset within the record stands behind its header, eight links and four bytes of types.
+    place = content.rindex(b"##CN") + 24 + 8 * 8 + 4
+    content[place : place + 4] = (1 << 20).to_bytes(4, "little")
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="lies at byte 1048584 of a record of 32 bytes; it is damaged"):
+        read_logged_file(path)

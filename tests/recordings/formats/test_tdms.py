@@ -59,3 +59,16 @@ def test_a_segment_that_is_cut_off_is_said(tmp_path: Path) -> None:
     tables = read_logged_file(path)
     assert any(len(table.channels) < 400 for table in tables)
     assert all("ends within its last segment, and the samples behind are lost" in table.notes[0] for table in tables)
+
+
+def test_waveforms_without_a_start_beside_others_with_one_are_said(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        ("fast", "P1", np.arange(10.0), wave(0.001, "2026-03-14T08:15:00")),
+        ("slow", "s", np.arange(5.0), {"wf_increment": 0.01, "wf_samples": 5, "wf_start_offset": 0.0}),
+    )
+    fast, slow = read_logged_file(path)
+    assert fast.notes == ()
+    assert slow.notes == (
+        "channel 's' states no start time, others do; it was taken to start with the earliest of them",
+    )

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,7 +51,7 @@ def confidence_intervals(
     curvature = 2.0 * _density_at_zero(residual) * (sensitivity.T @ sensitivity)
     inverse = np.linalg.pinv(curvature, rcond=1e-10, hermitian=True)
     covariance = inverse @ (totals.T @ totals) @ inverse
-    reach = float(norm.ppf(0.5 + 0.5 * confidence))
+    reach = float(ndtri(0.5 + 0.5 * confidence))
     intervals = {}
     for number, name in enumerate(names):
         felt = bool(np.abs(sensitivity[:, number]).max() > 0.0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from cylinder_friction.recordings import RecordingError
 
@@ -112,7 +112,7 @@ def presliding_stiffness(
     mean = 0.5 * float(extend.mean() + retract.mean())
     parts = [_variance_of_mean(each) for each in (extend, retract)]
     error = 0.5 * math.sqrt(sum(variance for variance, _ in parts))
-    reach = float(student.ppf(0.5 + 0.5 * confidence, max(1.0, min(free for _, free in parts)))) * error
+    reach = float(stdtrit(max(1.0, min(free for _, free in parts)), 0.5 + 0.5 * confidence)) * error
     deviations = np.concatenate([extend - extend.mean(), retract - retract.mean()])
     return PreslidingStiffness(
         stiffness_n_m=mean,

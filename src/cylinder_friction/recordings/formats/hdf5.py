@@ -15,7 +15,6 @@ from cylinder_friction.recordings.formats.channels import (
     table_of,
     tables_by_length,
 )
-from cylinder_friction.recordings.formats.hdf5_heaps import refuse_damaged_heaps
 from cylinder_friction.recordings.formats.libraries import optional_library
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -44,7 +43,6 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
         RecordingError: h5py is not installed.
     """
     h5py = optional_library("h5py", "HDF5", "hdf5")
-    refuse_damaged_heaps(source)
     with h5py.File(source.handle(), "r") as file:
         found, tables = Found(), []
 

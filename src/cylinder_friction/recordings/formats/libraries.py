@@ -25,9 +25,14 @@ def optional_library(name: str, what: str, extra: str, package: str = "") -> Any
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise RecordingError(
-            f"reading {what} needs {package or name}, which is not installed; pip install 'cylinder-friction[{extra}]'"
-        ) from None
+        raise missing_library(name, what, extra, package) from None
+
+
+def missing_library(name: str, what: str, extra: str, package: str = "") -> RecordingError:
+    """Returns the error for a module that is not installed; arguments as for ``optional_library``."""
+    return RecordingError(
+        f"reading {what} needs {package or name}, which is not installed; pip install 'cylinder-friction[{extra}]'"
+    )
 
 
 @contextmanager

@@ -1,15 +1,12 @@
-"""MATLAB files: version 5 (``save -v6`` and ``-v7``) through SciPy, version 7.3 as the HDF5 it is."""
+"""MATLAB files of version 5 (``save -v6`` and ``-v7``) through SciPy; version 7.3 is another reader's."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.io
 
 from cylinder_friction.recordings.formats.channels import Found, tables_by_length
-from cylinder_friction.recordings.formats.detect import HDF5_SIGNATURE
-from cylinder_friction.recordings.formats.matlab73 import read_matlab73
 from cylinder_friction.recordings.formats.matlab_tree import Leaf, walk_struct
 
 if TYPE_CHECKING:
@@ -25,8 +22,8 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
     Single values and text are no channels and only named, as ``unread``. So are variables that nothing wanted can come
     from: they are not loaded.
     """
-    if source.head[512:].startswith(HDF5_SIGNATURE) or source.head.startswith(b"MATLAB 7.3"):
-        return read_matlab73(source, wanted)
+    import scipy.io
+
     found = Found()
     names = _to_load(source, wanted, found)
     handle: Any = source.handle()
@@ -42,6 +39,8 @@ def _to_load(source: FileSource, wanted: Collection[str] | None, found: Found) -
         return None
     kept = []
     handle: Any = source.handle()
+    import scipy.io
+
     for name, _, _ in scipy.io.whosmat(handle):
         origin = (f"{name}.", f"{name}_")
         if name.casefold() in ("unit", "units") or any(f"{want}.".startswith(origin) for want in wanted):

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.recordings.formats.channels import Found, tables_by_length
 from cylinder_friction.recordings.formats.hdf5 import refuse_absurd_size
-from cylinder_friction.recordings.formats.hdf5_heaps import refuse_damaged_heaps
 from cylinder_friction.recordings.formats.libraries import optional_library
 from cylinder_friction.recordings.formats.matlab_tree import Leaf, walk_struct
 
@@ -28,7 +27,6 @@ def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[Lo
         RecordingError: h5py is not installed.
     """
     h5py = optional_library("h5py", "MATLAB 7.3", "hdf5")
-    refuse_damaged_heaps(source)
     with h5py.File(source.handle(), "r") as file:
         found = Found()
         variables = {name: _tree(file[name], source, 0) for name in file if not name.startswith("#")}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import traceback
-from contextlib import redirect_stdout, suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +10,6 @@ import pandas as pd
 
 from cylinder_friction.recordings.formats.channels import numeric
 from cylinder_friction.recordings.formats.libraries import optional_library
-from cylinder_friction.recordings.formats.mdf_links import refuse_rings
 from cylinder_friction.recordings.logged import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -33,16 +30,14 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedT
     A sample that the file marks as invalid is NaN.
 
     Raises:
-        RecordingError: asammdf is not installed, or the file's blocks point in a circle.
+        RecordingError: asammdf is not installed, or the file claims what it cannot hold.
     """
     asammdf = optional_library("asammdf", "MDF4", "mdf")
-    refuse_rings(source)
-    # It finishes an unfinished file in place, so it gets a copy of that. It prints what it cannot make sense of.
+    # It finishes an unfinished file in place, so it gets a copy of that.
     unfinished = source.head.startswith(b"UnFinMF")
     with (
         io.BytesIO(source.all_bytes()) if unfinished else source.opened() as opened,
-        redirect_stdout(io.StringIO()),
-        _opened(asammdf, opened) as file,
+        asammdf.MDF(opened, process_bus_logging=False) as file,
     ):
         for group in file.groups:
             _refuse_absurd_records(group, source.size)
@@ -50,19 +45,6 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedT
     if not any(len(table.channels.columns) or table.unread for table in tables):
         raise RecordingError("holds no channel groups; expected at least one with samples")
     return tables
-
-
-def _opened(asammdf: Any, opened: Any) -> Any:
-    """Returns the file; where it cannot be opened, asammdf's half-made object is closed, or it complains for ever."""
-    try:
-        return asammdf.MDF(opened, process_bus_logging=False)
-    except Exception as error:
-        for frame, _ in traceback.walk_tb(error.__traceback__):
-            half_made: Any = frame.f_locals.get("self")
-            if type(half_made).__module__.startswith("asammdf.") and hasattr(half_made, "close"):
-                with suppress(Exception):
-                    half_made.close()
-        raise
 
 
 def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable:
@@ -102,7 +84,10 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
 
 
 def _refuse_absurd_records(group: Any, size: int) -> None:
-    """Refuses channels that lie outside their record, or more records than a file could hold: asammdf would crash."""
+    """Refuses channels that lie outside their record, or more records than a file could hold.
+
+    asammdf would give back what lies behind the record, or crash.
+    """
     about = group.channel_group
     record = about.samples_byte_nr + getattr(about, "invalidation_bytes_nr", 0)
     samples = about.cycles_nr

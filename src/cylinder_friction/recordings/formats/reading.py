@@ -4,41 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cylinder_friction.recordings.formats.apart import read_apart
 from cylinder_friction.recordings.formats.delimited import read_delimited
-from cylinder_friction.recordings.formats.detect import FORMATS, format_of
-from cylinder_friction.recordings.formats.hdf5 import read_hdf5
+from cylinder_friction.recordings.formats.detect import FORMATS, format_of, is_matlab73
 from cylinder_friction.recordings.formats.libraries import guarded
-from cylinder_friction.recordings.formats.matlab import read_matlab
-from cylinder_friction.recordings.formats.mdf import read_mdf
 from cylinder_friction.recordings.formats.options import CsvOptions
-from cylinder_friction.recordings.formats.parquet import read_parquet
-from cylinder_friction.recordings.formats.source import open_source
-from cylinder_friction.recordings.formats.tdms import read_tdms
+from cylinder_friction.recordings.formats.source import open_source, read_head
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Collection
     from pathlib import Path
 
-    from cylinder_friction.recordings.formats.source import FileSource
     from cylinder_friction.recordings.logged import LoggedTable
 
-_BINARY: dict[str, Callable[[FileSource, Collection[str] | None], list[LoggedTable]]] = {
-    "matlab": read_matlab,
-    "mdf": read_mdf,
-    "tdms": read_tdms,
-    "hdf5": read_hdf5,
-    "parquet": read_parquet,
-}
 _AUTOMATIC = CsvOptions()
-_IN_WORDS = {
-    "csv": "a text table",
-    "matlab": "a MATLAB file",
-    "mdf": "an MDF file",
-    "tdms": "a TDMS file",
-    "hdf5": "an HDF5 file",
-    "parquet": "a Parquet file",
-}
 
 
 def read_logged_file(
@@ -61,10 +41,16 @@ def read_logged_file(
     """
     if file_format not in ("auto", *FORMATS):
         raise ValueError(f"format {file_format!r} is not known; expected auto or one of {', '.join(FORMATS)}")
-    source = open_source(path)
-    file_format = format_of(source.head) if file_format == "auto" else file_format
-    with guarded(_IN_WORDS[file_format]):
-        tables = [read_delimited(source, csv, wanted)] if file_format == "csv" else _BINARY[file_format](source, wanted)
+    head = read_head(path)
+    kind = format_of(head) if file_format == "auto" else file_format
+    if kind == "matlab" and is_matlab73(head):
+        kind = "matlab73"
+    if kind == "csv":
+        source = open_source(path)
+        with guarded("a text table"):
+            tables = [read_delimited(source, csv, wanted)]
+    else:
+        tables = read_apart(path, kind, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
     return tables

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import gzip
 import io
-import mmap
 import zlib
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 HEAD_SIZE = 65536
@@ -43,15 +40,6 @@ class FileSource:
     def opened(self) -> BinaryIO:
         """Returns the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
-
-    @contextmanager
-    def mapped(self) -> Iterator[bytes | mmap.mmap]:
-        """Yields the bytes without reading what is not looked at."""
-        if isinstance(self.origin, bytes):
-            yield self.origin
-            return
-        with self.origin.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            yield content
 
     def all_bytes(self) -> bytes:
         return self.origin if isinstance(self.origin, bytes) else self.origin.read_bytes()

@@ -12,7 +12,7 @@ from cylinder_friction.recordings.formats.libraries import optional_library
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Mapping
 
     from numpy.typing import NDArray
 
@@ -77,7 +77,18 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
         if step is not None:
             channels.insert(0, Channel("time", length, _time_reader(length, step, offset), "s"))
         tables.append(table_of(channels, wanted, group.name, others=() if tables else others))
-    return tables
+    notes = () if first is None else _without_start(group, alike)
+    return [replace(table, notes=(*table.notes, *notes)) for table in tables]
+
+
+def _without_start(group: Any, alike: Mapping[Any, Any]) -> tuple[str, ...]:
+    """Returns what to say of waveforms without a start in a file whose others state one; nobody knows how they lie."""
+    if all(step is None for _, step, _ in alike):
+        return ()
+    names = [channel.name for channel in group.channels() if _clock(channel, None)[0] and _start(channel) is None]
+    if not names:
+        return ()
+    return (f"channel {names[0]!r} states no start time, others do; it was taken to start with the earliest of them",)
 
 
 def _by_length(alike: dict[tuple[int, float | None, float], list[Channel]]) -> dict[Any, list[Channel]]:

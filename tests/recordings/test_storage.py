@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings import (
+    Recording,
+    RecordingError,
+    RecordingMetadata,
+    SensorUncertainty,
+    iterate_recordings,
+    read_metadata,
+    read_recording,
+    recording_paths,
+    write_recording,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+STEP_S = 0.005
+METADATA = RecordingMetadata(
+    "made",
+    "1",
+    "s1",
+    STEP_S,
+    "a cylinder",
+    zero_offset={"pressure_1_pa": 120.0},
+    uncertainty={"pressure_1_pa": SensorUncertainty(1e3, 0.002, 6.1e3)},
+    repairs=("position_m: 3 samples bridged",),
+)
+
+
+def made(rows: int = 4000, bits: int | None = 12, **columns: object) -> Recording:
+    """Returns a recording as a converter gives it, or with all bits of a float if ``bits`` is None."""
+    generator = np.random.default_rng(rows)
+    samples = np.cumsum(generator.normal(size=(rows, 3)), axis=0)
+    if bits is not None:
+        samples = np.round(samples)
+    names = ("pressure_1_pa", "pressure_2_pa", "position_m")
+    table = {"time_s": STEP_S * np.arange(rows)} | dict(zip(names, (samples * [6103.5, 6103.5, 6.1e-5]).T, strict=True))
+    return Recording(METADATA, pd.DataFrame(table | columns))
+
+
+@pytest.mark.parametrize("bits", [12, None])
+@pytest.mark.parametrize("rows", [1, 3, 2047, 4000])
+def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path, rows: int, bits: int | None) -> None:
+    recording = made(rows, bits, friction_n=np.full(rows, -0.0), usable=np.arange(rows) % 3 > 0)
+    again = read_recording(write_recording(tmp_path, recording))
+    assert again.metadata == METADATA
+    assert list(again.table.columns) == list(recording.table.columns)
+    assert again.table.dtypes.tolist() == recording.table.dtypes.tolist()
+    for column in recording.table.columns:
+        assert again.table[column].to_numpy().tobytes() == recording.table[column].to_numpy().tobytes(), column
+
+
+@given(st.lists(st.floats(allow_nan=True), min_size=4, max_size=40))
+def test_optional_columns_keep_every_float(tmp_path_factory: pytest.TempPathFactory, values: list[float]) -> None:
+    wanted = np.array(values)
+    recording = made(len(values), load_force_n=wanted)
+    again = read_recording(write_recording(tmp_path_factory.mktemp("storage"), recording))
+    np.testing.assert_array_equal(again.column("load_force_n"), wanted)
+
+
+def test_equal_recordings_make_equal_bytes(tmp_path: Path) -> None:
+    recording = made()
+    paths = [write_recording(tmp_path / "one", recording)]
+    for place, table in (
+        ("in_one_block", pd.DataFrame(recording.table.to_numpy(), columns=recording.table.columns)),
+        ("read_back", read_recording(paths[0]).table),
+        ("cut_out", pd.concat([recording.table, recording.table]).iloc[: len(recording)]),
+    ):
+        paths.append(write_recording(tmp_path / place, replace(recording, table=table)))
+    assert len({path.read_bytes() for path in paths}) == 1
+
+
+def test_other_programs_read_it(tmp_path: Path) -> None:
+    recording = made(usable=np.ones(4000, dtype=bool))
+    path = write_recording(tmp_path, recording)
+    pd.testing.assert_frame_equal(pd.read_parquet(path), recording.table)
+    types = {field.name: str(field.type) for field in pq.read_schema(path)}
+    assert types.pop("usable") == "bool"
+    assert set(types.values()) == {"double"}
+
+
+def test_a_converter_s_values_take_the_bits_that_it_has(tmp_path: Path) -> None:
+    coarse, fine = (write_recording(tmp_path / str(bits), made(bits=bits)).stat().st_size for bits in (12, None))
+    assert coarse < 4000 * 3 * 2.5 < 4000 * 3 * 6.0 < fine < 4000 * 3 * 8.0
+
+
+def test_values_read_are_not_changed_by_accident(tmp_path: Path) -> None:
+    table = read_recording(write_recording(tmp_path, made())).table
+    with pytest.raises(ValueError, match="read-only"):
+        table.loc[0, "position_m"] = 1.0
+    copy = table.copy()
+    copy.loc[0, "position_m"] = 1.0
+    assert copy["position_m"].iloc[0] == 1.0 != table["position_m"].iloc[0]
+
+
+def test_a_foreign_parquet_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.parquet"
+    made().table.to_parquet(path)
+    for read in (read_recording, read_metadata):
+        with pytest.raises(
+            RecordingError, match=r"foreign\.parquet: no recording metadata inside; expected a file that"
+        ):
+            read(path)
+
+
+def test_metadata_are_read_without_rows(tmp_path: Path) -> None:
+    assert read_metadata(write_recording(tmp_path, made())) == METADATA
+
+
+def test_a_folder_is_read_in_the_order_of_names(tmp_path: Path) -> None:
+    for name in ("b", "a", "c"):
+        write_recording(tmp_path, replace(made(), metadata=replace(METADATA, name=name)))
+    assert [recording.name for recording in iterate_recordings(tmp_path)] == ["a", "b", "c"]
+    with pytest.raises(FileNotFoundError, match="no such folder of recordings; run `dvc repro`"):
+        recording_paths(tmp_path / "absent")

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.tracking.content import hash_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.mark.parametrize("size", [0, 1, 2**18, 2**20 + 7])
+def test_hash_of_a_file_is_sha_256_of_its_bytes(tmp_path: Path, size: int) -> None:
+    content = bytes(index % 251 for index in range(size))
+    (tmp_path / "file").write_bytes(content)
+    assert hash_of(tmp_path / "file") == hashlib.sha256(content).hexdigest()
+
+
+def test_hash_of_a_folder_tells_names_and_contents(tmp_path: Path) -> None:
+    for name, content in (("b.txt", b"two"), ("a/c.txt", b"one"), ("__pycache__/x.pyc", b"code")):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    lines = [f"{name}\0{hashlib.sha256(text).hexdigest()}\n" for name, text in (("a/c.txt", b"one"), ("b.txt", b"two"))]
+    first = hash_of(tmp_path)
+    assert first == hashlib.sha256("".join(lines).encode()).hexdigest()
+    (tmp_path / "__pycache__/x.pyc").write_bytes(b"other code")
+    assert hash_of(tmp_path) == first
+    (tmp_path / "b.txt").rename(tmp_path / "d.txt")
+    assert hash_of(tmp_path) != first
+
+
+def test_nothing_there_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        hash_of(tmp_path / "absent")
