@@ -7,22 +7,32 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 import pandas as pd
 import psutil
 import pytest
+import scipy.io
 from asammdf import MDF, Signal
 
 import format_writers
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings import LoggedTable, RecordingError
 from cylinder_friction.recordings.formats import apart, read_logged_file
 from cylinder_friction.recordings.formats.hdf5 import read_hdf5
+from cylinder_friction.recordings.formats.matlab import read_matlab
+from cylinder_friction.recordings.formats.matlab73 import read_matlab73
 from cylinder_friction.recordings.formats.mdf import read_mdf
-from cylinder_friction.recordings.formats.source import open_source
+from cylinder_friction.recordings.formats.source import FileSource, open_source
+from cylinder_friction.recordings.formats.tdms import read_tdms
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 ROWS = np.arange(6.0)
+DIMENSIONS = b"\x05\0\0\0\x08\0\0\0\x01"
+"""How the dimensions of one row begin in a MATLAB file: int32, 8 bytes, 1."""
 ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="signals and processes as on Linux")
 
 
@@ -38,6 +48,24 @@ def write_crashing(path: Path) -> Path:
     """Writes an attribute of text whose type says it is neither text nor a sequence; libhdf5 follows a wild pointer."""
     content = bytearray(write_good(path).read_bytes())
     content[content.index(b"unit\0\0\0\0\x19") + 9] = 255
+    path.write_bytes(content)
+    return path
+
+
+def write_crashing_matlab(path: Path) -> Path:
+    """Writes a struct with a text whose dimensions take no bytes; SciPy goes on with dimensions it never read."""
+    scipy.io.savemat(path, {"t": ROWS[:, None], "units": {"t": "s"}})
+    content = bytearray(path.read_bytes())
+    content[content.rindex(DIMENSIONS) + 4] = 0
+    path.write_bytes(content)
+    return path
+
+
+def write_greedy_matlab(path: Path) -> Path:
+    """Writes a struct that claims to be an array of a thousand million; SciPy fills the memory with them."""
+    scipy.io.savemat(path, {"t": ROWS[:, None], "units": {"t": "s"}})
+    content = bytearray(path.read_bytes())
+    content[content.index(DIMENSIONS) + 15] = 64
     path.write_bytes(content)
     return path
 
@@ -66,24 +94,28 @@ def worker() -> int:
     return process.pid
 
 
+@pytest.mark.parametrize(
+    ("write", "library"), [(write_crashing, "the HDF5 library"), (write_crashing_matlab, "SciPy's MATLAB reader")]
+)
 @ON_LINUX
-def test_a_file_that_crashes_the_library_is_refused_and_the_next_is_read(tmp_path: Path) -> None:
-    good, bad = write_good(tmp_path / "good"), write_crashing(tmp_path / "bad")
+def test_a_file_that_crashes_the_library_is_refused_and_the_next_is_read(
+    tmp_path: Path, write: Callable[[Path], Path], library: str
+) -> None:
+    good, bad = write_good(tmp_path / "good"), write(tmp_path / "bad")
     before = read_logged_file(good)[0]
     for _ in range(2):
         with pytest.raises(RecordingError) as refusal:
             read_logged_file(bad)
         assert str(refusal.value) == (
-            "reading it crashed the HDF5 library (signal 11); the file is damaged; copy it again, or export it anew"
+            f"reading it crashed {library} (signal 11); the file is damaged; copy it again, or export it anew"
         )
         pd.testing.assert_frame_equal(read_logged_file(good)[0].channels, before.channels)
 
 
 @pytest.mark.parametrize("write", [write_hanging, write_ring])
 def test_a_file_that_hangs_the_library_is_refused_in_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: object
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], Path]
 ) -> None:
-    assert callable(write)
     good, bad = write_good(tmp_path / "good"), write(tmp_path / "bad")
     with monkeypatch.context() as patch:
         patch.setattr(apart, "LIMIT_S", 0.6)
@@ -93,6 +125,13 @@ def test_a_file_that_hangs_the_library_is_refused_in_time(
             read_logged_file(bad)
     assert str(refusal.value) == ("reading it took longer than 1 s; it is damaged; copy it again, or export it anew")
     assert read_logged_file(good)[0].channels["P1"].tolist() == ROWS.tolist()
+
+
+@ON_LINUX
+def test_a_file_that_fills_the_memory_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"cannot be read as a MATLAB file \(MemoryError.*damaged"):
+        read_logged_file(write_greedy_matlab(tmp_path / "bad"))
+    assert len(read_logged_file(write_good(tmp_path / "good"))[0].channels) == 6
 
 
 def test_one_process_reads_all_files(tmp_path: Path) -> None:
@@ -128,30 +167,44 @@ def test_an_interrupted_answer_is_not_taken_for_the_next(tmp_path: Path, monkeyp
     assert read_logged_file(good)[0].units == {"P1": "bar"}
 
 
-def test_what_is_read_apart_is_what_is_read_here(tmp_path: Path) -> None:
-    hdf5, mdf = write_good(tmp_path / "log.h5"), tmp_path / "log.mf4"
+def write_odd_mdf(path: Path) -> None:
     hidden = np.array([0, 0, 1, 0, 0, 0], dtype=bool)
+    words = np.array([b"up", b"", b"down"] * 2)
     with MDF(version="4.10") as file:
         file.append(
             [
                 Signal(ROWS.astype(np.int16), ROWS, name="P1", unit="bar", invalidation_bits=hidden),
-                Signal(np.array([b"up", b"", b"down"] * 2), ROWS, name="P1", encoding="utf-8"),
+                Signal(words, ROWS, name="P1", encoding="utf-8", invalidation_bits=hidden),
                 Signal(np.arange(12, dtype=np.uint8).reshape(6, 2), ROWS, name="raw"),
             ]
         )
-        file.save(mdf, overwrite=True)
-    for path, here in ((hdf5, read_hdf5), (mdf, read_mdf)):
-        for wanted in (None, ["P1"], ["nothing"]):
-            expected, read = here(open_source(path), wanted), read_logged_file(path, wanted=wanted)
-            assert len(expected) == len(read)
-            for one, other in zip(expected, read, strict=True):
-                pd.testing.assert_frame_equal(other.channels, one.channels, check_exact=True)
-                assert (one.units, one.name, one.unread, one.notes) == (
-                    other.units,
-                    other.name,
-                    other.unread,
-                    other.notes,
-                )
+        saved = file.save(path.with_name("odd.mf4"), overwrite=True)
+    saved.replace(path)
+
+
+@pytest.mark.parametrize(
+    ("write", "read_here"),
+    [
+        (write_good, read_hdf5),
+        (write_odd_mdf, read_mdf),
+        (lambda path: format_writers.write_matlab5(path, *format_writers.synthetic()), read_matlab),
+        (lambda path: format_writers.write_matlab73(path, *format_writers.synthetic()), read_matlab73),
+        (lambda path: format_writers.write_tdms(path, *format_writers.synthetic()), read_tdms),
+    ],
+)
+@pytest.mark.parametrize("wanted", [None, ["P1"], ["nothing"]])
+def test_what_is_read_apart_is_what_is_read_here(
+    tmp_path: Path,
+    write: Callable[[Path], object],
+    read_here: Callable[[FileSource, list[str] | None], list[LoggedTable]],
+    wanted: list[str] | None,
+) -> None:
+    write(tmp_path / "log")
+    expected, read = read_here(open_source(tmp_path / "log"), wanted), read_logged_file(tmp_path / "log", wanted=wanted)
+    assert len(expected) == len(read)
+    for one, other in zip(expected, read, strict=True):
+        pd.testing.assert_frame_equal(other.channels, one.channels, check_exact=True, check_column_type=False)
+        assert (one.units, one.name, one.unread, one.notes) == (other.units, other.name, other.unread, other.notes)
 
 
 def test_columns_may_be_written_to(tmp_path: Path) -> None:

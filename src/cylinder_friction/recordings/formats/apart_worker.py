@@ -15,11 +15,13 @@ from cylinder_friction.recordings.formats.libraries import guarded
 from cylinder_friction.recordings.formats.matlab import read_matlab
 from cylinder_friction.recordings.formats.matlab73 import read_matlab73
 from cylinder_friction.recordings.formats.mdf import read_mdf
-from cylinder_friction.recordings.formats.parquet import read_parquet
 from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.formats.table_wire import read_message, write_message, write_tables
 from cylinder_friction.recordings.formats.tdms import read_tdms
 from cylinder_friction.recordings.recording import RecordingError
+
+if sys.platform != "win32":
+    import resource
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.logged import LoggedTable
@@ -29,7 +31,6 @@ _READERS = {
     "matlab": (read_matlab, "a MATLAB file"),
     "matlab73": (read_matlab73, "a MATLAB file"),
     "mdf": (read_mdf, "an MDF file"),
-    "parquet": (read_parquet, "a Parquet file"),
     "tdms": (read_tdms, "a TDMS file"),
 }
 
@@ -52,6 +53,7 @@ def serve() -> None:
 
 
 def _answer(request: dict[str, Any], answers: BinaryIO, unseen: Any) -> None:
+    _limit_memory(request["limit_bytes"])
     # A thread of C ends the process in time, also from within a library that never returns to Python.
     faulthandler.dump_traceback_later(request["limit_s"], exit=True, file=unseen)
     tables, refusal = _read(request)
@@ -59,6 +61,14 @@ def _answer(request: dict[str, Any], answers: BinaryIO, unseen: Any) -> None:
     write_message(answers, refusal)
     if refusal is None:
         write_tables(answers, tables)
+
+
+def _limit_memory(limit_bytes: int) -> None:
+    """Lets what asks for more memory fail, which the libraries report as any other damage; not on Windows."""
+    if sys.platform != "win32":
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
+        resource.setrlimit(resource.RLIMIT_DATA, (limit_bytes, most))
 
 
 def _read(request: dict[str, Any]) -> tuple[list[LoggedTable], str | None]:

@@ -9,6 +9,7 @@ from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.detect import FORMATS, format_of, is_matlab73
 from cylinder_friction.recordings.formats.libraries import guarded
 from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.parquet import read_parquet
 from cylinder_friction.recordings.formats.source import open_source, read_head
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -49,6 +50,10 @@ def read_logged_file(
         source = open_source(path)
         with guarded("a text table"):
             tables = [read_delimited(source, csv, wanted)]
+    elif kind == "parquet":  # hundreds of hours come this way, and Arrow stands damage
+        source = open_source(path)
+        with guarded("a Parquet file"):
+            tables = read_parquet(source, wanted)
     else:
         tables = read_apart(path, kind, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
