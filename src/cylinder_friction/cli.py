@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 CONF = Path("conf")
 REPORTS = Path("reports")
+GOLDEN = Path("tests/golden")
+PROCESSED = Path("data/processed")
+EXPORT_PART = "lstm: without the forest; base: the filtered force balance alone"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,6 +50,12 @@ def _parser() -> argparse.ArgumentParser:
     lineage.add_argument("model", help="for example models:/friction-estimator@champion")
     lineage.set_defaults(run=_lineage)
     commands.add_parser("ui", help="open the MLflow UI on the runs").set_defaults(run=_ui)
+    _add_golden_commands(commands)
+    _add_export_commands(commands)
+    bench = commands.add_parser("bench", help="measure what one estimate costs in every runtime, on one core")
+    bench.add_argument("models", nargs="*", type=Path, help="folders of hybrids and LuGre; without: the pipeline's own")
+    bench.add_argument("--steps", type=int, default=100_000, help="timed steps of each runtime, as far as time allows")
+    bench.set_defaults(run=_bench)
     serve = commands.add_parser("serve", help="serve the champion and print a curl to try")
     serve.add_argument("--model", default="models:/friction-estimator@champion")
     serve.set_defaults(run=_serve)
@@ -64,6 +73,44 @@ def _add_files_commands(commands: argparse._SubParsersAction[argparse.ArgumentPa
     inspect.add_argument("overrides", nargs="*", help="for example ingest=own cylinder=press; without: params.yaml")
     inspect.add_argument("--output", type=Path, default=REPORTS / "inspection.html")
     inspect.set_defaults(run=_inspect)
+
+
+def _add_golden_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    golden = commands.add_parser("golden", help="the trajectories that every real-time runtime must meet")
+    what = golden.add_subparsers(dest="what", required=True)
+    for name, text in (
+        ("train", "train their small model anew; then record"),
+        ("record", "record them anew from the test recordings"),
+        ("check", "compare what Python makes of them with what was recorded"),
+    ):
+        command = what.add_parser(name, help=text)
+        command.add_argument("--folder", type=Path, default=GOLDEN)
+        command.set_defaults(run=_golden)
+
+
+def _add_export_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    export = commands.add_parser("export", help="write a trained estimator in another form, for use elsewhere")
+    forms = export.add_subparsers(dest="what", required=True)
+    onnx = forms.add_parser("onnx", help="ONNX: the whole estimator as a step graph and as a sequence graph")
+    onnx.add_argument("model", type=Path, help="folder of the trained estimator, for example models/hybrid")
+    onnx.add_argument("--output", type=Path, required=True, help="folder for step.onnx and sequence.onnx")
+    onnx.set_defaults(run=_export_onnx)
+    c = forms.add_parser("c", help="C99: one source and one header without dependencies, for controllers")
+    c.add_argument("model", type=Path, help="folder of the trained estimator, for example models/hybrid")
+    c.add_argument("--output", type=Path, required=True, help="folder for the two files")
+    c.add_argument("--name", default="friction", help="prefix of every name, and the files' name")
+    c.add_argument("--precision", choices=("double", "float"), default="double", help="of samples, filters, estimates")
+    c.add_argument("--model", dest="part", choices=("whole", "lstm", "base"), default="whole", help=EXPORT_PART)
+    c.add_argument("--distil", type=int, metavar="NODES", help="first teach a single-layer LSTM of so many nodes to it")
+    c.add_argument(
+        "--data", type=Path, default=PROCESSED, help="labelled recordings for --distil: train, validation, test"
+    )
+    c.set_defaults(run=_export_c)
+    fmu = forms.add_parser("fmu", help="FMI: one file for co-simulation, with sources and a binary for this computer")
+    fmu.add_argument("model", type=Path, help="folder of the trained estimator, for example models/hybrid")
+    fmu.add_argument("--output", type=Path, required=True, help="the file, for example press.fmu")
+    fmu.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI: 2 for 2.0, 3 for 3.0")
+    fmu.set_defaults(run=_export_fmu)
 
 
 def _stage(options: argparse.Namespace) -> None:
@@ -107,6 +154,87 @@ def _inspect(options: argparse.Namespace) -> int:
     report, refused = inspect_path(options.path, params, options.output)
     print(f"{report}\n\npage     {options.output}")
     return 1 if refused else 0
+
+
+def _golden(options: argparse.Namespace) -> int:
+    from cylinder_friction.stages.golden import check_golden, record_golden, train_golden_model
+
+    if options.what == "check":
+        report, same = check_golden(options.folder)
+        print(report)
+        return 0 if same else 1
+    if options.what == "train":
+        from cylinder_friction.params import load_params
+
+        train_golden_model(options.folder, load_params())
+    else:
+        print(record_golden(options.folder))
+    return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from cylinder_friction.deployment.c_export.compiled import NoCompilerError
+    from cylinder_friction.deployment.latency import Effort
+    from cylinder_friction.stages.bench import bench
+
+    try:
+        print(bench(options.models, Effort(options.steps, instructions=True)))
+    except (NoCompilerError, ValueError) as error:
+        print(f"cylinder-friction bench: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _export_onnx(options: argparse.Namespace) -> int:
+    from cylinder_friction.deployment.onnx_graphs import export_onnx
+    from cylinder_friction.estimators import FrictionEstimator
+
+    try:
+        written = export_onnx(FrictionEstimator.load(options.model), options.output)
+    except ValueError as error:
+        print(f"cylinder-friction export onnx: {error}", file=sys.stderr)
+        return 1
+    for path in (written.step, written.sequence):
+        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+    print(f"model    {written.model}")
+    return 0
+
+
+def _export_c(options: argparse.Namespace) -> int:
+    from cylinder_friction.deployment.c_export import export_c
+    from cylinder_friction.estimators import FrictionEstimator, HybridEstimator
+
+    estimator = FrictionEstimator.load(options.model)
+    try:
+        if options.distil is not None:
+            from cylinder_friction.deployment.distil import distil_from_folder
+
+            if not isinstance(estimator, HybridEstimator):
+                raise ValueError(f"--distil needs a hybrid as teacher, but got {estimator.kind}")
+            estimator, report = distil_from_folder(estimator, options.distil, options.data)
+            print(report.text())
+        written = export_c(estimator, options.output, options.name, options.precision, options.part)
+    except ValueError as error:
+        print(f"cylinder-friction export c: {error}", file=sys.stderr)
+        return 1
+    for path in (written.header, written.source):
+        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+    print(f"state    {written.state_bytes} bytes an instance\nstep     {written.operations} operations")
+    print(f"model    {written.model}")
+    return 0
+
+
+def _export_fmu(options: argparse.Namespace) -> int:
+    from cylinder_friction.deployment.fmu import CompilerError, export_fmu
+    from cylinder_friction.estimators import FrictionEstimator
+
+    try:
+        written = export_fmu(FrictionEstimator.load(options.model), options.output, options.fmi)
+    except (CompilerError, ValueError) as error:
+        print(f"cylinder-friction export fmu: {error}", file=sys.stderr)
+        return 1
+    print(f"{written.path}: {written.note}\nmodel    {written.name} {written.token}")
+    return 0
 
 
 def _track(_options: argparse.Namespace) -> None:

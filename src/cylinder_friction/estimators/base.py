@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from cylinder_friction.estimators.realtime.bounds import calibrate_bounds
+from cylinder_friction.estimators.realtime.guard import guard_from
+from cylinder_friction.estimators.realtime.model import Bounds, Guard
 from cylinder_friction.recordings import (
     SAMPLE_COLUMNS,
     Recording,
@@ -67,6 +70,8 @@ class FrictionEstimator(ABC):
         kind: Name of the class in a saved model folder.
         sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
         training_range: What raw samples it was taught on; None before ``fit``.
+        guard: What a sample must be in real time; None before ``calibrate``.
+        bounds: What the estimate's error may be; None before ``calibrate``.
     """
 
     kind: ClassVar[str]
@@ -75,6 +80,8 @@ class FrictionEstimator(ABC):
     def __init__(self) -> None:
         self.sample_time_s: float | None = None
         self.training_range: TrainingRange | None = None
+        self.guard: Guard | None = None
+        self.bounds: Bounds | None = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -131,6 +138,19 @@ class FrictionEstimator(ABC):
         self._refuse_unfitted()
         return EstimatorStream(self.new_state, self.advance)
 
+    def calibrate(self, largest_friction_n: float, validation: Sequence[Recording]) -> None:
+        """Sets guard and bounds, the latter from the errors on recordings that the estimator did not learn from.
+
+        Args:
+            largest_friction_n: Largest absolute label of training [N].
+            validation: Labelled recordings of other sessions.
+        """
+        self._refuse_unfitted()
+        assert self.training_range is not None
+        assert self.sample_time_s is not None
+        self.guard = guard_from(self.training_range, largest_friction_n, self.sample_time_s)
+        self.bounds = calibrate_bounds(self, validation, self.guard.warm_up_samples)
+
     def save(self, folder: Path) -> None:
         """Writes the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
         self._refuse_unfitted()
@@ -150,6 +170,8 @@ class FrictionEstimator(ABC):
                         SAMPLE_COLUMNS, self.training_range.lower, self.training_range.upper, strict=True
                     )
                 },
+                "guard": None if self.guard is None else asdict(self.guard),
+                "bounds": None if self.bounds is None else asdict(self.bounds),
                 "multiply_adds_a_step": self.multiply_adds(),
                 "parameters": parameters,
             },
@@ -174,6 +196,9 @@ class FrictionEstimator(ABC):
         limits = [description["training_range"][column] for column in SAMPLE_COLUMNS]
         estimator.sample_time_s = description["sample_time_s"]
         estimator.training_range = TrainingRange(tuple(low for low, _ in limits), tuple(high for _, high in limits))
+        guard, bounds = description.get("guard"), description.get("bounds")
+        estimator.guard = None if guard is None else Guard.from_dict(guard)
+        estimator.bounds = None if bounds is None else Bounds.from_dict(bounds)
         return estimator
 
     def _begin_fit(self, recordings: Sequence[Recording]) -> None:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import onnx
 
-from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import fit_forest, forest_from_onnx
 from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
+from cylinder_friction.estimators.realtime.estimator import RealTimeEstimator
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FOREST_FILE = "forest.onnx"
 
 
-class ForestEstimator(FrictionEstimator):
+class ForestEstimator(RealTimeEstimator):
     """A random forest on filtered P1, P2 and velocity of the present sample.
 
     Args:
@@ -61,23 +61,23 @@ class ForestEstimator(FrictionEstimator):
         self._set(front_end, model)
 
     def _set(self, front_end: FrontEnd, model: onnx.ModelProto) -> None:
-        self._front_end = FrontEndBlock(front_end)
+        self.front_end_block = FrontEndBlock(front_end)
         self._model = model
-        self._forest = forest_from_onnx(model)
+        self.forest = forest_from_onnx(model)
 
     def new_state(self) -> FrontEndState:
-        return self._front_end.new_state()
+        return self.front_end_block.new_state()
 
     def advance(self, state: FrontEndState, samples: Array) -> Array:
-        features, _ = self._front_end.advance(state, samples)
-        return self._forest.predict(features)
+        features, _ = self.front_end_block.advance(state, samples)
+        return self.forest.predict(features)
 
     def multiply_adds(self) -> int:
-        return self._front_end.multiply_adds() + self._forest.comparisons()
+        return self.front_end_block.multiply_adds() + self.forest.comparisons()
 
     def _write(self, folder: Path) -> dict[str, Any]:
         (folder / FOREST_FILE).write_bytes(self._model.SerializeToString(deterministic=True))
-        return {"front_end": self._front_end.front_end.to_dict(), "forest": FOREST_FILE}
+        return {"front_end": self.front_end_block.front_end.to_dict(), "forest": FOREST_FILE}
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:

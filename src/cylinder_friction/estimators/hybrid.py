@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import onnx
 
-from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import Forest, fit_forest, forest_from_onnx
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
 from cylinder_friction.estimators.lstm import Lstm, LstmState
 from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.realtime.estimator import RealTimeEstimator
+from cylinder_friction.estimators.realtime.guard import largest_friction_n
 from cylinder_friction.estimators.training_plan import (
     Architecture,
     EpochReport,
@@ -78,7 +79,7 @@ class HybridState:
     network: LstmState
 
 
-class HybridEstimator(FrictionEstimator):
+class HybridEstimator(RealTimeEstimator):
     """LSTM + random forest on causally filtered samples.
 
     Args:
@@ -157,12 +158,13 @@ class HybridEstimator(FrictionEstimator):
         self._set(HybridParts(self.design, front_end, network, None, mean_n, scale_n))
         if self.forest_plan is not None:
             self._set(self._with_forest(train, self.forest_plan))
+        self.calibrate(largest_friction_n(train), validation)
 
     def without_forest(self) -> HybridEstimator:
         """Returns the LSTM alone: the same network, the forest left out."""
         parts = self._fitted()
         alone = HybridEstimator(self.cylinder, self.design, self.architecture, self.plan, None, self.seed, self.device)
-        alone.sample_time_s, alone.training_range = self.sample_time_s, self.training_range
+        alone.sample_time_s, alone.training_range, alone.guard = self.sample_time_s, self.training_range, self.guard
         alone._set(
             HybridParts(parts.design, parts.front_end, parts.network, None, parts.target_mean_n, parts.target_scale_n)
         )

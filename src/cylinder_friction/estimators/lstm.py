@@ -3,21 +3,27 @@
 Cell (Hochreiter and Schmidhuber 1997, with forget gate of Gers et al. 2000), gates in ONNX order i, o, f, c:
 
     i, o, f = sigmoid(W x + R h + b);  g = tanh(W x + R h + b);  c = f c + i g;  h = o tanh(c)
+
+A state below 1e-30 becomes 0: a forgotten cell that sinks among the denormal numbers would slow every later step.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 
+from cylinder_friction.estimators.activation import sigmoid, tanh
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Single = NDArray[np.float32]
+
+TINY = np.float32(1e-30)
+ZERO = np.float32(0.0)
 
 
 @dataclass(frozen=True)
@@ -86,54 +92,85 @@ class Lstm:
 
 
 @numba.njit(cache=True)
-def _sigmoid(x: np.float32) -> np.float32:
-    return np.float32(1.0) / (np.float32(1.0) + math.exp(-x))
-
-
-@numba.njit(cache=True)
 def _run(
     input_weights: Single, recurrent: Single, bias: Single, inputs: int, features: Single, hidden: Single, cell: Single
 ) -> Single:
-    layers, nodes = hidden.shape
-    width = 4 * nodes
+    nodes = hidden.shape[1]
     result = np.empty((features.shape[0], nodes), dtype=np.float32)
-    gates = np.empty(width, dtype=np.float32)
+    gates = np.empty(4 * nodes, dtype=np.float32)
     for row in range(features.shape[0]):
-        for layer in range(layers):
-            for gate in range(width):
-                gates[gate] = bias[layer, gate]
-            if layer == 0:
-                for source in range(inputs):
-                    value = features[row, source]
-                    for gate in range(width):
-                        gates[gate] += input_weights[0, source, gate] * value
-            else:
-                for source in range(nodes):
-                    value = hidden[layer - 1, source]
-                    for gate in range(width):
-                        gates[gate] += input_weights[layer, source, gate] * value
-            for source in range(nodes):
-                value = hidden[layer, source]
-                for gate in range(width):
-                    gates[gate] += recurrent[layer, source, gate] * value
-            for node in range(nodes):
-                let_in = _sigmoid(gates[node])
-                let_out = _sigmoid(gates[nodes + node])
-                keep = _sigmoid(gates[2 * nodes + node])
-                new = math.tanh(gates[3 * nodes + node])
-                cell[layer, node] = keep * cell[layer, node] + let_in * new
-                hidden[layer, node] = let_out * math.tanh(cell[layer, node])
-        for node in range(nodes):
-            result[row, node] = hidden[layers - 1, node]
+        lstm_step(input_weights, recurrent, bias, inputs, features[row], hidden, cell, gates)
+        result[row] = hidden[-1]
     return result
+
+
+@numba.njit(cache=True)
+def lstm_step(
+    input_weights: Single,
+    recurrent: Single,
+    bias: Single,
+    inputs: int,
+    features: Single,
+    hidden: Single,
+    cell: Single,
+    gates: Single,
+) -> None:
+    """Takes one step of the whole stack: changes ``hidden`` and ``cell``; ``gates`` is room for ``4 nodes`` numbers."""
+    layers, nodes = hidden.shape
+    for layer in range(layers):
+        for gate in range(4 * nodes):
+            gates[gate] = bias[layer, gate]
+        if layer == 0:
+            _add_product(gates, input_weights[0], features, inputs)
+        else:
+            _add_product(gates, input_weights[layer], hidden[layer - 1], nodes)
+        _add_product(gates, recurrent[layer], hidden[layer], nodes)
+        _cell_step(gates, hidden[layer], cell[layer])
+
+
+@numba.njit(cache=True)
+def _add_product(gates: Single, weights: Single, values: Single, count: int) -> None:
+    """Adds ``weights[source] * values[source]`` to the gates, source after source, four at a time for speed."""
+    fours = count - count % 4
+    for source in range(0, fours, 4):
+        one, two, three, four = values[source], values[source + 1], values[source + 2], values[source + 3]
+        for gate in range(gates.shape[0]):
+            total = gates[gate] + weights[source, gate] * one
+            total += weights[source + 1, gate] * two
+            total += weights[source + 2, gate] * three
+            gates[gate] = total + weights[source + 3, gate] * four
+    for source in range(fours, count):
+        value = values[source]
+        for gate in range(gates.shape[0]):
+            gates[gate] += weights[source, gate] * value
+
+
+@numba.njit(cache=True)
+def _cell_step(gates: Single, hidden: Single, cell: Single) -> None:
+    nodes = hidden.shape[0]
+    for gate in range(3 * nodes):
+        gates[gate] = sigmoid(gates[gate])
+    for gate in range(3 * nodes, 4 * nodes):
+        gates[gate] = tanh(gates[gate])
+    for node in range(nodes):
+        new = gates[2 * nodes + node] * cell[node] + gates[node] * gates[3 * nodes + node]
+        cell[node] = new if abs(new) >= TINY else ZERO
+        out = gates[nodes + node] * tanh(cell[node])
+        hidden[node] = out if abs(out) >= TINY else ZERO
 
 
 @numba.njit(cache=True)
 def _head(hidden: Single, head: Single, bias: float) -> Single:
     result = np.empty(hidden.shape[0], dtype=np.float32)
     for row in range(hidden.shape[0]):
-        total = np.float32(bias)
-        for node in range(hidden.shape[1]):
-            total += hidden[row, node] * head[node]
-        result[row] = total
+        result[row] = head_of(hidden[row], head, bias)
     return result
+
+
+@numba.njit(cache=True)
+def head_of(hidden: Single, head: Single, bias: float) -> np.float32:
+    """Returns the linear head's output for one hidden state."""
+    total = np.float32(bias)
+    for node in range(hidden.shape[0]):
+        total += hidden[node] * head[node]
+    return total

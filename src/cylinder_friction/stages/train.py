@@ -16,6 +16,7 @@ from cylinder_friction.estimators import (
     LowPassForceBalanceEstimator,
     RidgeEstimator,
 )
+from cylinder_friction.estimators.realtime.guard import largest_friction_n
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.params import HybridParams, TrainingParams
 from cylinder_friction.recordings import read_json, read_recordings, whole_folder, write_json
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings import Recording
 
 RIDGE_LAGS = 20
+REAL_TIME_BASELINES = ("random_forest", "lstm", "paper_lstm")
+"""What can be exported to other runtimes beside the hybrids, and so needs guard and bounds."""
 
 
 def run(params: Params) -> RunRecord:
@@ -55,6 +58,8 @@ def run(params: Params) -> RunRecord:
     hybrid = _trained(params, design, chosen, settings.training, train, validation, datasets)
     paper = _trained(params, "paper", settings.paper_hybrid, settings.paper_training, train, validation, datasets)
     baselines = _baselines(params, train) | {"lstm": hybrid.without_forest(), "paper_lstm": paper.without_forest()}
+    for name in REAL_TIME_BASELINES:
+        baselines[name].calibrate(largest_friction_n(train), validation)
     for folder, estimator in ((HYBRID_FOLDER, hybrid), (PAPER_HYBRID_FOLDER, paper)):
         with whole_folder(folder) as draft:
             estimator.save(draft)

@@ -1,0 +1,57 @@
+"""Numbers and arrays as C99 source text; every number reads back to the very same value."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import ArrayLike
+
+Type = Literal["float", "double"]
+
+LINE = 110
+_PLACE = re.compile(r"@(\w+)@")
+
+
+def number(value: float, kind: Type) -> str:
+    """Returns a literal of that type: the shortest that reads back to the same value.
+
+    Raises:
+        ValueError: The value is not finite in that type.
+    """
+    rounded = np.float32(value) if kind == "float" else np.float64(value)
+    if not np.isfinite(rounded):
+        raise ValueError(f"expected a finite {kind} for the C source, but got {value!r}")
+    text = str(rounded) if "." in str(rounded) or "e" in str(rounded) else f"{rounded}.0"
+    return f"{text}f" if kind == "float" else text
+
+
+def numbers(values: ArrayLike, kind: Type) -> str:
+    """Returns the numbers of an array in C order, with commas, wrapped."""
+    return wrapped(number(value, kind) for value in np.asarray(values).ravel().tolist())
+
+
+def wrapped(items: Iterable[str], indent: str = "    ") -> str:
+    """Returns items with commas between them, in indented lines of at most ``LINE`` characters."""
+    lines, line = [], indent
+    for item in items:
+        if len(line) + len(item) + 2 > LINE and line != indent:
+            lines.append(line.rstrip())
+            line = indent
+        line += f"{item}, "
+    lines.append(line.rstrip().removesuffix(","))
+    return "\n".join(lines)
+
+
+def filled(template: str, values: Mapping[str, object]) -> str:
+    """Returns the template with every ``@key@`` replaced by its value.
+
+    Raises:
+        KeyError: The template asks for a key that is not there.
+    """
+    return _PLACE.sub(lambda found: str(values[found[1]]), template)

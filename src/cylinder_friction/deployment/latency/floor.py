@@ -1,0 +1,179 @@
+"""What no implementation on this core can beat: bytes over cache bandwidth, multiply-adds over their peak."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.deployment.latency.native import compile_shared
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+OPTIONS = ("-std=gnu99", "-O3", "-march=native", "-ffp-contract=fast")
+NODE_BYTES = 8
+"""Of a tree's node: a threshold or value, where its children are, and which input it compares."""
+BUFFERS, TRIES = 5, 60
+TRY_BYTES = 50_000_000
+TRY_MULTIPLY_ADDS = 1_000_000
+
+KERNELS = """\
+#define _POSIX_C_SOURCE 199309L
+#include <stdint.h>
+#include <time.h>
+
+#if defined(__AVX512F__)
+#define WIDTH 64
+#elif defined(__AVX__)
+#define WIDTH 32
+#else
+#define WIDTH 16
+#endif
+
+typedef float vector __attribute__((vector_size(WIDTH)));
+
+static double now_s(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+/* Bytes a second, read over and over from one buffer of a multiple of 8 vectors. */
+double read_rate(const float *buffer, int64_t bytes, int64_t repeats, float *sink)
+{
+    const vector *from = (const vector *)buffer;
+    const int64_t count = bytes / WIDTH;
+    vector a = {0}, b = {0}, c = {0}, d = {0}, e = {0}, f = {0}, g = {0}, h = {0};
+    const double begin = now_s();
+    int64_t repeat, place;
+    for (repeat = 0; repeat < repeats; ++repeat) {
+        for (place = 0; place < count; place += 8) {
+            a += from[place]; b += from[place + 1]; c += from[place + 2]; d += from[place + 3];
+            e += from[place + 4]; f += from[place + 5]; g += from[place + 6]; h += from[place + 7];
+        }
+        __asm__ volatile("" ::: "memory");
+    }
+    {
+        const double seconds = now_s() - begin;
+        *(vector *)sink = a + b + c + d + e + f + g + h;
+        return (double)(repeats * count * WIDTH) / seconds;
+    }
+}
+
+/* Single-precision multiply-adds a second, all in registers. */
+double multiply_add_rate(int64_t repeats, float *sink)
+{
+    const vector m = *(vector *)sink, s = m; /* no two sums alike, or they would be one */
+    vector a = m + 1.0f, b = m + 2.0f, c = m + 3.0f, d = m + 4.0f, e = m + 5.0f, f = m + 6.0f;
+    vector g = m + 7.0f, h = m + 8.0f, i = m + 9.0f, j = m + 10.0f, k = m + 11.0f, l = m + 12.0f;
+    const double begin = now_s();
+    int64_t repeat;
+    for (repeat = 0; repeat < repeats; ++repeat) {
+        a = a * m + s; b = b * m + s; c = c * m + s; d = d * m + s; e = e * m + s; f = f * m + s;
+        g = g * m + s; h = h * m + s; i = i * m + s; j = j * m + s; k = k * m + s; l = l * m + s;
+    }
+    {
+        const double seconds = now_s() - begin;
+        *(vector *)sink = a + b + c + d + e + f + g + h + i + j + k + l;
+        return (double)repeats * 12.0 * (WIDTH / 4) / seconds;
+    }
+}
+"""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What one step must at least do.
+
+    Attributes:
+        network_bytes, filter_bytes: Of all their weights.
+        forest_bytes: Of the nodes that one row passes.
+        multiply_adds: Of filters and network.
+    """
+
+    network_bytes: int
+    filter_bytes: int
+    forest_bytes: int
+    multiply_adds: int
+
+    @property
+    def bytes(self) -> int:
+        return self.network_bytes + self.filter_bytes + self.forest_bytes
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The least time of a step on this core.
+
+    Attributes:
+        work: What was counted.
+        bytes_per_s: Best reading rate from a buffer of as many bytes.
+        multiply_adds_per_s: Best rate in registers.
+    """
+
+    work: Work
+    bytes_per_s: float
+    multiply_adds_per_s: float
+
+    @property
+    def bandwidth_us(self) -> float:
+        return 1e6 * self.work.bytes / self.bytes_per_s
+
+    @property
+    def arithmetic_us(self) -> float:
+        return 1e6 * self.work.multiply_adds / self.multiply_adds_per_s
+
+
+class FloorKernels:
+    """The two measuring loops, compiled.
+
+    Raises:
+        NoCompilerError: There is no compiler, or it refused them.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        source = folder / "floor.c"
+        source.write_text(KERNELS, encoding="utf-8")
+        compile_shared((source,), source.with_suffix(".so"), OPTIONS)
+        loaded = ctypes.CDLL(str(source.with_suffix(".so")))
+        self._read, self._multiply = loaded.read_rate, loaded.multiply_add_rate
+        self._read.argtypes = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
+        self._multiply.argtypes = [ctypes.c_int64, ctypes.c_void_p]
+        self._read.restype = self._multiply.restype = ctypes.c_double
+
+    def floor(self, work: Work) -> Floor:
+        """Measures both rates for this work: the best of many tries, so that what disturbs them does not count."""
+        sink, size = _aligned(64), 512 * -(-work.bytes // 512)
+        repeats = max(1, TRY_BYTES // size)
+        buffers = [_aligned(size) for _ in range(BUFFERS)]  # where one lies decides how well the cache holds it
+        reading = [
+            self._read(buffer.ctypes.data, size, repeats, sink.ctypes.data) for buffer in buffers for _ in range(TRIES)
+        ]
+        sink[:] = 0.5
+        adding = [self._multiply(TRY_MULTIPLY_ADDS, sink.ctypes.data) for _ in range(TRIES)]
+        return Floor(work, max(reading), max(adding))
+
+
+def work_of(model: StepModel) -> Work:
+    """Returns what one step of a model must at least do."""
+    taps = sum(int(np.count_nonzero(bank)) for bank in (model.feature_taps, model.base_taps, model.velocity_taps))
+    network = multiply_adds = 0
+    if model.network is not None:
+        weights = model.network
+        columns = weights.inputs + (2 * weights.layers - 1) * weights.nodes
+        network = 4 * (4 * weights.nodes * (columns + weights.layers) + weights.nodes + 1)
+        multiply_adds = weights.multiply_adds()
+    forest = 0 if model.forest is None else NODE_BYTES * len(model.forest.roots) * (model.forest.depth + 1)
+    return Work(network, 8 * taps, forest, taps + multiply_adds)
+
+
+def _aligned(size: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    raw = np.ones(size // 4 + 16, dtype=np.float32)
+    skip = -raw.ctypes.data % 64 // 4
+    return raw[skip : skip + size // 4]

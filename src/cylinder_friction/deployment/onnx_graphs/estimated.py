@@ -1,0 +1,130 @@
+"""Filters, network, forest and their sum in ONNX: from a window of samples to newtons with bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from onnx import TensorProto
+
+from cylinder_friction.deployment.onnx_graphs.trees import forest_attributes
+
+if TYPE_CHECKING:
+    from cylinder_friction.deployment.onnx_graphs.graph import Graph
+    from cylinder_friction.deployment.onnx_graphs.rows import Rows
+    from cylinder_friction.estimators.lstm import LstmWeights
+    from cylinder_friction.estimators.realtime.model import Bounds, StepModel
+
+DENORMAL = 1e-30
+"""Smaller states become zero: arithmetic on denormal numbers is slow."""
+
+
+def lags_of(model: StepModel) -> int:
+    """Returns how many samples the longest filter sees; at least two, so that the step before is among them."""
+    return max(2, model.feature_taps.shape[2], model.base_taps.shape[1], model.velocity_taps.shape[1])
+
+
+def filtered(graph: Graph, model: StepModel, rows: Rows) -> None:
+    """Makes everything that is linear in the window, by one product.
+
+    ``raw_features``, shape ``(n, features)``; ``base_n``, ``(n, 1)``; ``speeds_m_s``: velocity there and back, twice,
+    ``(n, 4)``; ``changes``: of each channel since the step before, ``(n, 3)``; ``positions_m``: twice, ``(n, 2)``.
+    The last two have taps of 1 and -1 only, and come out exact.
+    """
+    lags = lags_of(model)
+    changes = np.stack([np.eye(3), -np.eye(3)], axis=2)
+    position = np.array([[0.0], [0.0], [1.0]])
+    speeds = [sign * model.velocity_taps for sign in (1.0, -1.0, 1.0, -1.0)]
+    bank = [*model.feature_taps, model.base_taps, *speeds, *changes, position, position]
+    taps = np.stack([np.pad(one, ((0, 0), (0, lags - one.shape[1]))) for one in bank])
+    newest_first = taps.transpose(2, 1, 0).reshape(3 * lags, len(bank))
+    graph.add("MatMul", rows.window, graph.constant(newest_first), to="filtered")
+    widths = {"raw_features": len(model.feature_taps), "base_n": 1, "speeds_m_s": 4, "changes": 3, "positions_m": 2}
+    graph.split("filtered", {name: width for name, width in widths.items() if width})
+
+
+def estimated(graph: Graph, model: StepModel, rows: Rows, regime: str) -> str:
+    """Returns friction, lower and upper bound [N], shape ``(n, 3)``, of rows that are ``filtered`` and judged."""
+    parts = []
+    if model.network is not None or model.forest is not None:
+        _features(graph, model)
+    if model.network is not None:
+        _network(graph, model.network, rows)
+        if model.head_counts or model.forest_sees == "hidden_head_features":
+            head = graph.constant(model.network.head[:, None], np.float32)
+            bias = graph.constant([model.network.head_bias], np.float32)
+            graph.add("Gemm", "hidden", head, bias, to="head")
+        if model.head_counts:
+            parts.append("head")
+    if model.forest is not None:
+        _forest(graph, model)
+        parts.append("forest")
+    base = graph.add(
+        "Add", "base_n", _offsets(graph, model.bounds, regime, model.target_mean_n), to="base_with_bounds_n"
+    )
+    if not parts:
+        return base
+    outputs = parts[0] if len(parts) == 1 else graph.add("Concat", *parts, to="learnt_single", axis=1)
+    graph.cast(outputs, "learnt", TensorProto.DOUBLE)
+    scale = graph.constant(np.full((len(parts), 3), model.target_scale_n))
+    return graph.add("Gemm", "learnt", scale, base, to="estimate_with_bounds_n")
+
+
+def _features(graph: Graph, model: StepModel) -> None:
+    """Makes ``features``, float32: ``(y / (a |y| + b) - mean) / scale``, the scale taken into ``a`` and ``b``."""
+    limits, scale = model.feature_limits, model.feature_scale
+    limited = limits > 0.0
+    divisor = graph.constant([np.where(limited, limits, 1.0) * scale])
+    if limited.any():
+        graph.add("Abs", "raw_features", to="feature_sizes")
+        graph.add("Mul", "feature_sizes", graph.constant([np.where(limited, scale, 0.0)]), to="limited_sizes")
+        divisor = graph.add("Add", "limited_sizes", divisor, to="feature_divisors")
+    graph.add("Div", "raw_features", divisor, to="soft_features")
+    graph.add("Sub", "soft_features", graph.constant([model.feature_mean / scale]), to="scaled_features")
+    graph.cast("scaled_features", "features", TensorProto.FLOAT)
+
+
+def _network(graph: Graph, weights: LstmWeights, rows: Rows) -> None:
+    """Makes ``hidden``, shape ``(n, nodes)``; in the step graph also ``network_state``, from ``network``."""
+    nodes, layers = weights.nodes, weights.layers
+    states = [f"{what}_in_{layer}" for layer in range(layers) for what in ("hidden", "cell")]
+    if rows.single:
+        graph.split("network", dict.fromkeys(states, 1), axis=0)
+    source = graph.add("Unsqueeze", "features", graph.indices(1), to="features_in_time")
+    after: list[str] = []
+    for layer in range(layers):
+        inputs = weights.inputs if layer == 0 else nodes
+        bias = np.concatenate([weights.bias[layer], np.zeros_like(weights.bias[layer])])
+        every, hidden, cell = f"every_hidden_{layer}", f"hidden_{layer}", f"cell_{layer}"
+        graph.add_many(
+            "LSTM",
+            source,
+            graph.constant(weights.input[layer, :inputs].T[None], np.float32),
+            graph.constant(weights.recurrent[layer].T[None], np.float32),
+            graph.constant(bias[None], np.float32),
+            *(["", *states[2 * layer : 2 * layer + 2]] if rows.single else []),
+            to=["", hidden, cell] if rows.single else [every],
+            hidden_size=nodes,
+        )
+        after += [hidden, cell]
+        source = hidden if rows.single else graph.add("Squeeze", every, graph.indices(1), to=f"hidden_rows_{layer}")
+    graph.add("Squeeze", source, graph.indices(0 if rows.single else 1), to="hidden")
+    if rows.single:
+        graph.add("Concat", *after, to="network_full", axis=0)
+        graph.add("Shrink", "network_full", to="network_state", lambd=DENORMAL)
+
+
+def _forest(graph: Graph, model: StepModel) -> None:
+    seen = {"hidden": ["hidden"], "hidden_head_features": ["hidden", "head", "features"], "features": ["features"]}
+    inputs = seen[model.forest_sees]
+    row = inputs[0] if len(inputs) == 1 else graph.add("Concat", *inputs, to="forest_row", axis=1)
+    assert model.forest is not None
+    graph.add("TreeEnsembleRegressor", row, to="forest", **forest_attributes(model.forest))
+
+
+def _offsets(graph: Graph, bounds: Bounds, regime: str, mean_n: float) -> str:
+    """Returns what is added to friction, lower and upper bound by regime, shape ``(n, 3)``."""
+    table = np.stack([np.zeros(4), np.array(bounds.lower_n), np.array(bounds.upper_n)], axis=1) + mean_n
+    reversing = np.repeat(table[3:], 3, axis=0)  # whatever the velocity
+    graph.cast(regime, "regime_index", TensorProto.INT64)
+    return graph.add("GatherND", graph.constant(np.vstack([table[:3], reversing])), "regime_index", to="offsets_n")

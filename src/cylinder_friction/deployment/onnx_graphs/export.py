@@ -1,0 +1,63 @@
+"""A fitted estimator as two ONNX files: one for a sample at a time, one for a recording at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cylinder_friction.deployment.c_export.models import model_of
+from cylinder_friction.deployment.onnx_graphs.description import model_hash
+from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.onnx_graphs.step import step_graph
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators import FrictionEstimator
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+STEP_FILE = "step.onnx"
+SEQUENCE_FILE = "sequence.onnx"
+
+
+@dataclass(frozen=True)
+class ExportedOnnx:
+    """What was written.
+
+    Attributes:
+        step, sequence: The two files.
+        model: SHA-256 of every number that a step uses; both files carry it.
+        nodes: Operators in the step graph.
+    """
+
+    step: Path
+    sequence: Path
+    model: str
+    nodes: int
+
+
+def export_onnx(estimator: FrictionEstimator, folder: Path) -> ExportedOnnx:
+    """Writes ``step.onnx`` and ``sequence.onnx`` into ``folder``; equal estimators make equal bytes.
+
+    Args:
+        estimator: A fitted hybrid, LSTM, forest, force balance or ridge regression.
+        folder: Made if it is not there.
+
+    Raises:
+        NotFittedError: There is nothing fitted or loaded yet.
+        ValueError: The estimator is of a kind that has no such step.
+    """
+    return export_model(model_of(estimator), folder)
+
+
+def export_model(model: StepModel, folder: Path) -> ExportedOnnx:
+    """Writes both files of a model that is plain arrays already."""
+    graphs = {STEP_FILE: step_graph(model), SEQUENCE_FILE: sequence_graph(model)}
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, graph in graphs.items():
+        draft = folder / f".{name}.draft"
+        draft.write_bytes(graph.SerializeToString(deterministic=True))
+        draft.replace(folder / name)
+    return ExportedOnnx(
+        folder / STEP_FILE, folder / SEQUENCE_FILE, model_hash(model), len(graphs[STEP_FILE].graph.node)
+    )

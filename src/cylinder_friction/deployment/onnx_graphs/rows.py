@@ -1,0 +1,50 @@
+"""What the guard asks of the past: answered by a memory in the step graph, and by whole columns in the sequence graph.
+
+The guard is written once (``judged.py``), on tensors of ``n`` rows: one row in the step graph, all rows from the first
+sound sample on in the sequence graph.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+LONG_AGO = -1e30
+"""Clock of something that never happened."""
+FAR = 1e30
+"""Place from which everything has moved: keeps a frozen channel frozen until it changes."""
+
+CHANGED_AT = "changed_at"
+"""Position at which each pressure, and clock at which the position, last changed, shape ``(n, 3)``."""
+HAPPENED_AT = "happened_at"
+"""Clock of the last bad sample, of the last reversal or start of motion, and of the reset, shape ``(n, 3)``."""
+DIRECTION = "direction"
+"""Of motion, -1, 0 or 1, shape ``(n, 1)``."""
+
+
+class Rows(Protocol):
+    """Rows of samples and their past. Tensors go by name.
+
+    Attributes:
+        sample: The sensors' values, invalid ones replaced by the last valid ones, shape ``(n, 3)``.
+        accepted: Which of them are the sensors' own, shape ``(n, 3)``.
+        clock: Steps since the first sound sample, that one included, shape ``(n, 1)``.
+        window: The last samples, newest first, shape ``(n, 3 · lags)``.
+        never: False in every row, shape ``(n, 1)``.
+        single: Whether there is one row whose state goes in and out.
+    """
+
+    sample: str
+    accepted: str
+    clock: str
+    window: str
+    never: str
+    single: bool
+
+    def latest(self, what: str, values: str, fresh: str) -> str:
+        """Returns ``values`` as they were at the last row where ``fresh`` held, per column."""
+
+    def latched(self, what: str, over: str, fresh: str) -> str:
+        """Returns whether ``over`` has held at any row since ``fresh`` last did, per column."""
+
+    def direction_before(self, direction: str) -> str:
+        """Returns the direction of the step before, 0 at the first."""

@@ -1,0 +1,145 @@
+"""The sequence graph: a whole recording in, newtons and flags of every sample out, from a fresh state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from onnx import TensorProto
+
+from cylinder_friction.deployment.onnx_graphs.description import INPUTS, OUTPUTS, described
+from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
+from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.deployment.onnx_graphs.judged import Validity, judged, judged_valid
+from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO
+
+if TYPE_CHECKING:
+    import onnx
+
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+MEANING = "Friction of a hydraulic cylinder from a recording's raw samples, as if stepped through from a fresh start."
+LAST = np.iinfo(np.int64).max
+
+
+def sequence_graph(model: StepModel) -> onnx.ModelProto:
+    """Returns the estimate of whole recordings as one graph without loops but the LSTM's own."""
+    graph = Graph()
+    validity = judged_valid(graph, model.guard, "samples")
+    rows = SequenceRows(graph, model, validity)
+    filtered(graph, model, rows)
+    flags, regime = judged(graph, model, rows)
+    newtons = estimated(graph, model, rows, regime)
+    graph.add("Pad", newtons, rows.padding, to="newtons")  # 0 before the first sound sample
+    parts = {name: 1 for name in OUTPUTS if name != "flags"}
+    graph.split("newtons", {f"{name}_column": width for name, width in parts.items()})
+    graph.add("Pad", flags, rows.padding, to="padded_flags")
+    graph.add("Where", "started", "padded_flags", validity.unready_flags, to="final_flags")
+    graph.cast("final_flags", "flags_column", TensorProto.INT32)
+    graph.takes("samples", TensorProto.DOUBLE, ["time", 3], INPUTS.replace("raw sample", "raw samples"))
+    for name, meaning in OUTPUTS.items():
+        graph.add("Squeeze", f"{name}_column", graph.indices(1), to=name)
+        graph.gives(name, TensorProto.INT32 if name == "flags" else TensorProto.DOUBLE, ["time"], meaning)
+    return graph.model("sequence", MEANING, described(model))
+
+
+class SequenceRows:
+    """All rows from the first sound sample on, and one made-up sound row of zeros after the last.
+
+    That row, cut off in the end, is there so that a recording without a sound sample has a first row too; nothing
+    looks ahead, so no other row sees it.
+    """
+
+    single = False
+    sample = "clean"
+    accepted = "accepted_rows"
+    clock = "clock"
+    window = "window"
+    never = "never"
+    padding = "padding"
+
+    def __init__(self, graph: Graph, model: StepModel, validity: Validity) -> None:
+        self._graph = graph
+        self._begin(validity)
+        self._hold()
+        self._windows(lags_of(model))
+
+    def latest(self, what: str, values: str, fresh: str) -> str:
+        graph = self._graph
+        if what == CHANGED_AT:  # as if the first sample had been there one step before it
+            begin = graph.add("Sub", values, graph.constant([[0.0, 0.0, 1.0]]), to=what + "_begin")
+        else:
+            begin = graph.constant([[LONG_AGO, LONG_AGO, 0.0]])
+        graph.add("Where", fresh, values, begin, to=what + "_values")
+        return self._filled(what, what + "_values", fresh, 3)
+
+    def latched(self, what: str, over: str, fresh: str) -> str:
+        graph = self._graph
+        graph.cast(over, "over_number", TensorProto.DOUBLE)
+        graph.add("CumSum", "over_number", graph.constant(0, np.int64), to="over_count")
+        since = self._filled(what + "_over", "over_count", fresh, 3)
+        graph.add("Greater", "over_count", since, to="over_since")
+        return graph.add("Or", over, "over_since", to="over_latched")
+
+    def direction_before(self, direction: str) -> str:
+        graph = self._graph
+        bounds = graph.indices(0), graph.indices(-1), graph.indices(0)
+        graph.add("Slice", direction, *bounds, to="direction_but_last")
+        return graph.add("Concat", graph.constant([[0.0]]), "direction_but_last", to="direction_before", axis=0)
+
+    def _begin(self, validity: Validity) -> None:
+        """Cuts off what comes before the first sound sample."""
+        graph = self._graph
+        extra = {"samples": graph.constant(np.zeros((1, 3))), validity.accepted: graph.constant([[True] * 3], np.bool_)}
+        graph.cast(validity.sound, "sound_number", TensorProto.INT64)
+        graph.add("CumSum", "sound_number", graph.constant(0, np.int64), to="sound_count")
+        graph.add("Greater", "sound_count", graph.constant(0, np.int64), to="started")
+        graph.add("Concat", "started", graph.constant([[True]], np.bool_), to="started_extended", axis=0)
+        graph.add("Squeeze", "started_extended", graph.indices(1), to="kept")
+        for (source, row), kept in zip(extra.items(), ("raw", self.accepted), strict=True):
+            graph.add("Concat", source, row, to=kept + "_extended", axis=0)
+            graph.add("Compress", kept + "_extended", "kept", to=kept, axis=0)
+        graph.cast("started_extended", "started_number", TensorProto.DOUBLE)
+        graph.add("CumSum", "started_number", graph.constant(0, np.int64), to="clock_extended")
+        graph.add("Compress", "clock_extended", "kept", to=self.clock, axis=0)
+        graph.add("Less", self.clock, graph.constant(0.0), to=self.never)
+        graph.add("Equal", self.clock, graph.constant(1.0), to="first")
+        graph.add("Shape", "kept", to="rows_in")
+        graph.add("Shape", "raw", to="raw_shape")
+        graph.add("Gather", "raw_shape", graph.indices(0), to="rows", axis=0)
+        graph.add("Sub", "rows_in", "rows", to="rows_cut")
+        graph.add("Concat", "rows_cut", graph.indices(0, -1, 0), to=self.padding, axis=0)
+
+    def _hold(self) -> None:
+        self._filled("clean", "raw", self.accepted, 3, to=self.sample)
+
+    def _windows(self, lags: int) -> None:
+        """Makes each row's last samples, newest first, as if the first had always been there."""
+        graph = self._graph
+        graph.add("Slice", self.sample, *(graph.indices(at) for at in (0, 1, 0)), to="first_sample")
+        graph.add("Expand", "first_sample", graph.indices(lags - 1, 3), to="always")
+        graph.add("Concat", "always", self.sample, to="extended", axis=0)
+        shifted = []
+        for lag in range(lags):
+            bounds = (lags - 1 - lag, -lag if lag else LAST, 0)
+            shifted.append(graph.add("Slice", "extended", *(graph.indices(at) for at in bounds), to=f"lag_{lag}"))
+        graph.add("Concat", *shifted, to=self.window, axis=1)
+
+    def _filled(self, name: str, values: str, fresh: str, columns: int, to: str = "") -> str:
+        """Returns each column's last fresh value, shape ``(n, columns)``; the first row counts as fresh.
+
+        The columns lie one after the other; the fresh values are drawn together, and counted off again.
+        """
+        graph = self._graph
+        graph.add("Or", fresh, "first", to=name + "_fresh")
+        for part in (name + "_fresh", values):
+            graph.add("Transpose", part, to=f"{name}_{part}_across", perm=[1, 0])
+            graph.add("Reshape", f"{name}_{part}_across", graph.indices(-1), to=f"{name}_{part}_flat")
+        flat_fresh, flat = f"{name}_{name}_fresh_flat", f"{name}_{values}_flat"
+        graph.cast(flat_fresh, name + "_number", TensorProto.INT64)
+        graph.add("CumSum", name + "_number", graph.constant(0, np.int64), to=name + "_count")
+        graph.add("Sub", name + "_count", graph.indices(1), to=name + "_index")
+        graph.add("Compress", flat, flat_fresh, to=name + "_drawn", axis=0)
+        graph.add("Gather", name + "_drawn", name + "_index", to=name + "_flat", axis=0)
+        graph.add("Reshape", name + "_flat", graph.indices(columns, -1), to=name + "_columns")
+        return graph.add("Transpose", name + "_columns", to=to or name + "_latest", perm=[1, 0])

@@ -1,0 +1,47 @@
+"""What a real-time step says beside newtons: one estimate with its bounds, and flags on how far to trust it."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from typing import NamedTuple
+
+
+class Flag(IntFlag):
+    """Bits of a step's flags; 0 where all is well. The same numbers in every runtime."""
+
+    NOT_READY = 1
+    """No sample with all three channels valid has come yet; estimate and bounds are 0."""
+    WARMING = 2
+    """The state still remembers the reset."""
+    OUTSIDE = 4
+    """A channel lies outside the training range widened by 5 %; the estimate is an extrapolation."""
+    INVALID_PRESSURE_1 = 8
+    """Pressure 1 is no number or no reading of a working sensor; its last valid value stands in."""
+    INVALID_PRESSURE_2 = 16
+    """The same of pressure 2."""
+    INVALID_POSITION = 32
+    """The same of the position."""
+    FROZEN = 64
+    """A channel repeats one value although it cannot be constant."""
+    RECOVERING = 128
+    """Channels are sound again, but the state still remembers invalid or frozen ones."""
+
+    @classmethod
+    def names(cls, flags: int) -> tuple[str, ...]:
+        """Returns the names of the bits that are set, lowest first."""
+        return tuple(flag.name for flag in cls if flags & flag and flag.name is not None)
+
+
+class Estimate(NamedTuple):
+    """One step's output.
+
+    Attributes:
+        friction_n: Friction [N], positive when it opposes positive velocity.
+        lower_n, upper_n: Bounds around it [N]; not to be trusted while a flag but ``OUTSIDE`` is set.
+        flags: Bits of ``Flag``.
+    """
+
+    friction_n: float
+    lower_n: float
+    upper_n: float
+    flags: int

@@ -1,0 +1,70 @@
+"""Every runtime behind one small protocol; one module a runtime: its adapter is ``RUNTIME``, several ``RUNTIMES``."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+Output = tuple[float, float, float, int]
+
+
+class Stream(Protocol):
+    """One running estimate; streams of one runtime do not touch each other.
+
+    One that takes whole recordings alone has ``run`` in place of ``step``: samples, shape ``(n, 3)``, to newtons, shape
+    ``(n, 3)``, and flags, shape ``(n,)``, each call from a fresh state.
+    """
+
+    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Output:
+        """Returns friction, lower, upper [N] and flags."""
+
+    def reset(self) -> None:
+        """Forgets everything."""
+
+    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
+        """Resets, then takes ``steps`` steps on one sample."""
+
+    def close(self) -> None:
+        """Gives back what the stream holds outside Python."""
+
+
+class Runtime(Protocol):
+    """Something that runs a ``StepModel``; one whose attribute ``steps`` is False takes whole recordings alone."""
+
+    name: str
+    """In the table of tolerances."""
+
+    def open(self, model: StepModel, folder: Path) -> Stream:
+        """Returns a fresh stream.
+
+        Args:
+            model: What to run; always the same for one ``folder``.
+            folder: A place of one's own for what is built; still there at the next ``open``, which may use it again.
+
+        Skips the test (``pytest.skip``) where the machine lacks what the runtime needs.
+        """
+
+
+def all_runtimes() -> list[Runtime]:
+    """Returns the adapters of every module in this folder."""
+    modules = sorted(path.stem for path in Path(__file__).parent.glob("*.py") if path.stem != "__init__")
+    found = []
+    for module in modules:
+        adapters = import_module(f"{__name__}.{module}")
+        found += adapters.RUNTIMES if hasattr(adapters, "RUNTIMES") else [adapters.RUNTIME]
+    return found
+
+
+def run(stream: Stream, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns newtons, shape ``(n, 3)``, and flags, shape ``(n,)``, of samples, shape ``(n, 3)``."""
+    if hasattr(stream, "run"):
+        newtons, flags = stream.run(samples)
+        return np.asarray(newtons), np.asarray(flags).astype(np.int64)
+    outputs = [stream.step(*map(float, sample)) for sample in samples]
+    return np.array([output[:3] for output in outputs]), np.array([int(output[3]) for output in outputs])

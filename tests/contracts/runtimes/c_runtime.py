@@ -1,0 +1,46 @@
+"""The exported C, compiled by the machine's compiler."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.deployment.c_export import export_model
+from cylinder_friction.deployment.c_export.compiled import (
+    CompiledEstimator,
+    CompiledStream,
+    NoCompilerError,
+    find_compiler,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.deployment.c_export import Precision
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+
+class _Stream(CompiledStream):
+    def close(self) -> None:
+        """Holds nothing outside Python."""
+
+
+class C:
+    """One precision of the C."""
+
+    def __init__(self, precision: Precision) -> None:
+        self.name, self._precision = f"c_{precision}", precision
+        self._compiled: dict[Path, CompiledEstimator] = {}
+
+    def open(self, model: StepModel, folder: Path) -> _Stream:
+        try:
+            find_compiler()
+        except NoCompilerError as missing:
+            pytest.skip(str(missing))
+        if folder not in self._compiled:
+            self._compiled[folder] = CompiledEstimator(export_model(model, folder, precision=self._precision))
+        return _Stream(self._compiled[folder])
+
+
+RUNTIMES = [C("double"), C("float")]

@@ -1,0 +1,59 @@
+"""FMI 2.0 co-simulation, driven by FMPy at the declared step."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.deployment.fmu import export_model_fmu
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from contracts.runtimes import Output, Stream
+    from cylinder_friction.deployment.fmu.model_description import FmiVersion
+    from cylinder_friction.estimators.realtime.model import StepModel
+    from fmu_host import FmuInstance
+
+
+class _Fmu:
+    def __init__(self, instance: FmuInstance) -> None:
+        self._instance = instance
+        self._instance.initialize()
+
+    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Output:
+        return self._instance.step((pressure_1_pa, pressure_2_pa, position_m))
+
+    def reset(self) -> None:
+        self._instance.reset()
+        self._instance.initialize()
+
+    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
+        self._instance.reset()
+        self._instance.initialize(warm_up_steps=steps, sample=(pressure_1_pa, pressure_2_pa, position_m))
+
+    def close(self) -> None:
+        self._instance.close()
+
+
+class FmuRuntime:
+    """The FMU with a binary for this computer, exported once a folder."""
+
+    def __init__(self, fmi: FmiVersion) -> None:
+        self.name, self.fmi = f"fmi{fmi}", fmi
+
+    def open(self, model: StepModel, folder: Path) -> Stream:
+        pytest.importorskip("fmpy", reason="pip install cylinder-friction[fmu]")
+        from fmu_host import ExtractedFmu
+
+        path = folder / "contract.fmu"
+        if not path.exists():
+            exported = export_model_fmu(model, path, self.fmi)
+            if exported.binary is None:
+                path.unlink()
+                pytest.skip(exported.note)
+        return _Fmu(ExtractedFmu(path, folder / "unpacked").instance())
+
+
+RUNTIMES = [FmuRuntime(2)]

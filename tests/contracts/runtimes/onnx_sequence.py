@@ -1,0 +1,26 @@
+"""The sequence graph in ONNX Runtime."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.deployment.onnx_graphs import OnnxSequence, export_model, open_sequence
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+
+class OnnxRecordings:
+    """One call for all samples, each from a fresh state."""
+
+    name = "onnx_sequence"
+    steps = False
+
+    def open(self, model: StepModel, folder: Path) -> OnnxSequence:
+        path = folder / "sequence.onnx"
+        return open_sequence(path if path.exists() else export_model(model, folder).sequence)
+
+
+RUNTIME = OnnxRecordings()

@@ -1,0 +1,25 @@
+"""The step graph in ONNX Runtime."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.deployment.onnx_graphs import OnnxStepStream, export_model, open_step
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+
+class OnnxStep:
+    """One call a sample, the state fed back."""
+
+    name = "onnx_step"
+
+    def open(self, model: StepModel, folder: Path) -> OnnxStepStream:
+        path = folder / "step.onnx"
+        return open_step(path if path.exists() else export_model(model, folder).step)
+
+
+RUNTIME = OnnxStep()

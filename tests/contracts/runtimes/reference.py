@@ -1,0 +1,29 @@
+"""The reference itself: what was recorded must still come out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.estimators.realtime.reference import ReferenceStream
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+
+class _Stream(ReferenceStream):
+    def close(self) -> None:
+        """Holds nothing."""
+
+
+class Reference:
+    """Plain Python."""
+
+    name = "reference"
+
+    def open(self, model: StepModel, folder: Path) -> _Stream:
+        return _Stream(model)
+
+
+RUNTIME = Reference()

@@ -1,0 +1,46 @@
+"""The compiled step in Python."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.estimators.realtime.stream import RealTimeStream
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+
+class _Stream(RealTimeStream):
+    def close(self) -> None:
+        """Holds nothing."""
+
+
+class _Rows(_Stream):
+    def run(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        outputs = [self.step(*sample) for sample in samples]
+        return np.array([output[:3] for output in outputs]), np.array([output.flags for output in outputs])
+
+
+class Steps:
+    """One call a sample."""
+
+    name = "python"
+
+    def open(self, model: StepModel, folder: Path) -> _Stream:
+        return _Rows(model)
+
+
+class Run:
+    """One call for all samples."""
+
+    name = "python_run"
+
+    def open(self, model: StepModel, folder: Path) -> _Stream:
+        return _Stream(model)
+
+
+RUNTIMES = [Steps(), Run()]

@@ -1,0 +1,130 @@
+"""Models of every shape as plain arrays, and the compilers that are there."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.deployment.c_export import export_model, part_of
+from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
+from cylinder_friction.estimators import FrictionEstimator
+from cylinder_friction.estimators.forest import Forest
+from cylinder_friction.estimators.lstm import LstmWeights
+from cylinder_friction.estimators.realtime.from_hybrid import step_model
+from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER, read_trajectories
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cylinder_friction.deployment.c_export import Precision
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+GOLDEN = Path(__file__).parents[2] / "golden"
+COMPILERS = ("gcc", "clang")
+
+
+def random_network(layers: int, nodes: int, inputs: int, seed: int) -> LstmWeights:
+    generator = np.random.default_rng(seed)
+
+    def weights(*shape: int) -> np.ndarray:
+        return generator.normal(0.0, 0.5, shape).astype(np.float32)
+
+    padded = np.zeros((layers, max(inputs, nodes), 4 * nodes), dtype=np.float32)
+    padded[0, :inputs] = weights(inputs, 4 * nodes)
+    padded[1:, :nodes] = weights(layers - 1, nodes, 4 * nodes)
+    recurrent, bias = weights(layers, nodes, 4 * nodes), weights(layers, 4 * nodes)
+    return LstmWeights(padded, recurrent, bias, weights(nodes), 0.25, inputs)
+
+
+def random_forest(trees: int, depth: int, inputs: int, seed: int) -> Forest:
+    """Trees of uneven depth, the last a single leaf."""
+    generator = np.random.default_rng(seed)
+    feature, threshold, left, right, value, roots = [], [], [], [], [], []
+
+    def grow(below: int) -> int:
+        node = len(feature)
+        leaf = below == 0 or generator.random() < 0.15
+        feature.append(-1 if leaf else int(generator.integers(inputs)))
+        threshold.append(generator.normal(0.0, 0.7))
+        value.append(generator.normal() / trees if leaf else 0.0)
+        left.append(0)
+        right.append(0)
+        if not leaf:
+            left[node] = grow(below - 1)
+            right[node] = grow(below - 1)
+        return node
+
+    for tree in range(trees):
+        roots.append(len(feature))
+        grow(0 if tree == trees - 1 else depth)
+    whole = (np.array(numbers, dtype=np.int64) for numbers in (left, right, roots))
+    lefts, rights, starts = whole
+    single = (np.array(numbers, dtype=np.float32) for numbers in (threshold, value))
+    thresholds, values = single
+    return Forest(np.array(feature, dtype=np.int64), thresholds, lefts, rights, values, starts, depth, inputs)
+
+
+def _shapes() -> dict[str, Callable[[StepModel], StepModel]]:
+    def hidden_only(model: StepModel) -> StepModel:
+        return replace(
+            model,
+            network=random_network(3, 10, len(model.feature_taps), 1),
+            forest=random_forest(11, 6, 10, 2),
+            forest_sees="hidden",
+            head_counts=False,
+            base_taps=np.zeros((3, 1)),
+        )
+
+    def wide(model: StepModel) -> StepModel:
+        return replace(part_of(model, "lstm"), network=random_network(1, 33, len(model.feature_taps), 3))
+
+    def forest_alone(model: StepModel) -> StepModel:
+        forest = random_forest(3, 12, len(model.feature_taps), 4)
+        return replace(model, network=None, forest=forest, forest_sees="features", head_counts=False)
+
+    return {
+        "whole": lambda model: model,
+        "lstm": lambda model: part_of(model, "lstm"),
+        "base": lambda model: part_of(model, "base"),
+        "hidden_only": hidden_only,
+        "wide": wide,
+        "forest_alone": forest_alone,
+    }
+
+
+SHAPES = _shapes()
+
+
+@pytest.fixture(scope="session")
+def golden_model() -> StepModel:
+    return step_model(FrictionEstimator.load(GOLDEN / MODEL_FOLDER))
+
+
+@pytest.fixture(scope="session")
+def trajectories() -> dict[str, np.ndarray]:
+    """Raw samples of every golden trajectory, shape ``(n, 3)`` each."""
+    return {name: trajectory.samples for name, trajectory in read_trajectories(GOLDEN).items()}
+
+
+@pytest.fixture(scope="session")
+def compiled(
+    golden_model: StepModel, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str, Precision], CompiledEstimator]:
+    """Returns the compiled model of a shape and precision, each compiled once."""
+    if not any(shutil.which(name) for name in COMPILERS):
+        pytest.skip("no C compiler")
+    made: dict[tuple[str, str], CompiledEstimator] = {}
+
+    def compile_once(shape: str, precision: Precision = "double") -> CompiledEstimator:
+        if (shape, precision) not in made:
+            folder = tmp_path_factory.mktemp("c")
+            exported = export_model(SHAPES[shape](golden_model), folder, precision=precision)
+            made[shape, precision] = CompiledEstimator(exported)
+        return made[shape, precision]
+
+    return compile_once

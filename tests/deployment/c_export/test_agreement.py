@@ -1,0 +1,148 @@
+"""The C gives the reference's numbers, whatever the model's shape and whatever comes in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.deployment.c_export import export_c
+from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
+from cylinder_friction.estimators import (
+    ForceBalanceEstimator,
+    ForestEstimator,
+    ForestPlan,
+    LowPassForceBalanceEstimator,
+    LugreEstimator,
+    PressureLugreEstimator,
+    RidgeEstimator,
+)
+from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.estimators.realtime.reference import ReferenceStream
+from cylinder_friction.estimators.realtime.stream import RealTimeStream
+from deployment.c_export.conftest import SHAPES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators import FrictionEstimator, HybridEstimator
+    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.recordings import Recording
+
+DOUBLE_N = 1e-9
+FLOAT_N = 0.5
+
+LINEAR: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
+    "force_balance_unfiltered": lambda cylinder: ForceBalanceEstimator(cylinder, "none"),
+    "force_balance_paper": lambda cylinder: ForceBalanceEstimator(cylinder, "paper"),
+    "force_balance_low_pass": LowPassForceBalanceEstimator,
+    "ridge": lambda cylinder: RidgeEstimator(lags=8),
+}
+
+
+@pytest.mark.parametrize("trajectory", ["bad_samples", "frozen", "stick_slip_reversals"])
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_double_is_the_reference(
+    shape: str,
+    trajectory: str,
+    compiled: Callable[..., CompiledEstimator],
+    golden_model: StepModel,
+    trajectories: dict[str, np.ndarray],
+) -> None:
+    samples = trajectories[trajectory][:900]
+    reference = ReferenceStream(SHAPES[shape](golden_model))
+    expected = [reference.step(*sample) for sample in samples]
+    newtons, flags = compiled(shape).stream().run(samples)
+    np.testing.assert_array_equal(flags, [estimate.flags for estimate in expected])
+    np.testing.assert_allclose(newtons, [estimate[:3] for estimate in expected], rtol=0.0, atol=DOUBLE_N)
+
+
+@pytest.mark.parametrize("shape", ["whole", "lstm", "base"])
+def test_float_stays_within_half_a_newton(
+    shape: str,
+    compiled: Callable[..., CompiledEstimator],
+    golden_model: StepModel,
+    trajectories: dict[str, np.ndarray],
+) -> None:
+    for samples in trajectories.values():
+        expected, expected_flags = RealTimeStream(SHAPES[shape](golden_model)).run(samples)
+        newtons, flags = compiled(shape, "float").stream().run(samples)
+        np.testing.assert_array_equal(flags, expected_flags)
+        np.testing.assert_allclose(newtons[:, 0], expected[:, 0], rtol=0.0, atol=FLOAT_N)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.6))
+def test_whatever_comes_is_the_reference(
+    seed: int,
+    share: float,
+    compiled: Callable[..., CompiledEstimator],
+    golden_model: StepModel,
+    trajectories: dict[str, np.ndarray],
+) -> None:
+    generator = np.random.default_rng(seed)
+    samples = trajectories["stick_slip_reversals"][:400].copy()
+    bad = generator.random(samples.shape) < share
+    strange = [np.nan, np.inf, -np.inf, 1e300, -1e300, 5e-324, -0.0, 0.0, 2e7, -0.3]
+    samples[bad] = generator.choice(strange, int(bad.sum()))
+    expected, expected_flags = RealTimeStream(golden_model).run(samples)
+    newtons, flags = compiled("whole").stream().run(samples)
+    np.testing.assert_array_equal(flags, expected_flags)
+    np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)
+
+
+def test_a_hybrid_streams_what_it_estimates(
+    small_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
+    for part, estimator in (("whole", small_hybrid), ("lstm", small_hybrid.without_forest())):
+        stream = CompiledEstimator(export_c(small_hybrid, tmp_path / part, part=part)).stream()
+        newtons, flags = stream.run(labelled_recordings[0].samples())
+        np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[0]), rtol=0.0, atol=DOUBLE_N)
+        assert set(flags.tolist()) <= {0, Flag.WARMING}
+
+
+@pytest.mark.parametrize("name", sorted(LINEAR))
+def test_a_linear_estimator_streams_what_it_estimates(
+    name: str, cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
+    estimator = LINEAR[name](cylinder)
+    estimator.fit(labelled_recordings)
+    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(labelled_recordings[0].samples())
+    np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[0]), rtol=0.0, atol=1e-6)
+
+
+def test_a_forest_streams_what_it_estimates(
+    cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
+    estimator = ForestEstimator(cylinder, ForestPlan(trees=9, depth=6, rows=2000, leaf=5))
+    estimator.fit(labelled_recordings)
+    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(labelled_recordings[1].samples())
+    np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[1]), rtol=0.0, atol=DOUBLE_N)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [LugreEstimator, PressureLugreEstimator])
+def test_lugre_streams_what_it_estimates(
+    kind: type[LugreEstimator], cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
+    estimator = kind(cylinder, population=4, generations=2, simulated_recordings=1)
+    estimator.fit(labelled_recordings)
+    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(labelled_recordings[0].samples())
+    np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[0]), rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_an_hour_agrees(
+    compiled: Callable[..., CompiledEstimator], golden_model: StepModel, trajectories: dict[str, np.ndarray]
+) -> None:
+    once = np.concatenate([trajectories[name] for name in sorted(trajectories)])
+    hour = np.tile(once, (-(-720_000 // len(once)), 1))[:720_000]
+    expected, expected_flags = RealTimeStream(golden_model).run(hour)
+    newtons, flags = compiled("whole").stream().run(hour)
+    np.testing.assert_array_equal(flags, expected_flags)
+    np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)

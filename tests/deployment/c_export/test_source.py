@@ -1,0 +1,247 @@
+"""The written files: constants, warnings, symbols, sanitizers, determinism, refusals."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.deployment.c_export import export_c, export_model, fingerprint, part_of
+from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
+from cylinder_friction.deployment.c_export.forest import ordered
+from cylinder_friction.deployment.c_export.literals import filled, number
+from cylinder_friction.estimators import RidgeEstimator
+from cylinder_friction.estimators.realtime.flags import Flag
+from deployment.c_export.conftest import COMPILERS, SHAPES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.deployment.c_export import ExportedC
+    from cylinder_friction.estimators import HybridEstimator
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+STRICT = "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wdouble-promotion -Wundef"
+STRICTER = "-Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition -Wcast-qual -Wcast-align -Wvla -Werror"
+SANITIZED = "-std=c99 -g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all"
+
+HOST = """\
+#include <stdio.h>
+#include "friction.h"
+
+int main(int argc, char **argv)
+{
+    static friction_state state;
+    friction_output output;
+    double row[3];
+    FILE *file = argc > 1 ? fopen(argv[1], "rb") : NULL;
+    if (file == NULL) {
+        return 1;
+    }
+    friction_init(&state);
+    while (fread(row, sizeof row[0], 3, file) == 3) {
+        friction_step(&state, (friction_real)row[0], (friction_real)row[1], (friction_real)row[2], &output);
+        printf("%.17g %lu\\n", (double)output.friction_n, (unsigned long)output.flags);
+    }
+    fclose(file);
+    return 0;
+}
+"""
+
+
+def compiler(name: str) -> str:
+    found = shutil.which(name)
+    if found is None:
+        pytest.skip(f"{name} is not installed")
+    return found
+
+
+def run(*command: object) -> str:
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+@pytest.mark.parametrize("name", COMPILERS)
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_it_compiles_without_a_warning(
+    shape: str, name: str, precision: str, golden_model: StepModel, tmp_path: Path
+) -> None:
+    exported = export_model(SHAPES[shape](golden_model), tmp_path, precision=precision)
+    for level in ("-O0", "-O3"):
+        said = run(compiler(name), *STRICT.split(), *STRICTER.split(), level, "-c", exported.source, "-o", "/dev/null")
+        assert said == ""
+
+
+def test_constants_are_what_was_returned(golden_model: StepModel, tmp_path: Path) -> None:
+    exported = export_model(golden_model, tmp_path, "press_4")
+    names = {
+        "PRESS_4_SAMPLE_TIME_S": golden_model.sample_time_s,
+        "PRESS_4_STATE_BYTES": exported.state_bytes,
+        "sizeof(press_4_state)": exported.state_bytes,
+        "PRESS_4_OPERATIONS": exported.operations,
+        "PRESS_4_WARM_UP_SAMPLES": golden_model.guard.warm_up_samples,
+        "PRESS_4_RECOVERY_SAMPLES": golden_model.guard.recovery_samples,
+        "PRESS_4_PROBABILITY": golden_model.bounds.probability,
+        "PRESS_4_TRAINED_LOWER_POSITION_M": golden_model.guard.trained_lower[2],
+        "PRESS_4_TRAINED_UPPER_PRESSURE_1_PA": golden_model.guard.trained_upper[0],
+    } | {f"PRESS_4_FLAG_{flag.name}": flag.value for flag in Flag}
+    prints = "\n".join(f'    printf("%.17g\\n", (double)({name}));' for name in names)
+    program = f'#include <stdio.h>\n#include "press_4.h"\nint main(void)\n{{\n{prints}\n    return 0;\n}}\n'
+    (tmp_path / "main.c").write_text(program + f"/* {exported.model} */\n", encoding="utf-8")
+    run(find_compiler_or_skip(), "-std=c99", tmp_path / "main.c", exported.source, "-o", tmp_path / "main", "-lm")
+    assert [float(line) for line in run(tmp_path / "main").split()] == list(names.values())
+    assert f'"{exported.model}"' in exported.header.read_text(encoding="utf-8")
+
+
+def find_compiler_or_skip() -> str:
+    try:
+        return find_compiler()
+    except NoCompilerError as missing:
+        pytest.skip(str(missing))
+
+
+def test_nothing_is_kept_outside_the_state_and_nothing_is_needed_but_libm(
+    golden_model: StepModel, tmp_path: Path
+) -> None:
+    exported = export_model(golden_model, tmp_path)
+    run(find_compiler_or_skip(), "-std=c99", "-O2", "-c", exported.source, "-o", tmp_path / "friction.o")
+    symbols = [line.split()[-2:] for line in run("nm", tmp_path / "friction.o").splitlines()]
+    kinds = {name: kind for kind, name in symbols}
+    assert [name for name, kind in kinds.items() if kind in "DdBbCGgSs"] == []
+    needed = {name for name, kind in kinds.items() if kind == "U"}
+    assert needed <= {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
+    assert {name for name, kind in kinds.items() if kind == "T"} == {
+        "friction_init",
+        "friction_reset",
+        "friction_warm_up",
+        "friction_step",
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMPILERS)
+@pytest.mark.parametrize("precision", ["double", "float"])
+@pytest.mark.parametrize("shape", ["whole", "hidden_only", "forest_alone"])
+def test_it_is_clean_under_sanitizers(
+    shape: str,
+    precision: str,
+    name: str,
+    golden_model: StepModel,
+    trajectories: dict[str, np.ndarray],
+    tmp_path: Path,
+) -> None:
+    exported = export_model(SHAPES[shape](golden_model), tmp_path, precision=precision)
+    (tmp_path / "main.c").write_text(HOST, encoding="utf-8")
+    np.concatenate([trajectories["bad_samples"], trajectories["frozen"]]).tofile(tmp_path / "samples")
+    program = tmp_path / "main"
+    run(compiler(name), *SANITIZED.split(), tmp_path / "main.c", exported.source, "-o", program, "-lm")
+    said = run(program, tmp_path / "samples")
+    assert len(said.splitlines()) == len(trajectories["bad_samples"]) + len(trajectories["frozen"])
+    assert "nan" not in said
+
+
+@pytest.mark.slow
+def test_cppcheck_finds_nothing(golden_model: StepModel, tmp_path: Path) -> None:
+    exported = export_model(golden_model, tmp_path)
+    allowed = ("--suppress=missingIncludeSystem", "--suppress=unusedFunction")
+    told = run(compiler("cppcheck"), "--enable=all", "--std=c99", "--error-exitcode=1", "-q", *allowed, exported.source)
+    assert told == ""
+
+
+@pytest.mark.parametrize("options", ["-O0", "-O2", "-O3 -march=native -ffp-contract=off"])
+@pytest.mark.parametrize("name", COMPILERS)
+def test_every_compiler_and_level_gives_the_same_numbers(
+    name: str, options: str, golden_model: StepModel, trajectories: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    exported = export_model(golden_model, tmp_path)
+    (tmp_path / "main.c").write_text(HOST, encoding="utf-8")
+    trajectories["stick_slip_reversals"][:300].tofile(tmp_path / "samples")
+    told = []
+    for each, level in (("gcc", "-O1"), (name, options)):
+        run(
+            compiler(each),
+            "-std=c99",
+            *level.split(),
+            tmp_path / "main.c",
+            exported.source,
+            "-o",
+            tmp_path / "m",
+            "-lm",
+        )
+        told.append(run(tmp_path / "m", tmp_path / "samples"))
+    assert told[0] == told[1]
+
+
+def test_fast_math_is_refused(golden_model: StepModel, tmp_path: Path) -> None:
+    find_compiler_or_skip()
+    exported = export_model(golden_model, tmp_path)
+    with pytest.raises(NoCompilerError, match="takes the checks for NaN and infinity away"):
+        compile_library(exported, options=["-O2", "-ffast-math"])
+
+
+def test_a_missing_compiler_is_named() -> None:
+    with pytest.raises(NoCompilerError, match="no C compiler found; expected one of no-such-cc on the PATH"):
+        find_compiler(["no-such-cc"])
+
+
+def test_the_same_model_gives_the_same_bytes(golden_model: StepModel, tmp_path: Path) -> None:
+    one, other = (export_model(golden_model, tmp_path / name) for name in ("one", "other"))
+    assert one.source.read_bytes() == other.source.read_bytes()
+    assert one.header.read_bytes() == other.header.read_bytes()
+    assert fingerprint(golden_model) == one.model != fingerprint(part_of(golden_model, "lstm"))
+
+
+def test_another_name_changes_every_public_name(golden_model: StepModel, tmp_path: Path) -> None:
+    exported: ExportedC = export_model(golden_model, tmp_path, "press")
+    header = re.sub(r"/\*.*?\*/", "", exported.header.read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert exported.header.name == "press.h"
+    assert "friction_step" not in header
+    assert "FRICTION_" not in header
+
+
+@pytest.mark.parametrize("name", ["", "Friction", "4x", "a-b", "a b"])
+def test_a_name_that_c_cannot_have_is_refused(name: str, golden_model: StepModel, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=f"name must be lower-case letters.*but got {name!r}"):
+        export_model(golden_model, tmp_path, name)
+
+
+def test_what_cannot_be_exported_says_why(
+    golden_model: StepModel, tmp_path: Path, small_hybrid: HybridEstimator
+) -> None:
+    with pytest.raises(ValueError, match="precision must be 'double' or 'float', but got 'half'"):
+        export_model(golden_model, tmp_path, precision="half")
+    with pytest.raises(ValueError, match="part must be one of whole, lstm, base, but got 'forest'"):
+        export_c(small_hybrid, tmp_path, part="forest")
+    with pytest.raises(ValueError, match="the model has no LSTM; expected a hybrid"):
+        part_of(part_of(golden_model, "base"), "lstm")
+    with pytest.raises(Exception, match="ridge: not fitted yet"):
+        export_c(RidgeEstimator(), tmp_path)
+
+
+def test_literals_read_back_to_the_same_number() -> None:
+    generator = np.random.default_rng(0)
+    values = generator.normal(size=200) * 10.0 ** generator.integers(-30, 30, 200)
+    for value in [*values.tolist(), 0.0, 1.0, 1e30, 1e-30]:
+        assert float(number(value, "double")) == value
+        single = number(value, "float")
+        assert single.endswith("f")
+        assert np.float32(single[:-1]) == np.float32(value)
+        assert re.search(r"[.e]", single[:-1])
+    with pytest.raises(ValueError, match="expected a finite float for the C source, but got nan"):
+        number(float("nan"), "float")
+    with pytest.raises(KeyError, match="missing"):
+        filled("@missing@", {})
+
+
+def test_integers_are_in_the_order_of_the_floats() -> None:
+    generator = np.random.default_rng(1)
+    values = (generator.normal(size=500) * 10.0 ** generator.integers(-20, 20, 500)).astype(np.float32)
+    values = np.concatenate([values, np.array([0.0, -0.0, 1e-45, -1e-45, 3e38, -3e38], dtype=np.float32)])
+    keys = ordered(values)
+    np.testing.assert_array_equal(keys[:, None] > keys[None, :], values[:, None] > values[None, :])

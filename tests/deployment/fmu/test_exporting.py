@@ -1,0 +1,227 @@
+"""The file: valid by FMPy, the same bytes every time, sources that compile, a name of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from fmpy import read_model_description, simulate_fmu
+from fmpy.build import build_platform_binary
+from fmpy.validation import validate_fmu
+
+from cylinder_friction.deployment.fmu import building, export_fmu
+from cylinder_friction.deployment.fmu.compiling import CompilerError, compile_library, find_compiler
+from cylinder_friction.deployment.fmu.exporting import model_identifier
+from cylinder_friction.deployment.fmu.sources import INTERFACE_FILES
+from fmu_host import ExtractedFmu
+
+if TYPE_CHECKING:
+    from cylinder_friction.deployment.fmu import ExportedFmu
+    from cylinder_friction.estimators import HybridEstimator
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+STRICT = (
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wshadow",
+    "-Wcast-qual",
+    "-Wmissing-prototypes",
+    "-Werror",
+)
+
+
+def test_fmpy_finds_no_problem(exported: ExportedFmu) -> None:
+    assert validate_fmu(str(exported.path)) == []
+
+
+def test_the_same_model_gives_the_same_bytes(
+    exported: ExportedFmu, small_hybrid: HybridEstimator, tmp_path: Path
+) -> None:
+    description = read_model_description(str(exported.path))
+    fmi = 2 if description.fmiVersion == "2.0" else 3
+    again = export_fmu(small_hybrid, tmp_path / exported.path.name, fmi)
+    first, second = zipfile.ZipFile(exported.path), zipfile.ZipFile(again.path)
+    assert first.namelist() == second.namelist()
+    for one, other in zip(first.infolist(), second.infolist(), strict=True):
+        assert one.date_time == other.date_time == (1980, 1, 1, 0, 0, 0)
+        if one.filename != exported.binary:  # a compiler may note when it ran
+            assert first.read(one) == second.read(other)
+
+
+def test_another_model_or_version_has_another_token(
+    small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(building, "find_compiler", lambda: None)
+    tokens = {
+        export_fmu(small_hybrid, tmp_path / "one.fmu", 2).token,
+        export_fmu(small_hybrid, tmp_path / "one.fmu", 3).token,
+        export_fmu(small_hybrid, tmp_path / "two.fmu", 2).token,
+        export_fmu(small_hybrid, tmp_path / "one.fmu", 2, "float").token,
+    }
+    assert len(tokens) == 4
+    assert export_fmu(small_hybrid, tmp_path / "one.fmu", 2).token in tokens
+
+
+def test_what_is_declared(exported: ExportedFmu, step_model: StepModel) -> None:
+    description = read_model_description(str(exported.path))
+    interface = description.coSimulation
+    assert (description.modelExchange, description.scheduledExecution) == (None, None)
+    assert interface.modelIdentifier == exported.name == "press"
+    assert description.guid == exported.token
+    assert not interface.canHandleVariableCommunicationStepSize
+    assert not interface.canBeInstantiatedOnlyOncePerProcess
+    assert interface.canGetAndSetFMUstate
+    assert interface.canSerializeFMUstate
+    assert float(description.defaultExperiment.stepSize) == step_model.sample_time_s
+    if description.fmiVersion == "3.0":
+        assert float(interface.fixedInternalStepSize) == step_model.sample_time_s
+    units = {variable.name: variable.unit for variable in description.modelVariables if variable.unit}
+    assert units == {
+        "time": "s",
+        "sample_time": "s",
+        "pressure_1": "Pa",
+        "pressure_2": "Pa",
+        "position": "m",
+        "friction": "N",
+        "friction_lower": "N",
+        "friction_upper": "N",
+    }
+    bases = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
+    assert (bases["Pa"].kg, bases["Pa"].m, bases["Pa"].s) == (1, -1, -2)
+    assert (bases["N"].kg, bases["N"].m, bases["N"].s) == (1, 1, -2)
+    assert all(variable.description for variable in description.modelVariables)
+
+
+def test_inputs_start_where_the_model_was_trained(exported: ExportedFmu, step_model: StepModel) -> None:
+    variables = {variable.name: variable for variable in read_model_description(str(exported.path)).modelVariables}
+    guard = step_model.guard
+    for channel, name in enumerate(("pressure_1", "pressure_2", "position")):
+        assert guard.trained_lower[channel] < float(variables[name].start) < guard.trained_upper[channel]
+
+
+def test_a_host_simulates_it_with_nothing_set(exported: ExportedFmu, step_model: StepModel) -> None:
+    if exported.binary is None:
+        pytest.skip(exported.note)
+    rows = simulate_fmu(
+        str(exported.path), stop_time=0.1, output_interval=step_model.sample_time_s, output=["friction", "flags"]
+    )
+    assert len(rows) == 21
+    assert (rows["friction"][0], rows["flags"][0]) == (0.0, 1)
+    assert abs(rows["friction"][1:]).min() > 0.0
+
+
+def test_without_a_compiler_it_holds_the_sources_and_says_so(
+    small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(building, "find_compiler", lambda: None)
+    exported = export_fmu(small_hybrid, tmp_path / "press.fmu", 3)
+    assert exported.binary is None
+    assert exported.note == "sources only: no C compiler (gcc, cc, clang) was found here; install one and export again"
+    names = zipfile.ZipFile(exported.path).namelist()
+    assert not any(name.startswith("binaries/") for name in names)
+    assert {"sources/press.c", "sources/fmi3.c", "sources/buildDescription.xml"} <= set(names)
+    assert validate_fmu(str(exported.path)) == []
+
+
+def test_a_host_that_fmi_has_no_name_for_gets_the_sources(
+    small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("platform.machine", lambda: "riscv64")
+    exported = export_fmu(small_hybrid, tmp_path / "press.fmu", 2)
+    assert (exported.binary, exported.note.split(":")[0]) == (None, "sources only")
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_the_sources_compile_without_a_warning(exported: ExportedFmu, tmp_path: Path) -> None:
+    zipfile.ZipFile(exported.path).extractall(tmp_path)
+    sources = sorted((tmp_path / "sources").glob("*.c"))
+    for prefix in ((), ("-DFMI2_FUNCTION_PREFIX=press_", "-DFMI3_FUNCTION_PREFIX=press_")):
+        command = [find_compiler(), "-std=c99", *STRICT, *prefix, "-c", *sources]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert done.stderr == ""
+        assert done.returncode == 0
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_the_binary_exports_fmi_alone(exported: ExportedFmu, opened: ExtractedFmu) -> None:
+    library = opened.folder / str(exported.binary)
+    listed = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True).stdout
+    names = [line.split()[-1] for line in listed.splitlines()]
+    assert len(names) > 30
+    assert [name for name in names if not name.startswith(f"fmi{opened.version}")] == []
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_sanitizers_find_nothing(exported: ExportedFmu, opened: ExtractedFmu, tmp_path: Path) -> None:
+    host = Path(__file__).parent / f"host{opened.version}.c"
+    sources = [opened.folder / "sources" / name for name in (f"{exported.name}.c", f"fmi{opened.version}.c")]
+    flags = ("-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    command = [find_compiler(), *flags, "-I", opened.folder / "sources", host, *sources, "-o", tmp_path / "host", "-lm"]
+    built = subprocess.run(command, capture_output=True, text=True)
+    if "cannot find" in built.stderr:
+        pytest.skip("the compiler has no sanitizers")
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([tmp_path / "host"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_fmpy_builds_the_binary_from_the_sources(
+    exported: ExportedFmu, opened: ExtractedFmu, tmp_path: Path, samples: list[tuple[float, float, float]]
+) -> None:
+    built = ExtractedFmu(exported.path, tmp_path / "fmu")
+    (built.folder / str(exported.binary)).unlink()
+    (tmp_path / "build").mkdir()
+    build_platform_binary(built.folder, tmp_path / "build")
+    own, theirs = opened.instance(), built.instance()
+    for instance in (own, theirs):
+        instance.initialize()
+    for sample in samples[:50]:
+        assert own.step(sample) == pytest.approx(theirs.step(sample), abs=1e-3)
+    for instance in (own, theirs):
+        instance.close()
+
+
+def test_refused_sources_are_an_error_with_the_compilers_words() -> None:
+    compiler = find_compiler()
+    if compiler is None:
+        pytest.skip("no C compiler")
+    with pytest.raises(CompilerError, match="wrong"):
+        compile_library(compiler, {"a.c": b"#error wrong\n"}, ["a.c"], ".so")
+
+
+@pytest.mark.parametrize(
+    ("stem", "name"),
+    [
+        ("press", "press"),
+        ("Press 4, hybrid", "press_4_hybrid"),
+        ("4-bar", "friction_4_bar"),
+        ("fmu", "friction_fmu"),
+        ("---", "model"),
+    ],
+)
+def test_the_files_name_becomes_an_identifier(stem: str, name: str) -> None:
+    assert model_identifier(stem) == name
+
+
+def test_another_ending_is_refused(small_hybrid: HybridEstimator, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"expected a file whose name ends in \.fmu, but got 'press\.zip'"):
+        export_fmu(small_hybrid, tmp_path / "press.zip")
+
+
+def test_another_version_is_refused(small_hybrid: HybridEstimator, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="expected FMI version 2 or 3, but got 1"):
+        export_fmu(small_hybrid, tmp_path / "press.fmu", 1)  # type: ignore[arg-type]
+
+
+def test_every_source_is_listed() -> None:
+    from cylinder_friction.deployment.fmu import sources
+
+    folder = sources.files("cylinder_friction.deployment.fmu") / "sources"
+    assert {path.name for path in folder.iterdir()} == {name for names in INTERFACE_FILES.values() for name in names}

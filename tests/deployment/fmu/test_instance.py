@@ -1,0 +1,235 @@
+"""The FMU at work: the reference's numbers, saved states, several instances, and refusals with a reason."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import pytest
+from fmpy.fmi1 import FMICallException
+
+from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.estimators.realtime.reference import ReferenceStream
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.realtime.model import StepModel
+    from fmu_host import ExtractedFmu, FmuInstance
+
+    Samples = list[tuple[float, float, float]]
+
+NEWTONS = 0.01
+
+
+def test_steps_are_the_references(instance: FmuInstance, step_model: StepModel, samples: Samples) -> None:
+    reference = ReferenceStream(step_model)
+    instance.initialize()
+    for row, sample in enumerate(samples):
+        bad = (math.nan, sample[1], math.inf) if 450 <= row < 455 else sample
+        expected = reference.step(*bad)
+        friction_n, lower_n, upper_n, flags = instance.step(bad)
+        assert (friction_n, lower_n, upper_n) == pytest.approx(expected[:3], abs=NEWTONS)
+        assert flags == expected.flags
+        assert instance.get_boolean("trusted") == (flags == 0)
+        for flag in Flag:
+            assert instance.get_boolean(flag.name.lower()) == bool(flags & flag)
+
+
+def test_before_the_first_step_nothing_is_ready(instance: FmuInstance, step_model: StepModel) -> None:
+    instance.initialize(start_s=3.0)
+    assert instance.outputs() == (0.0, 0.0, 0.0, Flag.NOT_READY)
+    assert not instance.get_boolean("trusted")
+    assert instance.get_real("time", "sample_time") == (3.0, step_model.sample_time_s)
+
+
+def test_time_follows_the_steps(instance: FmuInstance, samples: Samples) -> None:
+    instance.initialize(start_s=3.0)
+    for sample in samples[:4]:
+        instance.step(sample)
+    assert instance.get_real("time") == pytest.approx((3.02,))
+
+
+def test_warm_up_is_the_references(instance: FmuInstance, step_model: StepModel, samples: Samples) -> None:
+    reference = ReferenceStream(step_model)
+    steps = step_model.guard.warm_up_samples
+    reference.warm_up(*samples[0], steps)
+    instance.initialize(warm_up_steps=steps, sample=samples[0])
+    assert instance.get_integer("warm_up_steps") == steps
+    for sample in samples[:20]:
+        expected = reference.step(*sample)
+        assert instance.step(sample) == pytest.approx(expected, abs=NEWTONS)
+        assert not expected.flags & Flag.WARMING
+
+
+def test_a_restored_state_goes_on_as_before(instance: FmuInstance, samples: Samples) -> None:
+    instance.initialize()
+    for sample in samples[:100]:
+        instance.step(sample)
+    saved, outputs, time_s = instance.save(), instance.outputs(), instance.time_s
+    after = [instance.step(sample) for sample in samples[100:200]]
+    instance.restore(saved)
+    instance.time_s = time_s
+    assert instance.outputs() == outputs
+    assert [instance.step(sample) for sample in samples[100:200]] == after
+    instance.free(saved)
+
+
+def test_a_stored_state_goes_on_in_another_instance(
+    opened: ExtractedFmu, instance: FmuInstance, samples: Samples
+) -> None:
+    instance.initialize()
+    for sample in samples[:100]:
+        instance.step(sample)
+    saved = instance.save()
+    stored = instance.store(saved)
+    instance.free(saved)
+    other = opened.instance("another")
+    read = other.read(stored)
+    other.restore(read)
+    other.free(read)
+    other.time_s = instance.time_s
+    assert other.outputs() == instance.outputs()
+    assert [other.step(sample) for sample in samples[100:150]] == [instance.step(sample) for sample in samples[100:150]]
+    other.close()
+
+
+def test_stored_states_of_equal_instances_are_equal(opened: ExtractedFmu, samples: Samples) -> None:
+    stored = []
+    for name in ("one", "two"):
+        instance = opened.instance(name)
+        instance.initialize()
+        for sample in samples[:10]:
+            instance.step(sample)
+        stored.append(instance.store(instance.save()))
+        instance.close()
+    assert stored[0] == stored[1]
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        (lambda stored: stored[:-1], "expected a stored state of"),
+        (lambda stored: bytes([stored[0] ^ 1]) + stored[1:], "expected a stored state of this model"),
+        (lambda stored: stored[:-1] + bytes([stored[-1] ^ 1]), "the stored state is damaged"),
+    ],
+    ids=["short", "another model's", "damaged"],
+)
+def test_a_stored_state_that_does_not_fit_is_refused(instance: FmuInstance, harm, said: str) -> None:
+    instance.initialize()
+    stored = instance.store(instance.save())
+    with pytest.raises(FMICallException):
+        instance.read(harm(stored))
+    assert said in instance.log[-1]
+
+
+def test_instances_do_not_touch_each_other(opened: ExtractedFmu, samples: Samples) -> None:
+    alone = opened.instance("alone")
+    alone.initialize()
+    expected = [alone.step(sample) for sample in samples[:100]]
+    alone.close()
+    one, two = opened.instance("one"), opened.instance("two")
+    one.initialize()
+    two.initialize()
+    for row in range(100):
+        assert one.step(samples[row]) == expected[row]
+        two.step(samples[row + 200])
+    one.close()
+    two.close()
+
+
+def test_reset_starts_afresh(instance: FmuInstance, samples: Samples) -> None:
+    instance.initialize()
+    first = [instance.step(sample) for sample in samples[:50]]
+    instance.raw.terminate()
+    instance.reset()
+    instance.initialize()
+    assert instance.outputs() == (0.0, 0.0, 0.0, Flag.NOT_READY)
+    assert [instance.step(sample) for sample in samples[:50]] == first
+
+
+@pytest.mark.parametrize("step_s", [0.01, 0.0025, 0.005 * (1.0 + 2e-6), 0.0, -0.005, math.nan])
+def test_a_wrong_step_size_is_refused_and_changes_nothing(
+    instance: FmuInstance, samples: Samples, step_s: float
+) -> None:
+    instance.initialize()
+    before = [instance.step(sample) for sample in samples[:10]]
+    with pytest.raises(FMICallException):
+        instance.do_step(instance.time_s, step_s)
+    said = (
+        "DoStep: expected a communication step size of 0.005 s, the sample time that the model was trained at, but got"
+    )
+    assert f"{said} {step_s:.9g} s" in instance.log[-1]
+    assert instance.outputs() == before[-1]
+    after = instance.step(samples[10])
+    instance.reset()
+    instance.initialize()
+    assert [instance.step(sample) for sample in samples[:11]][-1] == after
+
+
+def test_a_step_size_off_by_rounding_is_taken(instance: FmuInstance, samples: Samples) -> None:
+    instance.initialize(start_s=1e6)
+    for row, sample in enumerate(samples[:100]):
+        point_s, next_s = 1e6 + row * 0.005, 1e6 + (row + 1) * 0.005
+        instance.set_real(("pressure_1", "pressure_2", "position"), sample)
+        instance.do_step(point_s, next_s - point_s)
+    assert instance.log == []
+
+
+@pytest.mark.parametrize("point_s", [0.045, 0.0, 0.055, math.nan], ids=["back", "start", "ahead", "nan"])
+def test_a_step_from_another_time_is_refused(instance: FmuInstance, samples: Samples, point_s: float) -> None:
+    instance.initialize()
+    for sample in samples[:10]:
+        instance.step(sample)
+    with pytest.raises(FMICallException):
+        instance.do_step(point_s, 0.005)
+    said = f"expected the current communication point at 0.05 s, where the last step ended, but got {point_s:.9g} s"
+    assert said in instance.log[-1]
+
+
+def test_a_step_past_the_stop_time_is_refused(instance: FmuInstance, samples: Samples) -> None:
+    instance.initialize(stop_s=0.05)
+    for sample in samples[:10]:
+        instance.step(sample)
+    with pytest.raises(FMICallException):
+        instance.step(samples[10])
+    assert "expected a step that ends by the stop time of 0.05 s, but got one to 0.055 s" in instance.log[-1]
+
+
+def test_calls_out_of_order_are_refused(instance: FmuInstance) -> None:
+    with pytest.raises(FMICallException):
+        instance.do_step(0.0, 0.005)
+    assert "DoStep is not allowed in the state: instantiated" in instance.log[-1]
+    instance.initialize()
+    with pytest.raises(FMICallException):
+        instance.raw.enterInitializationMode()
+    assert "is not allowed in the state: step mode" in instance.log[-1]
+    with pytest.raises(FMICallException):
+        instance.set_integer("warm_up_steps", 1)
+    instance.raw.terminate()
+    with pytest.raises(FMICallException):
+        instance.do_step(0.0, 0.005)
+    assert "DoStep is not allowed in the state: terminated" in instance.log[-1]
+
+
+@pytest.mark.parametrize("steps", [-1, 10_000_001])
+def test_warm_up_steps_have_limits(instance: FmuInstance, steps: int) -> None:
+    with pytest.raises(FMICallException):
+        instance.set_integer("warm_up_steps", steps)
+    assert f"expected warm_up_steps from 0 to 10000000, but got {steps}" in instance.log[-1]
+
+
+def test_outputs_cannot_be_set_and_unknown_variables_are_named(instance: FmuInstance) -> None:
+    instance.initialize()
+    with pytest.raises(FMICallException):
+        instance.set_real(("friction",), (1.0,))
+    assert "value reference 6 is not an input; the inputs are pressure_1, pressure_2 and position" in instance.log[-1]
+    instance.fmu.references["nothing"] = 99
+    with pytest.raises(FMICallException):
+        instance.get_real("nothing")
+    assert "no such variable: value reference 99" in instance.log[-1]
+    with pytest.raises(FMICallException):
+        instance.get_boolean("friction")
+
+
+def test_another_models_token_is_refused(opened: ExtractedFmu, capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        opened.instance(token="{00000000-0000-0000-0000-000000000000}")

@@ -1,0 +1,45 @@
+"""A small hybrid and a LuGre, and samples to step them through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.estimators import FrictionEstimator, HybridEstimator, LugreEstimator
+from cylinder_friction.estimators.realtime.from_hybrid import step_model
+from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER, read_trajectories
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.recordings import Recording
+
+GOLDEN = Path(__file__).parents[2] / "golden"
+
+
+@pytest.fixture(scope="session")
+def hybrid() -> HybridEstimator:
+    estimator = FrictionEstimator.load(GOLDEN / MODEL_FOLDER)
+    assert isinstance(estimator, HybridEstimator)
+    return estimator
+
+
+@pytest.fixture(scope="session")
+def model(hybrid: HybridEstimator) -> StepModel:
+    return step_model(hybrid)
+
+
+@pytest.fixture(scope="session")
+def lugre(cylinder: Cylinder, labelled_recordings: list[Recording]) -> LugreEstimator:
+    estimator = LugreEstimator(cylinder, population=4, generations=1, simulated_recordings=1)
+    estimator.fit(labelled_recordings[:1])
+    return estimator
+
+
+@pytest.fixture(scope="session")
+def samples() -> np.ndarray:
+    return read_trajectories(GOLDEN)["stick_slip_reversals"].samples[:400]

@@ -1,0 +1,148 @@
+"""The files: same bytes each time, checked, described, opened as they ask, and run without this project."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+
+from cylinder_friction.cli import main
+from cylinder_friction.deployment.onnx_graphs import export_model, export_onnx, open_sequence, open_step
+from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.deployment.onnx_graphs import ExportedOnnx
+    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.recordings import Recording
+
+ROOT = Path(__file__).parents[3]
+FILES = ("step", "sequence")
+PROGRAM = "run_graphs.py"
+
+
+@pytest.fixture(scope="module")
+def exported(golden_model: StepModel, tmp_path_factory: pytest.TempPathFactory) -> ExportedOnnx:
+    return export_model(golden_model, tmp_path_factory.mktemp("onnx") / "made" / "here")
+
+
+def metadata(path: Path) -> dict[str, str]:
+    return {entry.key: entry.value for entry in onnx.load(path).metadata_props}
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_equal_models_make_equal_bytes(
+    file: str, exported: ExportedOnnx, golden_model: StepModel, tmp_path: Path
+) -> None:
+    again = export_model(golden_model, tmp_path)
+    assert getattr(again, file).read_bytes() == getattr(exported, file).read_bytes()
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_the_checker_passes_it_at_versions_that_old_runtimes_read(file: str, exported: ExportedOnnx) -> None:
+    path = getattr(exported, file)
+    onnx.checker.check_model(str(path), full_check=True)
+    model = onnx.load(path)
+    assert model.ir_version == 8
+    assert {entry.domain: entry.version for entry in model.opset_import} == {"": 17, "ai.onnx.ml": 3}
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_it_says_what_it_is(file: str, exported: ExportedOnnx, golden_model: StepModel) -> None:
+    said = metadata(getattr(exported, file))
+    assert float(said["sample_time_s"]) == golden_model.sample_time_s
+    assert "[Pa, gauge" in said["input"]
+    assert "[N]" in json.loads(said["output"])["friction_n"]
+    assert said["model_sha256"] == exported.model
+    lower, upper = json.loads(said["training_range_with_margin"])["position_m"]
+    assert (lower, upper) == (golden_model.guard.trained_lower[2], golden_model.guard.trained_upper[2])
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_input_and_output_has_its_meaning(file: str, exported: ExportedOnnx) -> None:
+    graph = onnx.load(getattr(exported, file)).graph
+    assert [port.name for port in (*graph.input, *graph.output) if not port.doc_string] == []
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_the_runtime_itself_takes_the_threads_from_the_file(
+    file: str, exported: ExportedOnnx, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ORT_LOAD_CONFIG_FROM_MODEL", "1")
+    session = onnxruntime.InferenceSession(str(getattr(exported, file)), providers=["CPUExecutionProvider"])
+    options = session.get_session_options()
+    assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
+    assert options.execution_mode == onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+
+
+def test_a_stream_is_opened_with_the_options_stored(exported: ExportedOnnx) -> None:
+    options = open_step(exported.step).session.get_session_options()
+    assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
+    assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
+    assert options.get_session_config_entry("session.inter_op.allow_spinning") == "0"
+
+
+def test_another_model_has_another_hash(exported: ExportedOnnx, golden_model: StepModel, tmp_path: Path) -> None:
+    assert export_model(replace(golden_model, target_mean_n=1.0), tmp_path).model != exported.model
+
+
+def test_a_graph_of_another_kind_is_refused(exported: ExportedOnnx) -> None:
+    with pytest.raises(ValueError, match=r"sequence\.onnx: is no step graph, its inputs are \['samples'\]; expected"):
+        open_step(exported.sequence)
+    with pytest.raises(ValueError, match=r"network\.onnx: is no sequence graph"):
+        open_sequence(ROOT / "tests/golden" / MODEL_FOLDER / "network.onnx")
+    with pytest.raises(FileNotFoundError):
+        open_step(exported.step.with_name("none.onnx"))
+
+
+def test_an_estimator_without_a_step_is_refused(cylinder: Cylinder, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="lugre: has no real-time step"):
+        export_onnx(LugreEstimator(cylinder, test="1"), tmp_path)
+
+
+def test_the_command_writes_both_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = ROOT / "tests/golden" / MODEL_FOLDER
+    assert main(["export", "onnx", str(model), "--output", str(tmp_path / "onnx")]) == 0
+    printed = capsys.readouterr().out
+    for file in FILES:
+        assert str(tmp_path / "onnx" / f"{file}.onnx") in printed
+    assert metadata(tmp_path / "onnx/step.onnx")["model_sha256"] in printed
+
+
+def test_the_command_says_where_no_model_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", "onnx", str(tmp_path), "--output", str(tmp_path / "onnx")]) == 1
+    assert "holds no estimator.json" in capsys.readouterr().err
+
+
+def test_the_command_refuses_an_estimator_without_a_step(
+    cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    estimator = LugreEstimator(cylinder, test="1", population=4, generations=2)
+    estimator.fit(labelled_recordings)
+    estimator.save(tmp_path / "lugre")
+    assert main(["export", "onnx", str(tmp_path / "lugre"), "--output", str(tmp_path / "onnx")]) == 1
+    assert "export onnx: lugre: has no real-time step; expected a hybrid" in capsys.readouterr().err
+    assert not (tmp_path / "onnx").exists()
+
+
+def test_the_guide_s_program_runs_where_this_project_is_not(golden_model: StepModel, tmp_path: Path) -> None:
+    page = (ROOT / "docs/onnx.md").read_text(encoding="utf-8")
+    program = page.partition(f"complete file={PROGRAM}\n")[2].partition("```")[0]
+    export_model(golden_model, tmp_path / "onnx/hybrid")
+    absent = "import sys; sys.modules['cylinder_friction'] = sys.modules['onnx'] = None\n"
+    (tmp_path / PROGRAM).write_text(absent + program, encoding="utf-8")
+    ran = subprocess.run([sys.executable, PROGRAM], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    lines = ran.stdout.splitlines()
+    assert [line.partition("flags ")[2].partition(";")[0] for line in lines[:3]] == ["2", "2", "10"]
+    stepped, whole = (float(line.split()[0]) for line in lines[2:])
+    np.testing.assert_allclose(stepped, whole, atol=0.1)

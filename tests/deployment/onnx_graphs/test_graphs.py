@@ -1,0 +1,118 @@
+"""Step graph and sequence graph give what the reference gives, whatever the model's shape and the samples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import onnxruntime
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from contracts.tolerances import TOLERANCES_N
+from cylinder_friction.deployment.onnx_graphs import (
+    OnnxStepStream,
+    open_sequence,
+    open_step,
+    sequence_graph,
+    step_graph,
+)
+from cylinder_friction.deployment.onnx_graphs.stream import open_session
+from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.estimators.realtime.reference import ReferenceStream
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.realtime.model import StepModel
+
+
+def rolled(stream: OnnxStepStream | ReferenceStream, samples: np.ndarray) -> np.ndarray:
+    """Returns friction, lower, upper and flags of samples stepped through, shape ``(n, 4)``."""
+    return np.array([stream.step(*sample) for sample in samples]).reshape(-1, 4)
+
+
+def at_once(model: StepModel, samples: np.ndarray) -> np.ndarray:
+    newtons, flags = open_sequence(sequence_graph(model)).run(samples)
+    return np.column_stack([newtons, flags])
+
+
+def test_the_samples_have_every_flag(golden_model: StepModel, samples: np.ndarray) -> None:
+    flags = rolled(ReferenceStream(golden_model), samples)[:, 3].astype(int)
+    assert np.bitwise_or.reduce(flags) == sum(Flag)
+
+
+def test_the_step_graph_meets_the_reference(model: StepModel, samples: np.ndarray) -> None:
+    expected = rolled(ReferenceStream(model), samples)
+    got = rolled(open_step(step_graph(model)), samples)
+    np.testing.assert_array_equal(got[:, 3], expected[:, 3])
+    np.testing.assert_allclose(got[:, :3], expected[:, :3], rtol=0.0, atol=TOLERANCES_N["onnx_step"])
+    assert np.quantile(np.abs(got[:, 0] - expected[:, 0]), 0.99) < 0.01
+
+
+def test_the_step_graph_rolled_is_the_sequence_graph(model: StepModel, samples: np.ndarray) -> None:
+    stepped, whole = rolled(open_step(step_graph(model)), samples), at_once(model, samples)
+    np.testing.assert_array_equal(whole[:, 3], stepped[:, 3])
+    np.testing.assert_allclose(whole[:, :3], stepped[:, :3], rtol=0.0, atol=TOLERANCES_N["onnx_sequence"])
+    assert np.quantile(np.abs(whole[:, 0] - stepped[:, 0]), 0.99) < 0.01
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 5])
+def test_short_recordings(golden_model: StepModel, samples: np.ndarray, rows: int) -> None:
+    few = samples[100 : 100 + rows]
+    np.testing.assert_allclose(at_once(golden_model, few), rolled(ReferenceStream(golden_model), few), atol=1e-3)
+
+
+@pytest.mark.parametrize("rows", [1, 30])
+def test_a_recording_without_a_sound_sample_is_never_ready(golden_model: StepModel, rows: int) -> None:
+    outputs = at_once(golden_model, np.full((rows, 3), np.nan))
+    np.testing.assert_array_equal(outputs, np.tile([0.0, 0.0, 0.0, 1 + 8 + 16 + 32], (rows, 1)))
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    bad=arrays(np.float64, (60, 3), elements=st.sampled_from([0.0, 0.0, 0.0, np.nan, np.inf, -np.inf, 1e308, 2e6])),
+    start=st.integers(0, 2000),
+)
+def test_any_disturbance_gets_the_reference_s_flags(
+    golden_model: StepModel, samples: np.ndarray, bad: np.ndarray, start: int
+) -> None:
+    disturbed = np.where(bad == 0.0, samples[start : start + 60], bad)
+    expected, got = rolled(ReferenceStream(golden_model), disturbed), at_once(golden_model, disturbed)
+    np.testing.assert_array_equal(got[:, 3], expected[:, 3])
+    assert np.isfinite(got).all()
+
+
+def test_a_bad_sample_is_forgotten_by_the_filters_and_the_network(golden_model: StepModel, samples: np.ndarray) -> None:
+    stream = open_step(step_graph(golden_model))
+    rolled(stream, np.full((5, 3), np.nan))
+    after_bad = rolled(stream, samples[200:300])
+    np.testing.assert_array_equal(after_bad, rolled(open_step(step_graph(golden_model)), samples[200:300]))
+
+
+def test_reset_is_a_fresh_start(golden_model: StepModel, samples: np.ndarray) -> None:
+    stream = open_step(step_graph(golden_model))
+    first = rolled(stream, samples[:301])  # an odd number: the other of the two bindings is next
+    stream.reset()
+    np.testing.assert_array_equal(rolled(stream, samples[:301]), first)
+
+
+def test_streams_on_one_session_do_not_touch_each_other(golden_model: StepModel, samples: np.ndarray) -> None:
+    session = open_session(step_graph(golden_model), "step", "sample")
+    alone = rolled(OnnxStepStream(session), samples[:100])
+    one, other = OnnxStepStream(session), OnnxStepStream(session)
+    beside = []
+    for sample in samples[:100]:
+        beside.append(one.step(*sample))
+        other.step(*(0.9 * sample))
+    np.testing.assert_array_equal(beside, alone)
+
+
+def test_tiny_states_become_zero(golden_model: StepModel) -> None:
+    graph = step_graph(golden_model)
+    session = onnxruntime.InferenceSession(graph.SerializeToString(), providers=["CPUExecutionProvider"])
+    feed = {port.name: np.zeros(port.shape, np.float64) for port in session.get_inputs()}
+    feed["sample"][0] = 0.5 * np.add(golden_model.guard.trained_lower, golden_model.guard.trained_upper)
+    feed["network"] = np.full(feed["network"].shape, 1e-39, np.float32)
+    after = session.run(["network_out"], feed)[0]
+    assert ((after == 0.0) | (np.abs(after) > 1e-30)).all()
