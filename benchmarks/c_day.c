@@ -52,8 +52,8 @@ int main(int argc, char **argv)
     static friction_state day, fresh;
     friction_output now, then;
     timing first = {0}, last = {0}, hold = {0};
-    double worst = 0.0, began = 0.0, *samples;
-    long rows, step, steps, bad = 0;
+    double worst = 0.0, apart_sum = 0.0, began = 0.0, *samples;
+    long rows, step, steps, bad = 0, above = 0;
     FILE *file = argc == 3 ? fopen(argv[1], "rb") : NULL;
     if (file == NULL) {
         fprintf(stderr, "usage: c_day SAMPLES STEPS\n");
@@ -97,10 +97,13 @@ int main(int argc, char **argv)
         if (step >= steps + FRESH_STEPS) {
             const double apart = fabs((double)now.friction_n - (double)then.friction_n);
             worst = apart > worst ? apart : worst;
+            apart_sum += apart;
+            above += apart > 0.5;
         }
     }
     printf("%ld steps, %ld of them not a number\n", steps, bad);
-    printf("drift against a fresh start after %d steps: %.3g N\n", FRESH_STEPS, worst);
+    printf("apart from a fresh start, after its first %d steps: mean %.3g N, greatest %.3g N, above 0.5 N in %.3f %%\n",
+           FRESH_STEPS, apart_sum / FRESH_STEPS, worst, 100.0 * (double)above / FRESH_STEPS);
     say("motion, first hour", &first);
     say("motion, last hour", &last);
     say("holds, from minute 5", &hold);
