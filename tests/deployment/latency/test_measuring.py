@@ -26,6 +26,7 @@ from cylinder_friction.deployment.latency.floor import FloorKernels, Work, work_
 from cylinder_friction.deployment.latency.instructions import instructions_per_step
 from cylinder_friction.deployment.latency.line_up import line_up
 from cylinder_friction.deployment.latency.machine import Quiet
+from cylinder_friction.deployment.latency.spin import Spin
 from cylinder_friction.estimators import RidgeEstimator
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler")
 STEPS = 50
-LEARNED = {"torch_window", "onnx_window", "onnx_step", "python", "c", "c_o2", "c_float"}
+LEARNED = {"torch_window", "onnx_window", "onnx_step", "python", "c", "c_o2", "c_float", "spin"}
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,7 @@ def measured(hybrid: HybridEstimator, lugre: LugreEstimator, samples: np.ndarray
 
 def test_everybody_takes_every_step_and_estimates_the_same(measured: Measured) -> None:
     assert set(measured.models["small"].contenders) == LEARNED
-    assert set(measured.models["lugre"].contenders) == {"numpy", "c", "c_o2", "c_float"}
+    assert set(measured.models["lugre"].contenders) == {"numpy", "c", "c_o2", "c_float", "spin"}
     for model in measured.models.values():
         for figures in model.contenders.values():
             assert figures.latency.steps == STEPS
@@ -129,6 +130,32 @@ def test_verdict_on_any_other_size(measured: Measured, ratio: float, met: bool) 
     assert verdict.measured == pytest.approx(ratio)
 
 
+class Steady:
+    """Takes as long as it says."""
+
+    name, title, family, timer_ns = "steady", "steady", "step", 0.0
+
+    def __init__(self, step_ns: int) -> None:
+        self.step_ns = step_ns
+
+    def run(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(len(samples)), np.full(len(samples), self.step_ns)
+
+
+def test_the_machines_own_tail_is_measured_on_steps_of_the_length_asked_for(
+    samples: np.ndarray, tmp_path: Path
+) -> None:
+    folders = [tmp_path / "short", tmp_path / "long"]
+    for folder in folders:
+        folder.mkdir()
+    short, long = (
+        Spin(Steady(step_ns), samples, folder) for step_ns, folder in zip((1_000, 100_000), folders, strict=True)
+    )
+    friction, times = long.run(samples)
+    assert len(times) == len(friction) == len(samples)
+    assert long._links > 20 * short._links > 0
+
+
 def test_work_counts_every_weight_once(model: StepModel) -> None:
     work = work_of(model)
     assert model.network is not None
@@ -151,7 +178,7 @@ def test_the_floor_is_bytes_over_bandwidth_and_multiply_adds_over_their_peak(tmp
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="there is no Valgrind")
 @pytest.mark.slow
 def test_instructions_are_counted_and_repeat(hybrid: HybridEstimator, samples: np.ndarray, tmp_path: Path) -> None:
-    exported = line_up(hybrid, tmp_path).exported
+    exported = line_up(hybrid, samples, tmp_path).exported
     counted = instructions_per_step(exported, samples)
     assert counted is not None
     assert counted > 1000.0
@@ -178,4 +205,4 @@ def test_too_few_samples_and_other_kinds_are_refused(
     with pytest.raises(ValueError, match="expected at least 200 samples, but got 10"):
         measure({"small": hybrid}, samples[:10], Effort())
     with pytest.raises(ValueError, match="ridge: cannot be measured here; expected a hybrid or LuGre"):
-        line_up(RidgeEstimator(), tmp_path)
+        line_up(RidgeEstimator(), samples, tmp_path)

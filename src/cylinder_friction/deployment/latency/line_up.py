@@ -11,6 +11,7 @@ from cylinder_friction.deployment.latency.contender import PythonContender
 from cylinder_friction.deployment.latency.floor import work_of
 from cylinder_friction.deployment.latency.lugre_numpy import LugreInNumpy
 from cylinder_friction.deployment.latency.native import NativeContender
+from cylinder_friction.deployment.latency.spin import Spin
 from cylinder_friction.deployment.latency.window import OnnxWindow, TorchWindow
 from cylinder_friction.deployment.onnx_graphs import open_step, step_graph
 from cylinder_friction.estimators import HybridEstimator, LugreEstimator
@@ -21,11 +22,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from cylinder_friction.deployment.c_export.export import ExportedC
     from cylinder_friction.deployment.latency.contender import Contender
     from cylinder_friction.deployment.latency.floor import Work
     from cylinder_friction.estimators import FrictionEstimator
     from cylinder_friction.estimators.realtime.model import StepModel
+
+    Array = NDArray[np.float64]
 
 MODERATE = ("-O2", "-ffp-contract=off")
 NATIVE_OPTIONS = {"c": OPTIMISED, "c_o2": MODERATE, "c_float": OPTIMISED}
@@ -53,11 +59,12 @@ class LineUp:
     exported: ExportedC
 
 
-def line_up(estimator: FrictionEstimator, folder: Path) -> LineUp:
+def line_up(estimator: FrictionEstimator, samples: Array, folder: Path) -> LineUp:
     """Returns who runs a model.
 
     Args:
         estimator: A fitted hybrid, with or without its forest, or LuGre.
+        samples: Raw, shape ``(n, 3)``; what the machine's own tail is set to the length of a step with.
         folder: For what is compiled.
 
     Raises:
@@ -69,12 +76,12 @@ def line_up(estimator: FrictionEstimator, folder: Path) -> LineUp:
         numpy = PythonContender(
             "numpy", "LuGre in numpy, as written from its equations", "step", LugreInNumpy(estimator).step
         )
-        native, exported = _native(estimator, folder)
+        native, exported = _native(estimator, samples, folder)
         return LineUp(size, False, (numpy, *native), None, exported)
     if not isinstance(estimator, HybridEstimator):
         raise ValueError(f"{estimator.kind}: cannot be measured here; expected a hybrid or LuGre")
     model = step_model(estimator)
-    native, exported = _native(estimator, folder)
+    native, exported = _native(estimator, samples, folder)
     steps = {
         "onnx_step": ("ONNX Runtime, step graph", _friction_of(open_step(step_graph(model)))),
         "python": ("Python, estimator.real_time()", _friction_of(RealTimeStream(model))),
@@ -89,7 +96,7 @@ def line_up(estimator: FrictionEstimator, folder: Path) -> LineUp:
     return LineUp(_in_words(numbers), numbers == PUBLISHED, contenders, work_of(model), exported)
 
 
-def _native(estimator: FrictionEstimator, folder: Path) -> tuple[tuple[NativeContender, ...], ExportedC]:
+def _native(estimator: FrictionEstimator, samples: Array, folder: Path) -> tuple[tuple[Contender, ...], ExportedC]:
     double = export_c(estimator, folder / "double")
     single = export_c(estimator, folder / "float", precision="float")
     titles = {
@@ -97,8 +104,8 @@ def _native(estimator: FrictionEstimator, folder: Path) -> tuple[tuple[NativeCon
         "c_o2": ("C, double filters, -O2", double),
         "c_float": ("C, all single precision, -O3 -march=native", single),
     }
-    native = (NativeContender(name, *titles[name], options) for name, options in NATIVE_OPTIONS.items())
-    return tuple(native), double
+    native = {name: NativeContender(name, *titles[name], options) for name, options in NATIVE_OPTIONS.items()}
+    return (*native.values(), Spin(native["c"], samples, folder)), double
 
 
 def _friction_of(stream: object) -> Callable[[float, float, float], float]:

@@ -111,7 +111,8 @@ def measure(estimators: Mapping[str, FrictionEstimator], samples: Array, effort:
     with TemporaryDirectory() as folder, one_core() as core, _one_thread():
         kernels = FloorKernels(Path(folder))
         line_ups = {
-            name: line_up(each, Path(folder) / f"model{place}") for place, (name, each) in enumerate(estimators.items())
+            name: line_up(each, samples, Path(folder) / f"model{place}")
+            for place, (name, each) in enumerate(estimators.items())
         }
         away = {name: _differences(line, estimators[name], samples) for name, line in line_ups.items()}
         watch = QuietWatch(core)

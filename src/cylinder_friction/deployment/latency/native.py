@@ -21,10 +21,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Times = NDArray[np.int64]
 
-TIMED = """\
+CLOCK = """\
 #define _POSIX_C_SOURCE 199309L
-#include "@name@.h"
-
+#include <stdint.h>
 #include <time.h>
 
 static int64_t now_ns(void)
@@ -33,6 +32,13 @@ static int64_t now_ns(void)
     clock_gettime(CLOCK_MONOTONIC, &now);
     return (int64_t)now.tv_sec * 1000000000 + (int64_t)now.tv_nsec;
 }
+
+"""
+
+TIMED = (
+    CLOCK
+    + """\
+#include "@name@.h"
 
 void timed_start(@name@_state *state);
 void timed_run(@name@_state *state, const double *samples, int64_t rows, double *friction_n, int64_t *times_ns);
@@ -64,6 +70,7 @@ void timed_nothing(int64_t rows, int64_t *times_ns)
     }
 }
 """
+)
 
 
 class NativeContender:
