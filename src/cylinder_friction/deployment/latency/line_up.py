@@ -105,7 +105,9 @@ def _native(estimator: FrictionEstimator, samples: Array, folder: Path) -> tuple
         "c_float": ("C, all single precision, -O3 -march=native", single),
     }
     native = {name: NativeContender(name, *titles[name], options) for name, options in NATIVE_OPTIONS.items()}
-    return (*native.values(), Spin(native["c"], samples, folder)), double
+    spin = Spin(native["c"], samples, folder)
+    native["c"].restart()
+    return (*native.values(), spin), double
 
 
 def _friction_of(stream: object) -> Callable[[float, float, float], float]:

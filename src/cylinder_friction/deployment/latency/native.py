@@ -98,8 +98,14 @@ class NativeContender:
         self._run.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
         self._run.restype = None
         self._state = np.zeros(-(-exported.state_bytes // 8), dtype=np.float64)  # doubles: C wants their alignment
-        loaded.timed_start(ctypes.c_void_p(self._state.ctypes.data))
+        self._start = loaded.timed_start
+        self._start.argtypes, self._start.restype = [ctypes.c_void_p], None
+        self.restart()
         self.timer_ns = _timer_ns(loaded)
+
+    def restart(self) -> None:
+        """Forgets every sample."""
+        self._start(self._state.ctypes.data)
 
     def run(self, samples: Array) -> tuple[Array, Times]:
         samples = np.ascontiguousarray(samples, dtype=np.float64)
