@@ -30,7 +30,7 @@ $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
 
 reproduce: install ## run the whole pipeline, then print the result and what to do next
 	cylinder-friction check
-	dvc repro
+	dvc repro register
 	cylinder-friction track
 	cylinder-friction summary
 

@@ -40,6 +40,7 @@ OVERRIDES = (
     f"ingest.source={LOGS.as_posix()}",
     "ingest.truth=data/raw/no_truth",
     "ingest.pattern='*.parquet'",
+    "~ingest.channels.oil_temperature_c",
     "ingest.name_pattern='(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_'",
     "label.split.test_sessions=1",
     "label.split.validation_sessions=1",

@@ -48,7 +48,8 @@ def logged(recording: Recording) -> pd.DataFrame:
 
 def write_rig_log(path: Path, log: pd.DataFrame) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    log.set_axis(["Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"], axis=1).to_csv(path, index=False)
+    named = log.set_axis(["Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"], axis=1)
+    named.assign(**{"Oil temperature [degC]": 37.0}).to_csv(path, index=False)
 
 
 def ingest_as(name: str) -> list[Recording]:

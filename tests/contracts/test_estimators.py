@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,8 @@ from cylinder_friction.estimators import (
     TrainingPlan,
 )
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
+from cylinder_friction.evaluation.benchmark.roster import roster
+from cylinder_friction.evaluation.benchmark.roster.entry import Making
 from cylinder_friction.recordings import SAMPLE_COLUMNS, Recording, RecordingError
 
 if TYPE_CHECKING:
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.evaluation.benchmark.roster.entry import RosterEntry
 
 PLAN = TrainingPlan(epochs=1, patience=1, sequence_length=200, burn_in=20, batch_size=4)
 FOREST = ForestPlan(trees=4, depth=4, rows=2000, leaf=5)
@@ -46,6 +50,15 @@ MAKERS: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "lstm": lambda cylinder: HybridEstimator(cylinder, "force_balance", Architecture(2, 8, 0.1, 3e-3), PLAN),
     "paper_hybrid": lambda cylinder: HybridEstimator(cylinder, "paper", Architecture(3, 8, 0.3, 1e-3), PLAN, FOREST),
 }
+
+EFFORT = 0.02
+
+
+def made(entry: RosterEntry, cylinder: Cylinder, inputs: tuple[str, ...] = SAMPLE_COLUMNS) -> FrictionEstimator:
+    return entry.make(Making(cylinder, inputs, 0, EFFORT, entry.first))
+
+
+MAKERS |= {f"roster_{entry.name}": partial(made, entry) for entry in roster().values() if entry.can(SAMPLE_COLUMNS)}
 
 
 @pytest.fixture(scope="module", params=sorted(MAKERS))
@@ -68,7 +81,7 @@ def shortened(recording: Recording, rows: int) -> Recording:
 
 def streamed(estimator: FrictionEstimator, recording: Recording) -> np.ndarray:
     stream = estimator.stream()
-    return np.array([stream.step(*sample) for sample in recording.samples()])
+    return np.array([stream.step(*sample) for sample in recording.samples(estimator.inputs)])
 
 
 def test_it_gives_one_finite_newton_value_a_sample(estimator: FrictionEstimator, recording: Recording) -> None:
@@ -105,23 +118,25 @@ def test_cutting_the_input_into_pieces_changes_nothing(
     state = estimator.new_state()
     edges = [0, *sorted(cuts), 400]
     pieces = [
-        estimator.advance(state, short.samples()[start:end]) for start, end in itertools.pairwise(edges) if end > start
+        estimator.advance(state, short.samples(estimator.inputs)[start:end])
+        for start, end in itertools.pairwise(edges)
+        if end > start
     ]
     np.testing.assert_array_equal(np.concatenate(pieces), estimator.estimate(short))
 
 
 def test_reset_is_exact(estimator: FrictionEstimator, recording: Recording) -> None:
     stream = estimator.stream()
-    first = [stream.step(*sample) for sample in recording.samples()[:300]]
+    first = [stream.step(*sample) for sample in recording.samples(estimator.inputs)[:300]]
     stream.reset()
-    assert [stream.step(*sample) for sample in recording.samples()[:300]] == first
+    assert [stream.step(*sample) for sample in recording.samples(estimator.inputs)[:300]] == first
 
 
 def test_two_streams_do_not_touch_each_other(estimator: FrictionEstimator, recording: Recording) -> None:
     alone = streamed(estimator, shortened(recording, 200))
     one, other = estimator.stream(), estimator.stream()
     beside = []
-    for sample in recording.samples()[:200]:
+    for sample in recording.samples(estimator.inputs)[:200]:
         beside.append(one.step(*sample))
         other.step(*(sample * 0.5))
     np.testing.assert_array_equal(beside, alone)
@@ -143,20 +158,20 @@ def test_saving_twice_writes_the_same_bytes(estimator: FrictionEstimator, tmp_pa
         assert file.read_bytes() == (tmp_path / "second" / file.name).read_bytes()
 
 
-@pytest.mark.parametrize("column", range(3))
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_nan_is_refused_by_name_and_leaves_the_stream_as_it_was(
-    estimator: FrictionEstimator, recording: Recording, column: int, value: float
+    estimator: FrictionEstimator, recording: Recording, value: float
 ) -> None:
     stream, untouched = estimator.stream(), estimator.stream()
-    sample = recording.samples()[0].copy()
+    sample = recording.samples(estimator.inputs)[0].copy()
     stream.step(*sample)
     untouched.step(*sample)
-    bad = sample.copy()
-    bad[column] = value
-    with pytest.raises(RecordingError, match=f"stream: {SAMPLE_COLUMNS[column]} is {value} at row 0"):
-        stream.step(*bad)
-    assert stream.step(*sample) == untouched.step(*sample)
+    for column, name in enumerate(estimator.inputs):
+        bad = sample.copy()
+        bad[column] = value
+        with pytest.raises(RecordingError, match=f"stream: {name} is {value} at row 0"):
+            stream.step(*bad)
+        assert stream.step(*sample) == untouched.step(*sample)
 
 
 def test_another_sample_time_is_refused(estimator: FrictionEstimator, recording: Recording) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from cylinder_friction.friction_models import (
     Identification,
+    LuGre,
     LugreParameters,
     SearchEffort,
     identify,
@@ -16,6 +17,7 @@ from cylinder_friction.friction_models import (
     steady_points,
 )
 from cylinder_friction.friction_models.identification import (
+    Coordinates,
     Motion,
     Motions,
     bristle_damping,
@@ -24,7 +26,6 @@ from cylinder_friction.friction_models.identification import (
     damping_velocity,
     with_dead_band,
 )
-from cylinder_friction.friction_models.identification.refinement import Coordinates
 from cylinder_friction.recordings import Recording, RecordingMetadata
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def identified(
     recordings: list[Recording], mass_kg: float, with_pressure: bool, effort: SearchEffort
 ) -> Identification:
     return identify(
+        LuGre(with_pressure),
         recordings,
         {"exact": lambda recording: with_dead_band(recording.column("velocity_m_s"), DEAD_BAND_M_S)},
         (lambda recording: recording.samples()[:, :2].sum(axis=1)) if with_pressure else None,
@@ -134,6 +136,7 @@ def test_bristle_stiffness_has_the_right_order(cylinder: Cylinder, plain_recordi
 def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
     truth = known(cylinder.moving_mass_kg)
     found = identified(plain_recordings, cylinder.moving_mass_kg, False, SearchEffort(1, 6, 12, 2))
+    assert isinstance(found.parameters, LugreParameters)
     assert found.parameters.coulomb_n == pytest.approx(truth.coulomb_n, rel=0.02)
     assert found.parameters.static_n == pytest.approx(truth.static_n, rel=0.05)
     assert found.parameters.stribeck_velocity_m_s == pytest.approx(truth.stribeck_velocity_m_s, rel=0.1)
@@ -159,6 +162,7 @@ def test_the_pressure_slope_comes_back(cylinder: Cylinder) -> None:
     truth = known(cylinder.moving_mass_kg, slope_n_pa=4e-5)
     recordings = [synthetic_recording(truth, seed) for seed in range(3)]
     found = identified(recordings, cylinder.moving_mass_kg, True, SearchEffort(1, 6, 12, 2))
+    assert isinstance(found.parameters, LugreParameters)
     assert found.parameters.pressure_slope_n_pa == pytest.approx(4e-5, rel=0.1)
     assert found.parameters.coulomb_n == pytest.approx(240.0, rel=0.05)
     assert "pressure_slope_n_pa" in found.intervals
@@ -203,22 +207,41 @@ def test_what_the_motion_says_nothing_about_gets_a_wide_interval(cylinder: Cylin
 @pytest.mark.parametrize("reference_pressure_pa", [0.0, 1.5e6])
 def test_a_point_of_the_search_is_its_parameters_and_back(cylinder: Cylinder, reference_pressure_pa: float) -> None:
     truth = known(cylinder.moving_mass_kg, slope_n_pa=4e-5 if reference_pressure_pa else 0.0)
-    coordinates = Coordinates.around(truth.curve, cylinder.moving_mass_kg, 0.5, reference_pressure_pa)
+    coordinates = Coordinates.around(
+        LuGre(reference_pressure_pa > 0.0), truth.curve, cylinder.moving_mass_kg, 0.5, reference_pressure_pa
+    )
     back = coordinates.parameters(coordinates.point(truth))
     for name, value in truth.__dict__.items():
         assert getattr(back, name) == pytest.approx(value, rel=1e-9), name
 
 
 def test_every_corner_of_the_search_is_physical_and_passive(cylinder: Cylinder) -> None:
-    coordinates = Coordinates.around(known(6.0).curve, cylinder.moving_mass_kg, 0.5, 1.5e6)
+    coordinates = Coordinates.around(LuGre(True), known(6.0).curve, cylinder.moving_mass_kg, 0.5, 1.5e6)
     generator = np.random.default_rng(0)
     for _ in range(200):
         corner = np.where(generator.random(8) < 0.5, coordinates.lower, coordinates.upper)
-        assert coordinates.parameters(corner).is_passive()
+        parameters = coordinates.parameters(corner)
+        assert isinstance(parameters, LugreParameters)
+        assert parameters.is_passive()
 
 
 def test_without_a_dead_band_points_are_found_all_the_same(plain_recordings: list[Recording]) -> None:
     assert len(steady_points(plain_recordings, 0.0)) >= 12
+
+
+def test_a_model_and_its_pressure_must_agree(plain_recordings: list[Recording]) -> None:
+    with pytest.raises(ValueError, match="pressure_lugre: expected a pressure to scale dry friction, but got None"):
+        identify(
+            LuGre(pressure_scaled=True),
+            plain_recordings,
+            {},
+            None,
+            SearchEffort(1, 2, 1, 1),
+            mass_kg=6.0,
+            damping_ratio=0.5,
+            dead_band_m_s=DEAD_BAND_M_S,
+            confidence=0.95,
+        )
 
 
 def test_no_usable_row_is_refused() -> None:

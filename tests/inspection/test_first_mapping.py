@@ -292,6 +292,7 @@ def test_a_file_without_names_gets_its_time_and_a_list() -> None:
 def test_a_file_of_the_rig_is_guessed_as_it_is_configured(tmp_path: Path) -> None:
     path = tmp_path / "test1_session01_recording01.csv"
     values = {"Time [s]": TIME, "P1 [bar]": 20 + STROKE, "P2 [bar]": 9 + STROKE, "Position [mm]": 250 * STROKE}
+    values["Oil temperature [degC]"] = 35.0 + 0.01 * TIME
     pd.DataFrame(values).to_csv(path, index=False)
     configured = yaml.safe_load((Path(__file__).parents[2] / "conf/ingest/rig.yaml").read_text(encoding="utf-8"))
     # What its sensors are good for stands in no file.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
 
-STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
+STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register", "benchmark")
 
 
 def client_of(folder: Path) -> mlflow.MlflowClient:

@@ -1,12 +1,21 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.rig import TRUTH_COLUMNS, CampaignPlan, RigRecording, campaign, default_rig
+from cylinder_friction.rig import (
+    LOAD_COLUMN,
+    LOGGER_COLUMNS,
+    TRUTH_COLUMNS,
+    CampaignPlan,
+    RigRecording,
+    campaign,
+    default_rig,
+)
 from cylinder_friction.rig.variation import draw_rig, draw_session
 
 if TYPE_CHECKING:
@@ -91,3 +100,57 @@ def test_specimens_differ_within_their_tolerances(cylinder: Cylinder) -> None:
     assert ripples.min() > 0.028
     assert ripples.max() < 0.052
     assert len({rig.friction.coulomb_n for rig in drawn}) == 20
+
+
+@pytest.fixture(scope="module")
+def loaded(cylinder: Cylinder) -> list[RigRecording]:
+    return list(campaign(cylinder, replace(SHORT, external_load="varied", recordings_per_session=1)))
+
+
+def test_the_load_is_in_the_log_and_in_the_truth_of_such_campaigns_alone(
+    recordings: list[RigRecording], loaded: list[RigRecording]
+) -> None:
+    for recording in loaded:
+        assert tuple(recording.logger.columns) == (*LOGGER_COLUMNS, LOAD_COLUMN)
+        assert tuple(recording.truth.columns) == (*TRUTH_COLUMNS, "load_force_n")
+        assert np.abs(recording.logger[LOAD_COLUMN] - recording.truth["load_force_n"]).max() < 60.0
+        assert recording.metadata.load.endswith("measured by a load cell")
+    assert tuple(recordings[0].logger.columns) == LOGGER_COLUMNS
+
+
+def test_the_load_changes_within_recordings_and_from_one_to_the_next(loaded: list[RigRecording]) -> None:
+    loads = [recording.truth["load_force_n"] for recording in loaded]
+    assert all(np.ptp(load) > 150.0 for load in loads)
+    assert np.ptp([load.iloc[0] for load in loads]) > 500.0
+    assert max(load.abs().max() for load in loads) < 3100.0
+
+
+def test_with_the_measured_load_sensors_tell_friction_as_without_one(
+    cylinder: Cylinder, loaded: list[RigRecording]
+) -> None:
+    for recording in loaded:
+        logger, truth = recording.logger, recording.truth
+        oil = logger["P1 [bar]"] * 1e5 * cylinder.piston_area_m2 - logger["P2 [bar]"] * 1e5 * cylinder.annulus_area_m2
+        inside = truth["position_m"].between(0.003, cylinder.stroke_m - 0.003)
+        error = np.abs(oil - logger[LOAD_COLUMN] - truth["friction_n"])[inside].mean()
+        assert error < 0.10 * truth["friction_n"][inside].abs().mean()
+        assert np.abs(oil - truth["friction_n"])[inside].mean() > 2.0 * error
+
+
+def test_a_load_that_pulls_draws_no_vacuum(loaded: list[RigRecording]) -> None:
+    assert min(recording.truth[["pressure_1_pa", "pressure_2_pa"]].to_numpy().min() for recording in loaded) > -0.7e5
+
+
+def test_a_wide_specimen_is_another_rig(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    wide = next(campaign(cylinder, replace(SHORT, specimen="wide", recordings_per_session=1)))
+    assert tuple(wide.logger.columns) == LOGGER_COLUMNS
+    assert not wide.truth["friction_n"].equals(recordings[0].truth["friction_n"])
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "known"),
+    [("external_load", "heavy", "'none', 'varied'"), ("specimen", "narrow", "'default', 'wide'")],
+)
+def test_unknown_choices_are_refused(cylinder: Cylinder, key: str, value: Any, known: str) -> None:
+    with pytest.raises(ValueError, match=rf"record\.{key}: got '{value}', but expected one of \[{known}\]"):
+        next(campaign(cylinder, replace(SHORT, **{key: value})))

@@ -9,6 +9,7 @@ from cylinder_friction.rig.hydraulics import (
     bulk_modulus,
     cushion_gain,
     in_series,
+    makeup_flow,
     orifice,
     port_a,
     port_b,
@@ -90,3 +91,13 @@ def test_an_end_stop_never_pulls(position_m: float, velocity_m_s: float) -> None
         assert force <= 0.0
     else:
         assert force == 0.0
+
+
+@given(st.floats(-1.0e5, 50e5))
+def test_anti_cavitation_valves_let_in_what_is_missing_and_nothing_out(pressure_pa: float) -> None:
+    fitted = Y._replace(makeup_gain=2e-6)
+    flow, slope = makeup_flow(fitted, pressure_pa)
+    opens_pa = Y.tank_pressure_pa - Y.makeup_cracking_pa
+    assert (flow > 0.0) == (pressure_pa < opens_pa)
+    assert slope >= 0.0
+    assert makeup_flow(Y, pressure_pa) == (0.0, 0.0)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -8,9 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.rig import LOGGER_COLUMNS, SensorParameters, measure
+from cylinder_friction.recordings import read_logged_file
+from cylinder_friction.rig import LOAD_COLUMN, LOGGER_COLUMNS, SensorParameters, as_written, measure
+from cylinder_friction.stages.record import write_logger_csv
 
-SILENT = SensorParameters(pressure_noise_pa=0.0, position_noise_m=0.0, backlash_m=0.0)
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SILENT = SensorParameters(
+    pressure_noise_pa=0.0, position_noise_m=0.0, backlash_m=0.0, temperature_noise_c=0.0, load_noise_n=0.0
+)
 
 
 def still(p1_bar: float = 20.0, p2_bar: float = 10.0, position_m: float = 0.1, seconds: float = 5.0) -> pd.DataFrame:
@@ -21,6 +29,8 @@ def still(p1_bar: float = 20.0, p2_bar: float = 10.0, position_m: float = 0.1, s
             "pressure_1_pa": np.full(len(time_s), p1_bar * 1e5),
             "pressure_2_pa": np.full(len(time_s), p2_bar * 1e5),
             "position_m": np.full(len(time_s), position_m),
+            "oil_temperature_c": np.full(len(time_s), 37.0),
+            "load_force_n": np.full(len(time_s), -1200.0),
         }
     )
 
@@ -84,3 +94,45 @@ def test_backlash_hides_small_motion() -> None:
 def test_a_sample_time_that_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match=r"sample_time_s: got 0\.0025 s, but expected a multiple of the trace's step"):
         seen(replace(SILENT, sample_time_s=0.0025), still())
+
+
+def test_the_thermometer_is_off_by_its_offset_and_late_by_its_time_constant() -> None:
+    sensors = replace(SILENT, bits=24, temperature_offset_c=0.4, temperature_lag_s=2.0)
+    trace = still(seconds=20.0)
+    trace.loc[trace["time_s"] >= 4.0, "oil_temperature_c"] = 47.0
+    oil_c = seen(sensors, trace)["Oil temperature [degC]"].to_numpy()
+    assert oil_c[:800] == pytest.approx(37.4, abs=1e-3)
+    assert oil_c[800 + 400] == pytest.approx(37.4 + 10.0 * (1.0 - np.exp(-1.0)), abs=0.02)
+    assert oil_c[-1] == pytest.approx(47.4, abs=0.01)
+
+
+def test_the_thermometer_is_as_noisy_and_as_fine_as_stated() -> None:
+    oil_c = seen(SensorParameters(), still())["Oil temperature [degC]"].to_numpy()
+    step = 100.0 / 4096
+    assert oil_c / step == pytest.approx(np.round(oil_c / step), abs=1e-9)
+    assert oil_c.std() == pytest.approx(np.hypot(0.05, step / np.sqrt(12.0)), rel=0.1)
+
+
+def test_thermometer_and_load_cell_take_no_random_number_from_the_others() -> None:
+    plain = seen(SensorParameters(), still())
+    noisy = replace(SensorParameters(), temperature_noise_c=0.5, load_noise_n=50.0)
+    with_cell = measure(noisy, still(), np.random.default_rng(0), load_cell=True)
+    assert tuple(plain.columns) == LOGGER_COLUMNS
+    assert tuple(with_cell.columns) == (*LOGGER_COLUMNS, LOAD_COLUMN)
+    pd.testing.assert_frame_equal(plain.iloc[:, :4], with_cell.iloc[:, :4], check_exact=True)
+
+
+def test_the_load_cell_keeps_within_its_accuracy_and_its_range() -> None:
+    worst = replace(SILENT, load_offset_n=7.0, load_gain=1.001)
+    trace = still()
+    assert np.abs(measure(worst, trace, np.random.default_rng(0), load_cell=True)[LOAD_COLUMN] + 1200.0).max() < 10.0
+    trace["load_force_n"] = 9000.0
+    assert measure(worst, trace, np.random.default_rng(0), load_cell=True)[LOAD_COLUMN].max() == 5000.0
+
+
+def test_a_table_as_written_is_the_file_read_back(tmp_path: Path) -> None:
+    table = measure(SensorParameters(), still(), np.random.default_rng(0), load_cell=True)
+    table["P1 [bar]"] = 7.8125 * np.arange(len(table)) - 300.0  # every other one lies half way between two decimals
+    write_logger_csv(tmp_path / "log.csv", table)
+    read = read_logged_file(tmp_path / "log.csv")[0].channels
+    pd.testing.assert_frame_equal(as_written(table), read, check_exact=True)

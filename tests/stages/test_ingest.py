@@ -47,6 +47,7 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
                 "P1 [bar]": recording.column("pressure_1_pa") / 1e5,
                 "P2 [bar]": recording.column("pressure_2_pa") / 1e5,
                 "Position [mm]": recording.column("position_m") * 1e3,
+                "Oil temperature [degC]": np.full(len(recording), 37.0),
             }
         )
         log.to_csv(folder / f"test{test}_session0{take}_recording01.csv", index=False)

@@ -38,6 +38,7 @@ def log(labelled_recordings: list[Recording]) -> pd.DataFrame:
             P1: recording.column("pressure_1_pa") / 1e5,
             P2: recording.column("pressure_2_pa") / 1e5,
             POSITION: recording.column("position_m") * 1e3,
+            "Oil temperature [degC]": np.full(len(recording), 37.0),
         }
     )
 
@@ -157,7 +158,7 @@ def test_a_load_that_position_decides_is_told_and_taken_off(tmp_path: Path) -> N
     params = params_for(
         *(f"ingest.channels.{column}={entry}" for column, entry in channels.items()),
         *("cylinder.bore_diameter_m=0.15", "cylinder.rod_diameter_m=0.1", "cylinder.stroke_m=0.85"),
-        *("cylinder.moving_mass_kg=60", "label.load=position"),
+        *("cylinder.moving_mass_kg=60", "label.load=position", "~ingest.channels.oil_temperature_c"),
     )
     report, refused = inspect_path(path, params, tmp_path / "page.html")
     assert not refused

@@ -27,6 +27,8 @@ SETTINGS: dict[str, Any] = {
     "zeroed": True,
     "residual_offset_bar": 0.05,
     "fault": "none",
+    "external_load": "none",
+    "specimen": "default",
 }
 
 
@@ -46,7 +48,7 @@ def test_it_writes_what_a_logger_would_and_the_truth_elsewhere(cylinder: Cylinde
     assert sorted(path.name for path in RIG_FOLDER.iterdir()) == [f"{name}.csv" for name in names]
     assert sorted(path.name for path in RIG_TRUTH_FOLDER.iterdir()) == [f"{name}.parquet" for name in names]
     lines = (RIG_FOLDER / f"{names[0]}.csv").read_text(encoding="utf-8").splitlines()
-    assert lines[0] == "Time [s],P1 [bar],P2 [bar],Position [mm]"
+    assert lines[0] == "Time [s],P1 [bar],P2 [bar],Position [mm],Oil temperature [degC]"
     assert [line.split(",")[0] for line in lines[1:4]] == ["0.000", "0.005", "0.010"]
     assert len(lines) == 601
     truth = pd.read_parquet(RIG_TRUTH_FOLDER / f"{names[3]}.parquet")
@@ -72,6 +74,14 @@ def test_no_sessions_leave_a_note_in_both_folders(cylinder: Cylinder) -> None:
     assert done.metrics["recordings"] == 0.0
 
 
+def test_a_load_is_logged_and_its_truth_kept(cylinder: Cylinder) -> None:
+    record.run(params(cylinder, external_load="varied"))
+    log = pd.read_csv(RIG_FOLDER / "test2_session01_recording01.csv")
+    assert list(log.columns)[-1] == "Load [N]"
+    truth = pd.read_parquet(RIG_TRUTH_FOLDER / "test2_session01_recording01.parquet")
+    assert (log["Load [N]"] - truth["load_force_n"]).abs().mean() < 20.0
+
+
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
@@ -80,6 +90,8 @@ def test_no_sessions_leave_a_note_in_both_folders(cylinder: Cylinder) -> None:
         ("sample_time_s", 0.0005, "must be a whole number of milliseconds"),
         ("duration_s", 1.00005, "must be a whole number of milliseconds"),
         ("fault", "rust", "Input should be 'none', 'wear'"),
+        ("external_load", "heavy", "Input should be 'none' or 'varied'"),
+        ("specimen", "narrow", "Input should be 'default' or 'wide'"),
     ],
 )
 def test_impossible_values_are_refused_by_name(key: str, value: Any, message: str) -> None:

@@ -37,19 +37,19 @@ class NotFittedError(RuntimeError):
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """The raw samples an estimator was taught on: per column of ``SAMPLE_COLUMNS`` its smallest and largest value."""
+    """The samples an estimator was taught on: per input column its smallest and largest value."""
 
     lower: tuple[float, ...]
     upper: tuple[float, ...]
 
     @classmethod
-    def of(cls, recordings: Sequence[Recording]) -> Self:
-        lower = np.min([recording.samples().min(axis=0) for recording in recordings], axis=0)
-        upper = np.max([recording.samples().max(axis=0) for recording in recordings], axis=0)
+    def of(cls, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS) -> Self:
+        lower = np.min([recording.samples(inputs).min(axis=0) for recording in recordings], axis=0)
+        upper = np.max([recording.samples(inputs).max(axis=0) for recording in recordings], axis=0)
         return cls(tuple(map(float, lower)), tuple(map(float, upper)))
 
     def holds(self, samples: Array, margin: float = 0.05) -> NDArray[np.bool_]:
-        """Returns which rows of ``samples``, shape ``(n, 3)``, lie in the range, widened by ``margin`` of it."""
+        """Returns which rows of ``samples``, shape ``(n, k)``, lie in the range, widened by ``margin`` of it."""
         lower, upper = np.array(self.lower), np.array(self.upper)
         slack = margin * (upper - lower)
         return np.asarray(((samples >= lower - slack) & (samples <= upper + slack)).all(axis=1))
@@ -59,15 +59,16 @@ class FrictionEstimator(ABC):
     """Estimates friction from raw samples, without looking ahead.
 
     Input is the raw sample as the sensor gave it, in SI units: pressure 1 (piston side) [Pa, gauge], pressure 2
-    (rod side) [Pa, gauge], position [m, extension positive]. Filtering, differentiation and scaling happen
-    inside, with state, so that training and serving cannot differ. Output is friction [N], positive when it
-    opposes positive velocity.
+    (rod side) [Pa, gauge], position [m, extension positive]; an estimator for a rig with other sensors names them in
+    ``inputs``. Filtering, differentiation and scaling happen inside, with state, so that training and serving cannot
+    differ. Output is friction [N], positive when it opposes positive velocity.
 
     A subclass sets ``kind`` and gives ``fit``, ``new_state``, ``advance``, ``multiply_adds``, ``_write`` and ``_read``.
     ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree.
 
     Attributes:
         kind: Name of the class in a saved model folder.
+        inputs: The columns of a recording that it sees, in this order.
         sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
         training_range: What raw samples it was taught on; None before ``fit``.
         guard: What a sample must be in real time; None before ``calibrate``.
@@ -77,7 +78,8 @@ class FrictionEstimator(ABC):
     kind: ClassVar[str]
     _kinds: ClassVar[dict[str, type[FrictionEstimator]]] = {}
 
-    def __init__(self) -> None:
+    def __init__(self, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
+        self.inputs = tuple(inputs)
         self.sample_time_s: float | None = None
         self.training_range: TrainingRange | None = None
         self.guard: Guard | None = None
@@ -98,7 +100,7 @@ class FrictionEstimator(ABC):
 
     @abstractmethod
     def advance(self, state: Any, samples: Array) -> Array:
-        """Returns friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, 3)``; changes ``state``.
+        """Returns friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, inputs)``; changes ``state``.
 
         Cutting the samples into pieces must not change one bit of the output.
         """
@@ -129,14 +131,14 @@ class FrictionEstimator(ABC):
                 f"recording {recording.name!r}: sample time is {recording.sample_time_s} s, but this estimator was "
                 f"trained at {self.sample_time_s} s; resample the recording or train at its rate"
             )
-        samples = recording.samples()
-        refuse_not_finite(f"recording {recording.name!r}", samples)
+        samples = recording.samples(self.inputs)
+        refuse_not_finite(f"recording {recording.name!r}", samples, self.inputs)
         return self.advance(self.new_state(), samples)
 
     def stream(self) -> EstimatorStream:
         """Returns a fresh stream; streams of one estimator do not touch each other."""
         self._refuse_unfitted()
-        return EstimatorStream(self.new_state, self.advance)
+        return EstimatorStream(self.new_state, self.advance, self.inputs)
 
     def calibrate(self, largest_friction_n: float, validation: Sequence[Recording]) -> None:
         """Sets guard and bounds, the latter from the errors on recordings that the estimator did not learn from.
@@ -162,12 +164,12 @@ class FrictionEstimator(ABC):
             {
                 "kind": self.kind,
                 "sample_time_s": self.sample_time_s,
-                "input": list(SAMPLE_COLUMNS),
+                "input": list(self.inputs),
                 "output": "friction_n",
                 "training_range": {
                     column: [lower, upper]
                     for column, lower, upper in zip(
-                        SAMPLE_COLUMNS, self.training_range.lower, self.training_range.upper, strict=True
+                        self.inputs, self.training_range.lower, self.training_range.upper, strict=True
                     )
                 },
                 "guard": None if self.guard is None else asdict(self.guard),
@@ -193,7 +195,8 @@ class FrictionEstimator(ABC):
         if description["kind"] not in known:
             raise ValueError(f"{path}: kind is {description['kind']!r}, but expected one of {sorted(known)}")
         estimator = known[description["kind"]]._read(folder, description["parameters"])
-        limits = [description["training_range"][column] for column in SAMPLE_COLUMNS]
+        estimator.inputs = tuple(description["input"])
+        limits = [description["training_range"][column] for column in estimator.inputs]
         estimator.sample_time_s = description["sample_time_s"]
         estimator.training_range = TrainingRange(tuple(low for low, _ in limits), tuple(high for _, high in limits))
         guard, bounds = description.get("guard"), description.get("bounds")
@@ -215,7 +218,7 @@ class FrictionEstimator(ABC):
                 f"{self.kind}: recordings have different sample times {sample_times} s; expected one; resample them"
             )
         self.sample_time_s = sample_times[0]
-        self.training_range = TrainingRange.of(recordings)
+        self.training_range = TrainingRange.of(recordings, self.inputs)
 
     def _refuse_unfitted(self) -> None:
         if self.sample_time_s is None or self.training_range is None:
@@ -225,21 +228,30 @@ class FrictionEstimator(ABC):
 class EstimatorStream:
     """One running estimate: samples go in one at a time, newtons come out."""
 
-    def __init__(self, new_state: Callable[[], Any], advance: Callable[[Any, Array], Array]) -> None:
+    def __init__(
+        self,
+        new_state: Callable[[], Any],
+        advance: Callable[[Any, Array], Array],
+        inputs: Sequence[str] = SAMPLE_COLUMNS,
+    ) -> None:
         self._new_state = new_state
         self._advance = advance
+        self._inputs = inputs
         self._state = new_state()
 
     def reset(self) -> None:
         """Forgets everything; the next step is a first step."""
         self._state = self._new_state()
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
-        """Returns friction [N] at this sample.
+    def step(self, *sample: float) -> float:
+        """Returns friction [N] at this sample: one number an input, by default P1 [Pa], P2 [Pa], position [m].
 
         Raises:
             RecordingError: A value is NaN or infinite; the state stays as it was.
+            TypeError: There are more or fewer numbers than inputs.
         """
-        sample = np.array([[pressure_1_pa, pressure_2_pa, position_m]], dtype=np.float64)
-        refuse_not_finite("stream", sample)
-        return float(self._advance(self._state, sample)[0])
+        if len(sample) != len(self._inputs):
+            raise TypeError(f"expected {len(self._inputs)} numbers, {', '.join(self._inputs)}, but got {len(sample)}")
+        row = np.array([sample], dtype=np.float64)
+        refuse_not_finite("stream", row, self._inputs)
+        return float(self._advance(self._state, row)[0])

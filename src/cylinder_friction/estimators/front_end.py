@@ -13,6 +13,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows
+from cylinder_friction.recordings import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
     FirFilter,
     FirState,
@@ -41,11 +42,11 @@ class FrontEnd:
 
     Attributes:
         names: What each feature is, with its unit.
-        taps: Shape ``(features, 3, lags)``, on raw samples.
+        taps: Shape ``(features, inputs, lags)``, on raw samples.
         limits: Shape ``(features,)``; where positive, the filtered value y becomes ``y / (|y| + limit)``.
         mean: Shape ``(features,)``; taken off before scaling.
         scale: Shape ``(features,)``; divided by.
-        base_taps: Shape ``(1, 3, lags)``; the force [N] that the network corrects; None where it starts from nothing.
+        base_taps: Shape ``(1, inputs, lags)``; the force [N] that the network corrects; None: it starts from 0.
     """
 
     names: tuple[str, ...]
@@ -86,7 +87,9 @@ class FrontEndBlock:
     def __init__(self, front_end: FrontEnd) -> None:
         self.front_end = front_end
         self._features = FirFilter(front_end.taps)
-        self._base = FirFilter(np.zeros((1, 3, 1)) if front_end.base_taps is None else front_end.base_taps)
+        self._base = FirFilter(
+            np.zeros((1, front_end.taps.shape[1], 1)) if front_end.base_taps is None else front_end.base_taps
+        )
 
     def new_state(self) -> FrontEndState:
         return FrontEndState(self._features.new_state(), self._base.new_state())
@@ -156,45 +159,73 @@ def feature_count(design: Design) -> int:
 
 
 @dataclass(frozen=True)
-class _Row:
-    """One feature: its name, taps of shape ``(3, lags)`` and soft limit (0 for none)."""
+class FeatureRow:
+    """One feature: its name, taps of shape ``(inputs, lags)`` and soft limit (0 for none)."""
 
     name: str
     taps: Array
     limit: float = 0.0
 
 
-def _signal(column: int, taps: Array) -> Array:
-    result = np.zeros((3, len(taps)))
+def feature_rows(inputs: Sequence[str], cylinder: Cylinder, sample_time_s: float) -> list[FeatureRow]:
+    """Returns the linear features of any set of inputs.
+
+    Position gives itself, velocity, creep and acceleration; raw pressures, which then come first, what the default
+    hybrid sees of them; every other column (a temperature, a pressure level) its moving average of 20.
+    """
+    rows = []
+    if tuple(inputs[:3]) == SAMPLE_COLUMNS:
+        pad = ((0, len(inputs) - 3), (0, 0))
+        rows = [replace(row, taps=np.pad(row.taps, pad)) for row in _force_balance_rows(cylinder, sample_time_s)]
+    place, count = inputs.index("position_m"), len(inputs)
+    if not rows:
+        velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
+        slow_velocity = cascade_taps(moving_average_taps(20), difference_taps(sample_time_s))
+        rows = [
+            FeatureRow("velocity_m_s", _signal(place, velocity, count)),
+            FeatureRow("creep_velocity", _signal(place, velocity, count), CREEP_VELOCITY_M_S),
+            FeatureRow("slow_creep_velocity", _signal(place, slow_velocity, count), CREEP_VELOCITY_M_S),
+        ]
+    acceleration = one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
+    rows.append(FeatureRow("acceleration_m_s2", _signal(place, acceleration, count)))
+    known = SAMPLE_COLUMNS if tuple(inputs[:3]) == SAMPLE_COLUMNS else ()
+    for column, name in enumerate(inputs):
+        if name not in known or name == "position_m":
+            rows.append(FeatureRow(f"{name}_20", _signal(column, moving_average_taps(20), count)))
+    return rows
+
+
+def _signal(column: int, taps: Array, inputs: int = 3) -> Array:
+    result = np.zeros((inputs, len(taps)))
     result[column] = taps
     return result
 
 
-def _paper_rows(sample_time_s: float) -> list[_Row]:
+def _paper_rows(sample_time_s: float) -> list[FeatureRow]:
     average = moving_average_taps(10)
     velocity = cascade_taps(average, difference_taps(sample_time_s))
     return [
-        _Row("pressure_1_pa", _signal(0, average)),
-        _Row("pressure_2_pa", _signal(1, average)),
-        _Row("velocity_m_s", _signal(2, velocity)),
+        FeatureRow("pressure_1_pa", _signal(0, average)),
+        FeatureRow("pressure_2_pa", _signal(1, average)),
+        FeatureRow("velocity_m_s", _signal(2, velocity)),
     ]
 
 
-def _force_balance_rows(cylinder: Cylinder, sample_time_s: float) -> list[_Row]:
+def _force_balance_rows(cylinder: Cylinder, sample_time_s: float) -> list[FeatureRow]:
     areas = force_balance_taps(cylinder)[0, :, 0]
     velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
     slow_velocity = cascade_taps(moving_average_taps(20), difference_taps(sample_time_s))
     pressure_rate = one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
     return [
-        _Row("force_balance_n", areas[:, None] * np.ones((1, 1))),
-        _Row("force_balance_4_n", areas[:, None] * moving_average_taps(4)),
-        _Row("force_balance_12_n", areas[:, None] * moving_average_taps(12)),
-        _Row("pressure_1_pa", _signal(0, moving_average_taps(8))),
-        _Row("pressure_2_pa", _signal(1, moving_average_taps(8))),
-        _Row("pressure_1_rate_pa_s", _signal(0, pressure_rate)),
-        _Row("velocity_m_s", _signal(2, velocity)),
-        _Row("creep_velocity", _signal(2, velocity), CREEP_VELOCITY_M_S),
-        _Row("slow_creep_velocity", _signal(2, slow_velocity), CREEP_VELOCITY_M_S),
+        FeatureRow("force_balance_n", areas[:, None] * np.ones((1, 1))),
+        FeatureRow("force_balance_4_n", areas[:, None] * moving_average_taps(4)),
+        FeatureRow("force_balance_12_n", areas[:, None] * moving_average_taps(12)),
+        FeatureRow("pressure_1_pa", _signal(0, moving_average_taps(8))),
+        FeatureRow("pressure_2_pa", _signal(1, moving_average_taps(8))),
+        FeatureRow("pressure_1_rate_pa_s", _signal(0, pressure_rate)),
+        FeatureRow("velocity_m_s", _signal(2, velocity)),
+        FeatureRow("creep_velocity", _signal(2, velocity), CREEP_VELOCITY_M_S),
+        FeatureRow("slow_creep_velocity", _signal(2, slow_velocity), CREEP_VELOCITY_M_S),
     ]
 
 

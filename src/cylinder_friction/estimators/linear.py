@@ -6,6 +6,7 @@ They are the floor under every learned estimator: pressures times areas already 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from sklearn.linear_model import Ridge
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.recordings import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
     ExponentialLowPass,
     FirFilter,
@@ -56,6 +58,21 @@ def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float) -> Array:
     return taps
 
 
+def on_inputs(taps: Array, inputs: Sequence[str]) -> Array:
+    """Returns taps on P1, P2 and position, shape ``(m, 3, length)``, as taps on other inputs that hold them by name.
+
+    Raises:
+        ValueError: A raw pressure or the position is not among the inputs.
+    """
+    missing = [name for name in SAMPLE_COLUMNS if name not in inputs]
+    if missing:
+        raise ValueError(f"expected {', '.join(SAMPLE_COLUMNS)} among the inputs, but got {tuple(inputs)}")
+    placed = np.zeros((taps.shape[0], len(inputs), taps.shape[2]))
+    for column, name in enumerate(SAMPLE_COLUMNS):
+        placed[:, list(inputs).index(name)] = taps[:, column]
+    return placed
+
+
 def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
     """Returns the labels [N] of all usable rows, one after the other, and each recording's mask."""
     masks = [recording.usable() for recording in recordings]
@@ -69,14 +86,18 @@ class ForceBalanceEstimator(FrictionEstimator):
     Args:
         cylinder: Its areas and moving mass.
         filtering: ``none`` takes raw pressures; ``paper`` the paper's windows of 10 and 30 samples.
+        inputs: Columns that it is given; both raw pressures and the position must be among them.
     """
 
     kind: ClassVar[str] = "force_balance"
 
-    def __init__(self, cylinder: Cylinder, filtering: Literal["none", "paper"]) -> None:
-        super().__init__()
+    def __init__(
+        self, cylinder: Cylinder, filtering: Literal["none", "paper"], inputs: Sequence[str] = SAMPLE_COLUMNS
+    ) -> None:
+        super().__init__(inputs)
         if filtering not in ("none", "paper"):
             raise ValueError(f"filtering must be 'none' or 'paper', but got {filtering!r}")
+        on_inputs(force_balance_taps(cylinder), inputs)  # refuses inputs without pressures
         self.cylinder = cylinder
         self.filtering = filtering
         self._filter: FirFilter | None = None
@@ -103,7 +124,7 @@ class ForceBalanceEstimator(FrictionEstimator):
                 if paper
                 else force_balance_taps(self.cylinder)
             )
-            self._filter = FirFilter(taps)
+            self._filter = FirFilter(on_inputs(taps, self.inputs))
         return self._filter
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
@@ -128,21 +149,28 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
     Args:
         cylinder: Its areas.
         weight: Share of the new sample, in (0, 1]; None until tuned by ``fit``.
+        inputs: Columns that it is given; both raw pressures and the position must be among them.
     """
 
     kind: ClassVar[str] = "low_pass_force_balance"
 
-    def __init__(self, cylinder: Cylinder, weight: float | None = None) -> None:
-        super().__init__()
+    def __init__(self, cylinder: Cylinder, weight: float | None = None, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
+        super().__init__(inputs)
         self.cylinder = cylinder
         self.weight = weight
-        self._balance = FirFilter(force_balance_taps(cylinder))
+        on_inputs(force_balance_taps(cylinder), inputs)  # refuses inputs without pressures
+
+    @cached_property
+    def _balance(self) -> FirFilter:
+        return FirFilter(on_inputs(force_balance_taps(self.cylinder), self.inputs))
 
     def fit(self, recordings: Sequence[Recording]) -> None:
         """Chooses the weight with the smallest mean absolute error on the usable rows."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
-        forces = [self._balance.advance(self._balance.new_state(), recording.samples()) for recording in recordings]
+        forces = [
+            self._balance.advance(self._balance.new_state(), recording.samples(self.inputs)) for recording in recordings
+        ]
 
         def error(weight: float) -> float:
             low_pass = ExponentialLowPass(weight)
@@ -173,22 +201,23 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
 
 
 class RidgeEstimator(FrictionEstimator):
-    """Ridge regression of the label on the last ``lags`` raw samples of both pressures and the position.
+    """Ridge regression (Hoerl and Kennard 1970) of the label on the last ``lags`` raw samples of every input.
 
     Args:
         lags: Samples looked back, the present one included.
         penalty: Weight of the squared coefficients, in standardised units.
+        inputs: Columns that it sees.
     """
 
     kind: ClassVar[str] = "ridge"
 
-    def __init__(self, lags: int = 20, penalty: float = 1.0) -> None:
-        super().__init__()
+    def __init__(self, lags: int = 20, penalty: float = 1.0, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
+        super().__init__(inputs)
         if lags < 1:
             raise ValueError(f"lags must be at least 1 sample, but got {lags!r}")
         self.lags = lags
         self.penalty = penalty
-        self._filter = FirFilter(np.zeros((1, 3, lags)))
+        self._filter = FirFilter(np.zeros((1, len(self.inputs), lags)))
         self._intercept_n = 0.0
 
     def fit(self, recordings: Sequence[Recording]) -> None:
@@ -196,17 +225,20 @@ class RidgeEstimator(FrictionEstimator):
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         rows = np.concatenate(
-            [self._lagged(recording.samples())[mask] for recording, mask in zip(recordings, masks, strict=True)]
+            [
+                self._lagged(recording.samples(self.inputs))[mask]
+                for recording, mask in zip(recordings, masks, strict=True)
+            ]
         )
         mean, scale = rows.mean(axis=0), rows.std(axis=0)
         scale[scale == 0.0] = 1.0
         model = Ridge(alpha=self.penalty, solver="cholesky").fit((rows - mean) / scale, labels)
         coefficients = model.coef_ / scale
-        self._filter = FirFilter(coefficients.reshape(1, 3, self.lags))
+        self._filter = FirFilter(coefficients.reshape(1, len(self.inputs), self.lags))
         self._intercept_n = float(model.intercept_ - coefficients @ mean)
 
     def _lagged(self, samples: Array) -> Array:
-        """Returns, shape ``(n, 3 · lags)``, each row's last samples, column by column, newest first."""
+        """Returns, shape ``(n, inputs · lags)``, each row's last samples, column by column, newest first."""
         padded = np.concatenate([np.repeat(samples[:1], self.lags - 1, axis=0), samples])
         windows = np.lib.stride_tricks.sliding_window_view(padded, self.lags, axis=0)[:, :, ::-1]
         return windows.reshape(len(samples), -1)
@@ -218,7 +250,7 @@ class RidgeEstimator(FrictionEstimator):
         return self._filter.advance(state, samples)[:, 0] + self._intercept_n
 
     def multiply_adds(self) -> int:
-        return 3 * self.lags
+        return len(self.inputs) * self.lags
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002
         return {

@@ -121,15 +121,15 @@ def lstm_step(
         for gate in range(4 * nodes):
             gates[gate] = bias[layer, gate]
         if layer == 0:
-            _add_product(gates, input_weights[0], features, inputs)
+            add_product(gates, input_weights[0], features, inputs)
         else:
-            _add_product(gates, input_weights[layer], hidden[layer - 1], nodes)
-        _add_product(gates, recurrent[layer], hidden[layer], nodes)
+            add_product(gates, input_weights[layer], hidden[layer - 1], nodes)
+        add_product(gates, recurrent[layer], hidden[layer], nodes)
         _cell_step(gates, hidden[layer], cell[layer])
 
 
 @numba.njit(cache=True)
-def _add_product(gates: Single, weights: Single, values: Single, count: int) -> None:
+def add_product(gates: Single, weights: Single, values: Single, count: int) -> None:
     """Adds ``weights[source] * values[source]`` to the gates, source after source, four at a time for speed."""
     fours = count - count % 4
     for source in range(0, fours, 4):

@@ -71,7 +71,7 @@ def train_network(
     Raises:
         FloatingPointError: The error is no longer a number.
     """
-    with _reproducible(seed):
+    with reproducible(seed):
         return _Training(architecture, plan, train, validation, seed, device, checkpoint, report).run()
 
 
@@ -92,8 +92,8 @@ class _Training:
         inputs = train[0].features.shape[1]
         self.network = FrictionNetwork(architecture, inputs).to(device)
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=self.rate)
-        self.train = _aligned(train, device)
-        self.validation = _aligned(validation, device)
+        self.train = side_by_side(train, device)
+        self.validation = side_by_side(validation, device)
         self.curve = LearningCurve()
         self.best = self._copy()
 
@@ -200,7 +200,7 @@ class _Training:
 
 
 @dataclass(frozen=True)
-class _Aligned:
+class SideBySide:
     """Recordings side by side, padded at the end: features (time, batch, k), target and weight (time, batch)."""
 
     features: torch.Tensor
@@ -209,7 +209,8 @@ class _Aligned:
     lengths: torch.Tensor
 
 
-def _aligned(recordings: Sequence[SequenceData], device: str) -> _Aligned:
+def side_by_side(recordings: Sequence[SequenceData], device: str = "cpu") -> SideBySide:
+    """Returns recordings of any lengths as one batch; what is padded weighs nothing."""
     lengths = torch.tensor([len(recording.target) for recording in recordings])
     time, batch, inputs = int(lengths.max()), len(recordings), recordings[0].features.shape[1]
     features = torch.zeros(time, batch, inputs)
@@ -219,7 +220,7 @@ def _aligned(recordings: Sequence[SequenceData], device: str) -> _Aligned:
         features[:end, index] = torch.from_numpy(recording.features)
         target[:end, index] = torch.from_numpy(recording.target)
         weight[:end, index] = torch.from_numpy(recording.usable.astype(np.float32))
-    return _Aligned(features.to(device), target.to(device), weight.to(device), lengths)
+    return SideBySide(features.to(device), target.to(device), weight.to(device), lengths)
 
 
 def _tensors(stored: dict[str, NDArray[Any]], prefix: str) -> dict[str, torch.Tensor]:
@@ -229,7 +230,8 @@ def _tensors(stored: dict[str, NDArray[Any]], prefix: str) -> dict[str, torch.Te
 
 
 @contextmanager
-def _reproducible(seed: int) -> Iterator[None]:
+def reproducible(seed: int) -> Iterator[None]:
+    """Seeds PyTorch, keeps it to one thread and to deterministic kernels inside the block."""
     threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     torch.set_num_threads(TORCH_THREADS)
     torch.use_deterministic_algorithms(True, warn_only=True)

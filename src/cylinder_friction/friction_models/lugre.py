@@ -3,36 +3,42 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import numba
 import numpy as np
 
-from cylinder_friction.friction_models.stribeck import StribeckCurve, refuse_unphysical_curve
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import (
+    COULOMB,
+    DAMPING,
+    DAMPING_VELOCITY,
+    PRESSURE_SLOPE,
+    RETRACT_RATIO,
+    STATIC,
+    STIFFNESS,
+    STRIBECK_EXPONENT,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+    ModelParameters,
+    ParameterSpec,
+)
+from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cylinder_friction.friction_models.model import Kernel
+
     Array = NDArray[np.float64]
 
-LUGRE_UNITS = {
-    "coulomb_n": "N",
-    "static_n": "N",
-    "stribeck_velocity_m_s": "m/s",
-    "stribeck_exponent": "1",
-    "viscous_n_s_m": "N s/m",
-    "bristle_stiffness_n_m": "N/m",
-    "bristle_damping_n_s_m": "N s/m",
-    "damping_velocity_m_s": "m/s",
-    "retract_ratio": "1",
-    "pressure_slope_n_pa": "N/Pa",
-}
-"""Unit of every parameter, in the order of the fields of ``LugreParameters``."""
+LUGRE_STEP_MULTIPLY_ADDS = 100
+"""What one step costs: five exponentials or logarithms at about 16, and the rest."""
 
 
 @dataclass(frozen=True)
-class LugreParameters:
+class LugreParameters(ModelParameters):
     """The LuGre model of Canudas de Wit et al. 1995, with bristle damping that fades with speed.
 
     ``dz/dt = v - s0 * |v| / g(v, p) * z`` and ``F = s0 * z + s1 * exp(-(v / vc)**2) * dz/dt + s2 * v`` with
@@ -57,6 +63,19 @@ class LugreParameters:
     Source: Canudas de Wit, Olsson, Astrom and Lischinsky 1995; fading damping: Astrom and Canudas de Wit 2008.
     """
 
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (
+        COULOMB,
+        STATIC,
+        STRIBECK_VELOCITY,
+        STRIBECK_EXPONENT,
+        VISCOUS,
+        STIFFNESS,
+        DAMPING,
+        DAMPING_VELOCITY,
+        RETRACT_RATIO,
+        PRESSURE_SLOPE,
+    )
+
     coulomb_n: float
     static_n: float
     stribeck_velocity_m_s: float
@@ -67,17 +86,6 @@ class LugreParameters:
     damping_velocity_m_s: float
     retract_ratio: float = 1.0
     pressure_slope_n_pa: float = 0.0
-
-    def __post_init__(self) -> None:
-        refuse_unphysical_curve(self)
-        for field in ("bristle_stiffness_n_m", "damping_velocity_m_s"):
-            value = getattr(self, field)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"LugreParameters: {field} must be a positive number, but got {value!r}")
-        for field in ("bristle_damping_n_s_m", "pressure_slope_n_pa"):
-            value = getattr(self, field)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"LugreParameters: {field} must be zero or a positive number, but got {value!r}")
 
     @property
     def curve(self) -> StribeckCurve:
@@ -103,9 +111,29 @@ class LugreParameters:
         """
         return self.damping_velocity_m_s <= self.passive_damping_velocity_m_s
 
-    def packed(self) -> Array:
-        """Returns the numbers in the order of the fields, shape ``(10,)``, as the compiled functions take them."""
-        return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)
+
+LUGRE_UNITS = {spec.name: spec.unit for spec in LugreParameters.specs}
+"""Unit of every parameter, in the order of the fields of ``LugreParameters``."""
+
+
+class LuGre(FrictionModel):
+    """Bristles that bend and slip (``LugreParameters`` has the equations), with or without pressure scaling.
+
+    Source: Canudas de Wit, Olsson, Astrom and Lischinsky 1995. Coulomb friction with a preload and a pressure
+    coefficient times the sum of pressures is the usual law in simulation tools (Simscape's Cylinder Friction).
+    """
+
+    short_name = "lugre"
+    short_title = "LuGre"
+    parameter_class = LugreParameters
+    multiply_adds = LUGRE_STEP_MULTIPLY_ADDS
+
+    def new_state(self) -> Array:
+        return new_bristle()
+
+    @property
+    def kernel(self) -> Kernel:
+        return _simulate
 
 
 def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
@@ -139,13 +167,10 @@ def simulate(
         bristle_m: State from ``new_bristle``, changed in place.
         pressure_pa: Gauge pressure that scales dry friction, shape ``(n,)``; zero where there is none.
     """
-    velocity = np.ascontiguousarray(velocity_m_s, dtype=np.float64)
-    pressure = np.zeros_like(velocity) if pressure_pa is None else np.ascontiguousarray(pressure_pa, dtype=np.float64)
-    if pressure.shape != velocity.shape:
-        raise ValueError(f"pressure_pa has shape {pressure.shape}, but velocity_m_s has {velocity.shape}; expected one")
-    friction = np.empty_like(velocity)
-    _simulate(parameters.packed(), velocity, pressure, sample_time_s, bristle_m, friction)
-    return friction
+    return _LUGRE.simulate(parameters.packed(), velocity_m_s, sample_time_s, bristle_m, pressure_pa)
+
+
+_LUGRE = LuGre()
 
 
 @numba.njit(cache=True)
@@ -176,37 +201,21 @@ def lugre_step(
 
 @numba.njit(cache=True)
 def _simulate(
-    packed: Array, velocity: Array, pressure: Array, sample_time: float, bristle: Array, friction: Array
-) -> None:
-    deflection = bristle[0]
-    for row in range(velocity.shape[0]):
-        speed = abs(velocity[row])
-        log_speed = math.log(speed) if speed > 0.0 else 0.0
-        deflection, friction[row] = lugre_step(packed, velocity[row], log_speed, pressure[row], sample_time, deflection)
-    bristle[0] = deflection
-
-
-@numba.njit(cache=True)
-def mean_absolute_error(
     packed: Array,
     velocity: Array,
     log_speed: Array,
     pressure: Array,
-    friction: Array,
-    usable: NDArray[np.bool_],
-    starts: NDArray[np.int64],
     sample_time: float,
-) -> float:
-    """Returns the mean absolute difference between model and ``friction`` [N]; each motion from a fresh state.
-
-    It stands beside ``lugre_step`` because numba's cache on disk notices changes in its own file only.
-    """
-    total, count = 0.0, 0
-    for motion in range(starts.shape[0] - 1):
-        bristle = 0.0
-        for row in range(starts[motion], starts[motion + 1]):
-            bristle, estimate = lugre_step(packed, velocity[row], log_speed[row], pressure[row], sample_time, bristle)
-            if usable[row]:
-                total += abs(estimate - friction[row])
-                count += 1
-    return total / count
+    bristle: Array,
+    friction: Array,
+) -> None:
+    """The loop; it stands beside ``lugre_step`` because numba's cache on disk notices changes in its own file only."""
+    deflection = bristle[0]
+    known = log_speed.shape[0] > 0
+    for row in range(velocity.shape[0]):
+        speed = abs(velocity[row])
+        logarithm = 0.0
+        if speed > 0.0:
+            logarithm = log_speed[row] if known else math.log(speed)
+        deflection, friction[row] = lugre_step(packed, velocity[row], logarithm, pressure[row], sample_time, deflection)
+    bristle[0] = deflection

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numba
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -79,6 +80,21 @@ def refuse_unphysical_curve(curve: object) -> None:
     static, coulomb = getattr(curve, "static_n"), getattr(curve, "coulomb_n")  # noqa: B009
     if static < coulomb:
         raise ValueError(f"{owner}: static_n must be at least coulomb_n ({coulomb} N), but got {static} N")
+
+
+@numba.njit(cache=True)
+def falling_part(log_speed: float, stribeck_velocity: float, exponent: float) -> float:
+    """Returns ``exp(-|v / vs|**a)`` from ``ln |v|``: a search over parameters computes that logarithm once."""
+    return math.exp(-math.exp(exponent * (log_speed - math.log(stribeck_velocity))))
+
+
+@numba.njit(cache=True)
+def side_factor(
+    direction: float, retract_ratio: float, coulomb: float, pressure_slope: float, pressure: float
+) -> float:
+    """Returns the factor on dry friction of direction and pressure; below zero gauge the seal is not relieved more."""
+    factor = 1.0 + pressure_slope * max(pressure, 0.0) / coulomb
+    return factor * retract_ratio if direction < 0.0 else factor
 
 
 def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = None) -> StribeckCurve:

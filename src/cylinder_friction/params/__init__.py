@@ -8,6 +8,7 @@ from cylinder_friction.params.checking import PARAMS_FILE, Params, ParamsError, 
 from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams
 from cylinder_friction.params.ingest import IngestParams
 from cylinder_friction.params.learning import (
+    BenchmarkParams,
     CompareParams,
     HybridParams,
     LugreParams,
@@ -19,6 +20,7 @@ from cylinder_friction.params.learning import (
 
 __all__ = [
     "PARAMS_FILE",
+    "BenchmarkParams",
     "CompareParams",
     "CylinderParams",
     "FilterParams",

@@ -10,7 +10,14 @@ from pydantic import Field, ValidationError, model_validator
 
 from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams
 from cylinder_friction.params.ingest import IngestParams
-from cylinder_friction.params.learning import CompareParams, LugreParams, RegisterParams, SearchParams, TrainParams
+from cylinder_friction.params.learning import (
+    BenchmarkParams,
+    CompareParams,
+    LugreParams,
+    RegisterParams,
+    SearchParams,
+    TrainParams,
+)
 from cylinder_friction.params.section import Section
 
 PARAMS_FILE = Path("params.yaml")
@@ -33,6 +40,7 @@ class Params(Section):
     lugre: LugreParams
     compare: CompareParams
     register_: RegisterParams = Field(alias="register")
+    benchmark: BenchmarkParams
 
     @model_validator(mode="after")
     def _end_stop_margin_leaves_room(self) -> Params:

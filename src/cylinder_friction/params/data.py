@@ -34,6 +34,8 @@ class RecordParams(Section):
     zeroed: bool
     residual_offset_bar: NotNegative
     fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
+    external_load: Literal["none", "varied"]
+    specimen: Literal["default", "wide"]
 
     @field_validator("duration_s", "sample_time_s")
     @classmethod

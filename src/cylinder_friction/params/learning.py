@@ -110,3 +110,62 @@ class RegisterParams(Section):
     model_name: str
     candidate: Literal["hybrid", "paper_hybrid"]
     tolerance_percent: NotNegative
+
+
+TaskName = Literal[
+    "identity",
+    "pressure_free",
+    "pressure_level",
+    "forecast_25ms",
+    "forecast_50ms",
+    "forecast_100ms",
+    "forecast_250ms",
+    "sensor_drift",
+    "external_load",
+]
+SplitName = Literal["unseen_rig", "leave_one_load_out", "leave_one_temperature_out"]
+
+
+class BenchmarkCampaignParams(Section):
+    """The simulated campaigns of the benchmark; see ``evaluation.benchmark.data.Sizes``."""
+
+    sessions_per_test: Count
+    recordings_per_session: Count
+    duration_s: Positive
+    test_sessions: Count
+    validation_sessions: Count
+    unseen_sessions: Count
+    twin_rigs: Count
+
+    @model_validator(mode="after")
+    def _some_sessions_teach(self) -> BenchmarkCampaignParams:
+        if self.test_sessions + self.validation_sessions >= self.sessions_per_test:
+            raise ValueError(
+                f"sessions_per_test is {self.sessions_per_test}, of which test_sessions and validation_sessions leave "
+                "none to teach; expected at least one more than both together"
+            )
+        return self
+
+
+class BenchmarkParams(Section):
+    """Every model of the literature on every task; see ``evaluation.benchmark``."""
+
+    source: str
+    campaign: BenchmarkCampaignParams
+    seeds: Annotated[list[Seed], Field(min_length=1)]
+    leave_out_seeds: Count
+    tasks: Annotated[list[TaskName], Field(min_length=1)]
+    splits: dict[SplitName, list[TaskName]]
+    models: list[str]
+    effort: Annotated[float, Field(gt=0.0, le=1.0)]
+    trials: Count
+    workers: Count
+    maximum_lag_s: Positive
+
+    @model_validator(mode="after")
+    def _splits_ask_what_is_asked(self) -> BenchmarkParams:
+        for split, names in self.splits.items():
+            for name in names:
+                if name not in self.tasks:
+                    raise ValueError(f"splits.{split}: task {name!r} is not among tasks; add it there or leave it out")
+        return self

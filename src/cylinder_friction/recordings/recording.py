@@ -134,19 +134,19 @@ class Recording:
             )
         return self.table[name].to_numpy(dtype=np.float64)
 
-    def samples(self) -> NDArray[np.float64]:
-        """Returns the raw samples, shape ``(n, 3)``: pressure 1 [Pa], pressure 2 [Pa], position [m].
+    def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> NDArray[np.float64]:
+        """Returns what an estimator is given, shape ``(n, k)``: by default the raw sample, P1 [Pa], P2 [Pa], x [m].
 
         Raises:
-            RecordingError: The recording has a drive force in place of the pressures that estimators take.
+            RecordingError: A column is missing, for example because a drive force stands in place of both pressures.
         """
-        for column in SAMPLE_COLUMNS:
-            if column not in self.table.columns:
+        for column in columns:
+            if column not in self.table.columns and column in SAMPLE_COLUMNS and DRIVE_FORCE in self.table.columns:
                 raise RecordingError(
                     f"recording {self.name!r}: column {column!r} is missing; it has {DRIVE_FORCE} in place of the two "
-                    "pressures, which is enough for a label but not for an estimator"
+                    "pressures, which is enough for a label but not for this estimator"
                 )
-        return np.ascontiguousarray(self.table[list(SAMPLE_COLUMNS)].to_numpy(dtype=np.float64))
+        return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
 
     def usable(self) -> NDArray[np.bool_]:
         """Returns the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""

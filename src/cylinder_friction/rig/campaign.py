@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from cylinder_friction.recordings import RecordingMetadata
+from cylinder_friction.rig.external_load import varied_load
 from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig
 from cylinder_friction.rig.programmes import programme
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
 from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session
+from cylinder_friction.rig.wide import draw_wide_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     import pandas as pd
     from numpy.random import Generator
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.rig.external_load import ExternalLoad
+    from cylinder_friction.rig.parameters import RigParameters
 
 TRUTH_COLUMNS = (
     "time_s",
@@ -38,6 +42,13 @@ LOADS = {
     "3": "medium load, throttle setting 3",
     "4": "heavy load, throttle setting 4",
 }
+EXTERNAL_LOADS = ("none", "varied")
+SPECIMENS = {"default": draw_rig, "wide": draw_wide_rig}
+MAKEUP_GAIN = 2e-6
+"""Of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]."""
+WITH_EXTERNAL_LOAD = "; an external load that varies, measured by a load cell"
+OF_THE_LOAD = 1
+"""Last word of the seed of the load's random numbers, so that a campaign with a load has the same hand and noise."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +57,9 @@ class RigRecording:
 
     Attributes:
         metadata: Who and when.
-        logger: Columns ``sensors.LOGGER_COLUMNS``: seconds, bar, bar, millimetres.
-        truth: Columns ``TRUTH_COLUMNS`` at the same times, SI units.
+        logger: Columns ``sensors.LOGGER_COLUMNS``: seconds, bar, bar, millimetres, °C; with an external load also
+            ``sensors.LOAD_COLUMN``, newtons.
+        truth: Columns ``TRUTH_COLUMNS`` at the same times, SI units; with an external load also ``load_force_n``.
     """
 
     metadata: RecordingMetadata
@@ -70,6 +82,8 @@ class CampaignPlan:
         zeroed: Whether the pressure transmitters were zeroed before each session.
         residual_offset_bar: Largest offset that zeroing leaves [bar].
         fault: One of ``faults.FAULTS``.
+        external_load: ``"none"``, or ``"varied"``: a load cell and forces on the rod that change within a recording.
+        specimen: ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size.
     """
 
     seed: int = 0
@@ -82,6 +96,8 @@ class CampaignPlan:
     zeroed: bool = True
     residual_offset_bar: float = 0.05
     fault: str = "none"
+    external_load: Literal["none", "varied"] = "none"
+    specimen: Literal["default", "wide"] = "default"
 
     @property
     def recordings(self) -> int:
@@ -95,11 +111,16 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     Every recording has its own random numbers, so that a longer campaign begins with the shorter one's sessions.
 
     Raises:
-        ValueError: A time does not fit another, or the supply or the fault is not known.
+        ValueError: A time does not fit another, or the supply, the fault, the load or the specimen is not known.
     """
-    specimen = draw_rig(default_rig(cylinder, plan.supply), _generator(plan, 0, 0, 0))
+    _refuse_unknown("external_load", plan.external_load, EXTERNAL_LOADS)
+    _refuse_unknown("specimen", plan.specimen, SPECIMENS)
+    specimen = SPECIMENS[plan.specimen](default_rig(cylinder, plan.supply), _generator(plan, 0, 0, 0))
     specimen = with_fault(specimen, plan.fault)
     specimen = replace(specimen, sensors=replace(specimen.sensors, sample_time_s=plan.sample_time_s))
+    if plan.external_load != "none":
+        # A load that pulls would draw a vacuum; circuits for such loads have anti-cavitation valves.
+        specimen = replace(specimen, hydraulics=replace(specimen.hydraulics, makeup_gain=MAKEUP_GAIN))
     for test, gain in THROTTLE_GAINS.items():
         for number in range(1, plan.sessions_per_test + 1):
             session = draw_session(
@@ -119,21 +140,32 @@ def _session(plan: CampaignPlan, session: Session, test: str, number: int) -> It
         generator = _generator(plan, int(test), number, take)
         began_s = (take - 1) * (plan.duration_s + PAUSE_S)
         rig = session.rig
+        load = _external_load(plan, rig, test, number, take)
+        position_m = rig.hydraulics.stroke_m * generator.uniform(0.2, 0.8)
         start = balanced_state(
             rig,
-            position_m=rig.hydraulics.stroke_m * generator.uniform(0.2, 0.8),
+            position_m,
             pressure_2_pa=generator.uniform(4.0, 12.0) * BAR_PA,
             oil_temperature_c=temperature_c,
+            load_force_n=0.0 if load is None else load.at_start(position_m, rig.hydraulics.stroke_m),
         )
         lever = programme(rig, generator, plan.duration_s, turn=number + take)
         drift = session.drift_from(began_s, plan.duration_s)
-        trace = simulate(rig, lever, start, plan.duration_s, drift, plan.time_step_s)
+        trace = simulate(rig, lever, start, plan.duration_s, drift, plan.time_step_s, external_force=load)
         # Work goes on between recordings and warms the oil at the same rate.
         warming_c = float(trace["oil_temperature_c"].iloc[-1]) - temperature_c
         temperature_c += warming_c * (1.0 + PAUSE_S / plan.duration_s)
-        logger = measure(rig.sensors, trace, generator, began_s)
-        truth = trace[list(TRUTH_COLUMNS)].iloc[::stride].reset_index(drop=True)
+        logger = measure(rig.sensors, trace, generator, began_s, load_cell=load is not None)
+        known = TRUTH_COLUMNS if load is None else (*TRUTH_COLUMNS, "load_force_n")
+        truth = trace[list(known)].iloc[::stride].reset_index(drop=True)
         yield RigRecording(_metadata(plan, rig.cylinder.name, test, number, take), logger, truth)
+
+
+def _external_load(plan: CampaignPlan, rig: RigParameters, test: str, number: int, take: int) -> ExternalLoad | None:
+    if plan.external_load == "none":
+        return None
+    generator = np.random.default_rng([plan.seed, int(test), number, take, OF_THE_LOAD])
+    return varied_load(generator, plan.duration_s, rig.hydraulics.stroke_m)
 
 
 def _metadata(plan: CampaignPlan, cylinder: str, test: str, number: int, take: int) -> RecordingMetadata:
@@ -143,8 +175,13 @@ def _metadata(plan: CampaignPlan, cylinder: str, test: str, number: int, take: i
         session=f"test{test}_session{number:02d}",
         sample_time_s=plan.sample_time_s,
         cylinder=cylinder,
-        load=LOADS[test],
+        load=LOADS[test] + (WITH_EXTERNAL_LOAD if plan.external_load != "none" else ""),
     )
+
+
+def _refuse_unknown(key: str, name: str, known: Collection[str]) -> None:
+    if name not in known:
+        raise ValueError(f"record.{key}: got {name!r}, but expected one of {sorted(known)}")
 
 
 def _generator(plan: CampaignPlan, test: int, session: int, recording: int) -> Generator:

@@ -98,6 +98,15 @@ def port_b(y: Any, spool: float, supply_pa: float, pressure_2_pa: float, positio
 
 
 @numba.njit(cache=True)
+def makeup_flow(y: Any, pressure_pa: float) -> tuple[float, float]:
+    """Returns the flow of an anti-cavitation valve into its chamber and minus its slope by the chamber's pressure."""
+    drop = y.tank_pressure_pa - y.makeup_cracking_pa - pressure_pa
+    if drop <= 0.0 or y.makeup_gain == 0.0:
+        return 0.0, 0.0
+    return orifice(y, y.makeup_gain, drop)
+
+
+@numba.njit(cache=True)
 def pump_flow(y: Any, supply_pa: float) -> tuple[float, float]:
     """Returns the flow of the pressure-compensated pump less that of the relief valve, and minus its slope."""
     part = (y.pump_pressure_pa - supply_pa) / y.compensator_band_pa

@@ -107,6 +107,8 @@ class HydraulicParameters:
         spool_lag_s: First-order lag from lever to spool [s].
         throttle_gain: Meter-out throttle on port B, for outflow only [m³/s/√Pa]; inflow passes its check valve.
         check_gain: That check valve [m³/s/√Pa].
+        makeup_gain: Anti-cavitation valves, from the tank into either chamber; 0 where no load pulls [m³/s/√Pa].
+        makeup_cracking_pa: So far below the tank's pressure they open [Pa].
         laminar_pressure_pa: Below it an orifice turns laminar [Pa].
         cushion_length_m: At both ends [m].
         cushion_open_gain: Where the cushion begins [m³/s/√Pa].
@@ -144,6 +146,8 @@ class HydraulicParameters:
     spool_lag_s: float = 0.02
     throttle_gain: float = 2e-6
     check_gain: float = 2e-6
+    makeup_gain: float = 0.0
+    makeup_cracking_pa: float = 0.2e5
     laminar_pressure_pa: float = 0.3e5
     cushion_length_m: float = 0.02
     cushion_open_gain: float = 1e-6
@@ -157,7 +161,7 @@ class HydraulicParameters:
 
 @dataclass(frozen=True)
 class SensorParameters:
-    """Two pressure transmitters, a potentiometer and the logger.
+    """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell where there is a load, the logger.
 
     Attributes:
         sample_time_s: Logger [s].
@@ -172,6 +176,14 @@ class SensorParameters:
         pressure_drift_pa_s: Of the offsets [Pa/s].
         linearity_m: Two half-wave amplitudes of the potentiometer's linearity error [m].
         backlash_m: Play of its coupling [m].
+        temperature_span_c: Range of the Pt100's transmitter, from 0 °C [K].
+        temperature_noise_c: Root mean square [K].
+        temperature_offset_c: Within ±0.5 K, class B of IEC 60751 at 40 °C [K].
+        temperature_lag_s: Time constant of the thermometer in its well [s].
+        load_span_n: Range of the load cell, either way [N].
+        load_noise_n: Root mean square [N].
+        load_offset_n: What is left after taring [N]; together with the gain within ±0.1 % of both ranges.
+        load_gain: 1 when calibrated [-].
     """
 
     sample_time_s: float = 0.005
@@ -186,6 +198,14 @@ class SensorParameters:
     pressure_drift_pa_s: tuple[float, float] = (0.0, 0.0)
     linearity_m: tuple[float, float] = (0.0, 0.0)
     backlash_m: float = 20e-6
+    temperature_span_c: float = 100.0
+    temperature_noise_c: float = 0.05
+    temperature_offset_c: float = 0.0
+    temperature_lag_s: float = 8.0
+    load_span_n: float = 5000.0
+    load_noise_n: float = 2.0
+    load_offset_n: float = 0.0
+    load_gain: float = 1.0
 
 
 @dataclass(frozen=True)

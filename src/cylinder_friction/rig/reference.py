@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
+from cylinder_friction.rig.external_load import ExternalLoad, load_at
 from cylinder_friction.rig.friction import (
     coulomb_friction,
     damping,
@@ -24,7 +25,7 @@ from cylinder_friction.rig.friction import (
     strength,
     viscosity_ratio,
 )
-from cylinder_friction.rig.hydraulics import bulk_modulus, port_a, port_b, pump_flow, stop_force
+from cylinder_friction.rig.hydraulics import bulk_modulus, makeup_flow, port_a, port_b, pump_flow, stop_force
 from cylinder_friction.rig.lever import TICK_S
 from cylinder_friction.rig.parameters import ELEMENTS, friction_constants, hydraulic_constants
 
@@ -47,6 +48,7 @@ def solve_reference(
     duration_s: float,
     tolerance: float = 1e-7,
     log_step_s: float = TICK_S,
+    external_force: ExternalLoad | None = None,
 ) -> pd.DataFrame:
     """Returns pressures, position, velocity and friction, one row each ``log_step_s``; arguments as ``simulate``.
 
@@ -55,6 +57,10 @@ def solve_reference(
     """
     f, y = friction_constants(rig.friction), hydraulic_constants(rig.hydraulics)
     lever = np.asarray(lever, dtype=np.float64)
+    none = np.zeros(2)
+    load = (none, none, none)
+    if external_force is not None:
+        load = (external_force.force_n, external_force.share, external_force.along_n)
     state = np.zeros(8 + ELEMENTS)
     state[[PRESSURE_1, PRESSURE_2, SUPPLY]] = start.pressure_1_pa, start.pressure_2_pa, start.supply_pressure_pa
     state[[POSITION, FILM, OIL]] = start.position_m, start.film, start.oil_temperature_c
@@ -64,7 +70,7 @@ def solve_reference(
     time_s = 0.0
     while time_s < duration_s:
         solution: Any = solve_ivp(
-            _right_hand_side(f, y, lever, slips),
+            _right_hand_side(f, y, lever, load, slips),
             (time_s, duration_s),
             state / SCALE,
             method="Radau",
@@ -95,13 +101,15 @@ def _level(f: Any, y: Any, state: Any) -> float:
 
 
 @numba.njit
-def _derivatives(f: Any, y: Any, lever: Any, slips: Any, time_s: float, state: Any) -> Any:
+def _derivatives(f: Any, y: Any, lever: Any, load: Any, slips: Any, time_s: float, state: Any) -> Any:
     p1, p2, ps, x, v, film, spool, oil = state[:8]
     tick = int(time_s / TICK_S)
     command = lever[tick] + (lever[tick + 1] - lever[tick]) * (time_s / TICK_S - tick)
     viscosity = viscosity_ratio(f, oil)
     flow_1, _ = port_a(y, spool, ps, p1, x)
     flow_2, _ = port_b(y, spool, ps, p2, x)
+    make_1, _ = makeup_flow(y, p1)
+    make_2, _ = makeup_flow(y, p2)
     leak = y.leakage_m3_s_pa / viscosity * (p1 - p2)
     pump, _ = pump_flow(y, ps)
     taken = flow_1 if spool > 0.0 else flow_2
@@ -111,11 +119,12 @@ def _derivatives(f: Any, y: Any, lever: Any, slips: Any, time_s: float, state: A
     slope = np.empty(len(state))
     volume_1 = y.dead_volume_1_m3 + y.piston_area_m2 * x
     volume_2 = y.dead_volume_2_m3 + y.annulus_area_m2 * (y.stroke_m - x)
-    slope[0] = bulk_modulus(y, p1) / volume_1 * (flow_1 - leak - y.piston_area_m2 * v)
-    slope[1] = bulk_modulus(y, p2) / volume_2 * (flow_2 + leak + y.annulus_area_m2 * v)
+    slope[0] = bulk_modulus(y, p1) / volume_1 * (flow_1 + make_1 - leak - y.piston_area_m2 * v)
+    slope[1] = bulk_modulus(y, p2) / volume_2 * (flow_2 + make_2 + leak + y.annulus_area_m2 * v)
     slope[2] = bulk_modulus(y, ps) / y.supply_volume_m3 * (pump - taken)
     slope[3] = v
-    slope[4] = (p1 * y.piston_area_m2 - p2 * y.annulus_area_m2 + stop - friction) / y.mass_kg
+    external = load_at(load[0], load[1], load[2], time_s, x, y.stroke_m)
+    slope[4] = (p1 * y.piston_area_m2 - p2 * y.annulus_area_m2 + stop - friction - external) / y.mass_kg
     slope[5] = (target - film) * rate
     slope[6] = (command - spool) / y.spool_lag_s
     slope[7] = (max(pump, 0.0) * ps - y.cooling_w_k * (oil - y.room_temperature_c)) / y.oil_heat_capacity_j_k
@@ -140,11 +149,11 @@ def _over_limit(f: Any, y: Any, state: Any, i: int) -> float:
     return abs(force) - f.share[i] * direction_factor(f, force) * _level(f, y, state)
 
 
-def _right_hand_side(f: Any, y: Any, lever: NDArray[np.float64], slips: NDArray[np.bool_]) -> Any:
+def _right_hand_side(f: Any, y: Any, lever: NDArray[np.float64], load: Any, slips: NDArray[np.bool_]) -> Any:
     """Returns the scaled derivatives while these elements slip."""
 
     def slope(time_s: float, scaled: NDArray[np.float64]) -> Any:
-        return _derivatives(f, y, lever, slips, time_s, scaled * SCALE) / SCALE
+        return _derivatives(f, y, lever, load, slips, time_s, scaled * SCALE) / SCALE
 
     return slope
 

@@ -19,22 +19,32 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]")
+LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]", "Oil temperature [degC]")
+LOAD_COLUMN = "Load [N]"
+"""Logged beside them where a load cell sits on the rod; positive where the load resists extension."""
 UNDER_RANGE = 0.01
 """How far below zero a 4-20 mA transmitter is read, as a part of its span."""
 MM = 1e-3
+DECIMALS = 3
+"""Of every number that the logger writes: finer than its converter's step in bar and in millimetres."""
 
 
 def measure(
-    sensors: SensorParameters, trace: pd.DataFrame, generator: Generator, session_time_s: float = 0.0
+    sensors: SensorParameters,
+    trace: pd.DataFrame,
+    generator: Generator,
+    session_time_s: float = 0.0,
+    *,
+    load_cell: bool = False,
 ) -> pd.DataFrame:
-    """Returns the logger's table, columns ``LOGGER_COLUMNS``, in seconds, bar and millimetres.
+    """Returns the logger's table, columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and degrees Celsius.
 
     Args:
         sensors: Their parameters.
         trace: What ``simulate`` returned, logged several times as fast as the sensors sample.
         generator: Of the noise.
         session_time_s: Time since the transmitters were zeroed, at the first row [s]; their drift begins there.
+        load_cell: Whether there is one; its column ``LOAD_COLUMN`` [N] then comes last.
 
     Raises:
         ValueError: The trace's time step does not divide the sample time.
@@ -59,7 +69,35 @@ def measure(
     seen_m += generator.normal(0.0, sensors.position_noise_m, len(time_s))
     span_m = sensors.position_span_m
     columns[LOGGER_COLUMNS[3]] = _converted(seen_m, span_m, sensors.bits, -UNDER_RANGE * span_m) / MM
+    columns[LOGGER_COLUMNS[4]] = _thermometer(sensors, trace, log_step_s, stride, generator)
+    if load_cell:
+        true_n = trace["load_force_n"].to_numpy()
+        seen_n = _anti_alias(true_n, log_step_s, sensors.anti_alias_hz)[::stride] * sensors.load_gain
+        seen_n += sensors.load_offset_n + generator.normal(0.0, sensors.load_noise_n, len(time_s))
+        columns[LOAD_COLUMN] = _converted(seen_n, sensors.load_span_n, sensors.bits - 1, -sensors.load_span_n)
     return pd.DataFrame(columns)
+
+
+def as_written(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns a logger's table as it reads from the logger's file, each number rounded to ``DECIMALS``."""
+    columns = {}
+    for name in table.columns:
+        # A converter gives few values, so that only these need be written out; rounding in binary would differ at ties.
+        values, place = np.unique(table[name].to_numpy(), return_inverse=True)
+        columns[name] = np.array([float(f"{value:.{DECIMALS}f}") for value in values])[place]
+    return pd.DataFrame(columns)
+
+
+def _thermometer(
+    sensors: SensorParameters, trace: pd.DataFrame, log_step_s: float, stride: int, generator: Generator
+) -> Array:
+    """Returns what the Pt100 in its well reads [°C]: late by its time constant, off by its offset."""
+    keep = np.exp(-log_step_s / sensors.temperature_lag_s)
+    true_c = trace["oil_temperature_c"].to_numpy()
+    late_c, _ = signal.lfilter([1.0 - keep], [1.0, -keep], true_c, zi=[keep * true_c[0]])
+    seen_c = late_c[::stride] + sensors.temperature_offset_c
+    seen_c += generator.normal(0.0, sensors.temperature_noise_c, len(seen_c))
+    return _converted(seen_c, sensors.temperature_span_c, sensors.bits, 0.0)
 
 
 def _potentiometer(sensors: SensorParameters, position_m: Array) -> Array:

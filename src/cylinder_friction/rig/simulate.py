@@ -1,38 +1,18 @@
-"""The simulation at a fixed step: linearly implicit where it is stiff, compiled, many times faster than real time.
-
-Order within a step: flows at the old pressures; the new velocity from the momentum equation with everything that is
-stiff in it (presliding springs, damping, end stops) taken at the new velocity, which is one linear equation; the
-position; the pressures with their orifices' slopes implicit; then friction elements, film, spool and oil.
-"""
+"""The simulation: parameters, lever and load in, a trace out. ``integration`` has the equations."""
 
 from __future__ import annotations
 
-import inspect
 import math
-import sys
-import zlib
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.rig import friction, hydraulics
-from cylinder_friction.rig import lever as lever_module
-from cylinder_friction.rig.friction import (
-    coulomb_friction,
-    damping,
-    direction_factor,
-    film_rate,
-    place_factor,
-    strength,
-    viscosity_ratio,
-)
-from cylinder_friction.rig.hydraulics import bulk_modulus, port_a, port_b, pump_flow, stop_force
-from cylinder_friction.rig.lever import TICK_S, LeverProgramme, hand_step, new_hand
-from cylinder_friction.rig.parameters import ELEMENTS, friction_constants, hydraulic_constants
+from cylinder_friction.rig.external_load import ExternalLoad
+from cylinder_friction.rig.integration import compiled_run
+from cylinder_friction.rig.lever import TICK_S, LeverProgramme
+from cylinder_friction.rig.parameters import friction_constants, hydraulic_constants
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +20,8 @@ if TYPE_CHECKING:
     from cylinder_friction.rig.parameters import RigParameters
 
 DEFAULT_STEP_S = 5e-5
-DRIFT_STEP_S = 1.0
+LEAST_START_PA = 2e5
+"""On the piston side when a load pulls the rod out."""
 TRACE_COLUMNS = (
     "time_s",
     "pressure_1_pa",
@@ -57,6 +38,7 @@ TRACE_COLUMNS = (
     "volume_2_m3",
     "stop_force_n",
     "drift",
+    "load_force_n",
 )
 
 
@@ -81,10 +63,21 @@ class RigState:
     film: float = 0.0
 
 
-def balanced_state(rig: RigParameters, position_m: float, pressure_2_pa: float, oil_temperature_c: float) -> RigState:
-    """Returns a state at rest in which the oil pushes with no net force."""
+def balanced_state(
+    rig: RigParameters,
+    position_m: float,
+    pressure_2_pa: float,
+    oil_temperature_c: float,
+    load_force_n: float = 0.0,
+) -> RigState:
+    """Returns a state at rest in which the oil pushes as hard as the load resists.
+
+    A load that pulls the rod out raises the pressure on the rod side, so that no less than 2 bar is on the other.
+    """
     y = rig.hydraulics
-    pressure_1_pa = pressure_2_pa * y.annulus_area_m2 / y.piston_area_m2
+    least_pa = (LEAST_START_PA * y.piston_area_m2 - load_force_n) / y.annulus_area_m2
+    pressure_2_pa = max(pressure_2_pa, least_pa) if load_force_n < 0.0 else pressure_2_pa
+    pressure_1_pa = pressure_2_pa * y.annulus_area_m2 / y.piston_area_m2 + load_force_n / y.piston_area_m2
     return RigState(position_m, pressure_1_pa, pressure_2_pa, y.pump_pressure_pa, oil_temperature_c)
 
 
@@ -96,6 +89,7 @@ def simulate(
     drift: NDArray[np.float64] | None = None,
     time_step_s: float = DEFAULT_STEP_S,
     log_step_s: float = TICK_S,
+    external_force: ExternalLoad | NDArray[np.float64] | None = None,
 ) -> pd.DataFrame:
     """Returns the trace of a simulation, one row each ``log_step_s``, columns ``TRACE_COLUMNS``.
 
@@ -107,9 +101,11 @@ def simulate(
         drift: Slow factor on Coulomb friction, one value each second; 1 throughout when None.
         time_step_s: Step of the integration [s]; must divide one millisecond.
         log_step_s: Time between rows [s]; a multiple of ``time_step_s``.
+        external_force: Load on the rod, positive where it resists extension: of time and position, or one value each
+            millisecond [N]; none when None.
 
     Raises:
-        ValueError: A time does not fit another, the lever is too short, or the state ceased to be finite.
+        ValueError: A time does not fit another, the lever or the load is too short, or the state ceased to be finite.
     """
     tick_steps = _whole(TICK_S, time_step_s, "the operator's tick of 0.001 s", "time_step_s")
     log_steps = _whole(log_step_s, time_step_s, "log_step_s", "time_step_s")
@@ -122,6 +118,7 @@ def simulate(
     actions = np.zeros((1, 10)) if isinstance(lever, np.ndarray) else lever.actions
     if len(script) < ticks:
         raise ValueError(f"lever: got {len(script)} values, but {duration_s} s need {ticks}, one each millisecond")
+    load = _load(external_force, ticks, duration_s)
     trace = np.empty((steps // log_steps, len(TRACE_COLUMNS)))
     begin = (
         start.pressure_1_pa,
@@ -131,13 +128,14 @@ def simulate(
         start.film,
         start.oil_temperature_c,
     )
-    _compiled(_sources())(
+    compiled_run()(
         friction_constants(rig.friction),
         hydraulic_constants(rig.hydraulics),
         scripted,
         script,
         np.asarray(actions, dtype=np.float64),
         np.asarray(drift, dtype=np.float64),
+        load,
         begin,
         (time_step_s, tick_steps, log_steps),
         trace,
@@ -149,147 +147,25 @@ def simulate(
     return pd.DataFrame(trace, columns=list(TRACE_COLUMNS))
 
 
+def _load(
+    external_force: ExternalLoad | NDArray[np.float64] | None, ticks: int, duration_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Returns the load's force, share and places as compiled code takes them."""
+    if external_force is None:
+        return np.zeros(2), np.zeros(2), np.zeros(2)
+    load = external_force if isinstance(external_force, ExternalLoad) else ExternalLoad.of_time(external_force)
+    if len(load.force_n) < ticks:
+        raise ValueError(
+            f"external_force: got {len(load.force_n)} values, but {duration_s} s need {ticks}, one each millisecond"
+        )
+    force_n, share, along_n = (
+        np.ascontiguousarray(part, dtype=np.float64) for part in (load.force_n, load.share, load.along_n)
+    )
+    return force_n, share, along_n
+
+
 def _whole(long: float, short: float, long_name: str, short_name: str) -> int:
     count = round(long / short)
     if count < 1 or not math.isclose(count * short, long, rel_tol=1e-9):
         raise ValueError(f"{long_name}: got {long} s, but expected a multiple of {short_name}, {short} s")
     return count
-
-
-def _sources() -> int:
-    """Returns a number that changes with the source of anything that ``_run`` calls."""
-    called = (friction, hydraulics, lever_module, sys.modules[__name__])
-    return zlib.crc32("".join(inspect.getsource(module) for module in called).encode())
-
-
-@cache
-def _compiled(sources: int) -> Any:
-    """Returns ``_run`` out of numba's cache on disk, which by itself would miss changes in other files.
-
-    The cache's key has the values that a function closes over, so ``sources`` becomes part of it.
-    """
-
-    @numba.njit(cache=True)
-    def run(
-        f: Any, y: Any, scripted: Any, script: Any, actions: Any, drift: Any, begin: Any, steps: Any, out: Any
-    ) -> int:
-        _run(f, y, scripted, script, actions, drift, begin, steps, out)
-        return sources
-
-    return run
-
-
-@numba.njit(cache=True)
-def drift_at(drift: Any, time_s: float) -> float:
-    """Returns the slow factor on Coulomb friction, in a straight line between its values."""
-    place = time_s / DRIFT_STEP_S
-    index = min(int(place), len(drift) - 2)
-    part = min(place - index, 1.0)
-    return drift[index] + (drift[index + 1] - drift[index]) * part
-
-
-@numba.njit
-def _run(
-    f: Any,
-    y: Any,
-    scripted: bool,
-    script: Any,
-    actions: Any,
-    drift: Any,
-    begin: Any,
-    timing: Any,
-    trace: Any,
-) -> None:
-    dt, tick_steps, log_steps = timing
-    p1, p2, ps, x, film, temperature = begin
-    v = spool = volume_1 = volume_2 = 0.0
-    force = np.zeros(ELEMENTS)
-    slips = np.zeros(ELEMENTS, dtype=np.bool_)
-    hand = new_hand()
-    lever_from = lever_to = script[0] if scripted else 0.0
-    for step in range(len(trace) * log_steps):
-        time_s = step * dt
-        if step % tick_steps == 0:
-            tick = step // tick_steps
-            lever_from = lever_to
-            if scripted:
-                lever_to = script[tick + 1]
-            else:
-                lever_to = hand_step(hand, actions, script[tick], x, y.valve_overlap, 0.5 * y.stroke_m)
-        lever = lever_from + (lever_to - lever_from) * (step % tick_steps) / tick_steps
-
-        viscosity = viscosity_ratio(f, temperature)
-        slow = drift_at(drift, time_s)
-        coulomb = coulomb_friction(f, p1, p2, place_factor(f, x, y.stroke_m, slow), temperature)
-        level = strength(f, coulomb, v, film, viscosity)
-        damp = damping(f, v, viscosity)
-        stop, stop_stiffness = stop_force(y, x, v)
-        if step % log_steps == 0:
-            row = trace[step // log_steps]
-            row[0], row[1], row[2], row[3], row[4], row[5] = time_s, p1, p2, ps, x, v
-            row[6] = force.sum() + damp * v
-            row[7], row[8], row[9], row[10] = film, spool, lever, temperature
-            row[11], row[12], row[13], row[14] = volume_1, volume_2, stop, slow
-
-        flow_1, slope_1 = port_a(y, spool, ps, p1, x)
-        flow_2, slope_2 = port_b(y, spool, ps, p2, x)
-        leak = y.leakage_m3_s_pa / viscosity * (p1 - p2)
-        pump, pump_slope = pump_flow(y, ps)
-
-        spring = _elements_before(f, force, slips, v, level, dt)
-        push = p1 * y.piston_area_m2 - p2 * y.annulus_area_m2 + stop - force.sum()
-        v_new = (y.mass_kg * v + dt * push) / (y.mass_kg + dt * (damp + dt * (spring + stop_stiffness)))
-        _elements_after(f, force, slips, v, v_new, level, dt)
-        v = v_new
-        x += dt * v
-
-        rate_1 = dt * bulk_modulus(y, p1) / (y.dead_volume_1_m3 + y.piston_area_m2 * x)
-        rate_2 = dt * bulk_modulus(y, p2) / (y.dead_volume_2_m3 + y.annulus_area_m2 * (y.stroke_m - x))
-        rate_s = dt * bulk_modulus(y, ps) / y.supply_volume_m3
-        change_1 = rate_1 * (flow_1 - leak - y.piston_area_m2 * v) / (1.0 + rate_1 * slope_1)
-        change_2 = rate_2 * (flow_2 + leak + y.annulus_area_m2 * v) / (1.0 + rate_2 * slope_2)
-        from_supply = (flow_1 if spool > 0.0 else 0.0) + (flow_2 if spool < 0.0 else 0.0)
-        supply_slope = pump_slope + (slope_1 if spool > 0.0 else slope_2)
-        volume_1 += dt * (flow_1 - leak) - dt * slope_1 * change_1
-        volume_2 += dt * (flow_2 + leak) - dt * slope_2 * change_2
-        p1 += change_1
-        p2 += change_2
-        ps += rate_s * (pump - from_supply) / (1.0 + rate_s * supply_slope)
-
-        target, rate = film_rate(f, film, v, viscosity)
-        film += (target - film) * dt * rate / (1.0 + dt * rate)
-        spool += (lever - spool) * dt / (y.spool_lag_s + dt)
-        heat = max(pump, 0.0) * ps - y.cooling_w_k * (temperature - y.room_temperature_c)
-        temperature += dt * heat / y.oil_heat_capacity_j_k
-
-
-@numba.njit(cache=True)
-def _elements_before(f: Any, force: Any, slips: Any, velocity_m_s: float, level_n: float, dt: float) -> float:
-    """Moves slipping elements towards their strength; returns the stiffness of the sticking ones [N/m]."""
-    spring = 0.0
-    signed = math.copysign(direction_factor(f, velocity_m_s) * level_n, velocity_m_s)
-    for i in range(ELEMENTS):
-        if slips[i]:
-            pull = dt * f.attraction_n_s
-            force[i] = (force[i] + pull * math.copysign(f.share[i], velocity_m_s)) / (1.0 + pull / abs(signed))
-        else:
-            spring += f.stiffness_n_m[i]
-    return spring
-
-
-@numba.njit(cache=True)
-def _elements_after(
-    f: Any, force: Any, slips: Any, before_m_s: float, after_m_s: float, level_n: float, dt: float
-) -> None:
-    """Stretches sticking elements by the new velocity, lets the overstretched slip, and all stick at a reversal."""
-    reversed_motion = before_m_s * after_m_s <= 0.0
-    for i in range(ELEMENTS):
-        if slips[i]:
-            slips[i] = not reversed_motion
-            continue
-        before_n = abs(force[i])
-        force[i] += dt * f.stiffness_n_m[i] * after_m_s
-        limit = f.share[i] * direction_factor(f, force[i]) * level_n
-        if force[i] * after_m_s > 0.0 and abs(force[i]) >= limit:
-            slips[i] = True
-            force[i] = math.copysign(max(limit, before_n), force[i])

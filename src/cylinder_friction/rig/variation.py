@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.rig.integration import DRIFT_STEP_S
 from cylinder_friction.rig.lever import ornstein_uhlenbeck
 from cylinder_friction.rig.parameters import BAR_PA
-from cylinder_friction.rig.simulate import DRIFT_STEP_S
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -66,7 +66,11 @@ def draw_rig(rig: RigParameters, generator: Generator) -> RigParameters:
         air_fraction=float(generator.uniform(0.003, 0.007)),
     )
     first, second = generator.uniform(-8e-5, 8e-5, 2)
-    sensors = replace(rig.sensors, linearity_m=(float(first), float(second)))
+    sensors = replace(
+        rig.sensors,
+        linearity_m=(float(first), float(second)),
+        temperature_offset_c=float(generator.uniform(-0.5, 0.5)),
+    )
     return replace(rig, friction=friction, hydraulics=hydraulics, sensors=sensors)
 
 
@@ -95,6 +99,8 @@ def draw_session(
     wander = np.clip(ornstein_uhlenbeck(generator, count, DRIFT_STEP_S, 300.0, 0.015), -0.03, 0.03)
     sensors = _calibrated(rig.sensors, generator, zeroed, residual_offset_pa)
     temperature_c = float(generator.uniform(24.0, 46.0))
+    load_offset_n, load_gain = generator.uniform(-1.0, 1.0, 2)
+    sensors = replace(sensors, load_offset_n=7.0 * float(load_offset_n), load_gain=1.0 + 0.001 * float(load_gain))
     return Session(replace(rig, sensors=sensors), temperature_c, np.asarray(day + wander))
 
 

@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from cylinder_friction.recordings import whole_folder, write_text
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
+from cylinder_friction.rig.sensors import DECIMALS
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
@@ -25,7 +26,7 @@ EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_test is 0.\n"
 
 
 def run(params: Params) -> RunRecord:
-    """Writes ``data/raw/rig`` (CSV: s, bar, bar, mm) and ``data/raw/rig_truth`` (Parquet, SI), one file a recording.
+    """Writes ``data/raw/rig`` (CSV: s, bar, bar, mm, °C) and ``data/raw/rig_truth`` (Parquet, SI): a file a recording.
 
     With ``record.sessions_per_test`` 0, when one's own recordings are used, both folders hold a note alone.
 
@@ -56,8 +57,8 @@ def run(params: Params) -> RunRecord:
 
 
 def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
-    """Writes a table as the logger does: three decimals, finer than its converter's step in bar and in millimetres."""
-    table.to_csv(path, index=False, float_format="%.3f", lineterminator="\n")
+    """Writes a table as the logger does, each number with so many decimals."""
+    table.to_csv(path, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")
 
 
 def _mean_magnitude_n(recording: RigRecording) -> float:

@@ -85,7 +85,7 @@ class StrictStream(EstimatorStream):
     def reset(self) -> None:
         self._packed_state.reset()
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
+    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:  # type: ignore[override]
         if not (isfinite(pressure_1_pa) and isfinite(pressure_2_pa) and isfinite(position_m)):
             refuse_not_finite("stream", np.array([[pressure_1_pa, pressure_2_pa, position_m]], dtype=np.float64))
         return self._step(float(pressure_1_pa), float(pressure_2_pa), float(position_m))[0]

@@ -1,5 +1,6 @@
-"""Identification of LuGre: steady points, presliding, the joint search, and how sure it is."""
+"""Identification of friction models: steady points, presliding, the joint search, and how sure it is."""
 
+from cylinder_friction.friction_models.identification.coordinates import Coordinates
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD, confidence_intervals
 from cylinder_friction.friction_models.identification.motion import Motion, Motions, with_dead_band
 from cylinder_friction.friction_models.identification.presliding import (
@@ -13,6 +14,7 @@ from cylinder_friction.friction_models.identification.steady_points import Stead
 
 __all__ = [
     "INTERVAL_METHOD",
+    "Coordinates",
     "Identification",
     "Motion",
     "Motions",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.friction_models.identification.motion import Motions
-    from cylinder_friction.friction_models.lugre import LugreParameters
+    from cylinder_friction.friction_models.parameters import ModelParameters
 
     Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ _GREATEST_LOG = math.log(1e3)
 
 
 def confidence_intervals(
-    motions: Motions, parameters: LugreParameters, names: tuple[str, ...], confidence: float
+    motions: Motions, parameters: ModelParameters, names: tuple[str, ...], confidence: float
 ) -> dict[str, tuple[float, float]]:
     """Returns the interval of each named parameter, in its own unit.
 
@@ -38,7 +38,7 @@ def confidence_intervals(
     Args:
         motions: What was simulated.
         parameters: The best parameters.
-        names: Fields of ``LugreParameters`` that were searched, all of them positive.
+        names: Fields of ``parameters`` that were searched, all of them positive.
         confidence: Probability, in (0, 1).
 
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
@@ -61,7 +61,7 @@ def confidence_intervals(
     return intervals
 
 
-def _sensitivity(motions: Motions, parameters: LugreParameters, name: str) -> Array:
+def _sensitivity(motions: Motions, parameters: ModelParameters, name: str) -> Array:
     """Returns the change of friction with the logarithm of one parameter [N], shape ``(rows,)``.
 
     Coulomb friction may meet static friction on its way up and takes it along; static friction stops at Coulomb's.
@@ -74,11 +74,12 @@ def _sensitivity(motions: Motions, parameters: LugreParameters, name: str) -> Ar
     return np.asarray((motions.simulated(above) - motions.simulated(below)) / width)
 
 
-def _changed(parameters: LugreParameters, name: str, value: float) -> LugreParameters:
+def _changed(parameters: ModelParameters, name: str, value: float) -> ModelParameters:
     if name == "coulomb_n":
-        return replace(parameters, coulomb_n=value, static_n=max(parameters.static_n, value))
+        with_it = {"static_n": max(parameters.value("static_n"), value)} if hasattr(parameters, "static_n") else {}
+        return replace(parameters, **{name: value}, **with_it)
     if name == "static_n":
-        return replace(parameters, static_n=max(value, parameters.coulomb_n))
+        value = max(value, parameters.value("coulomb_n"))
     return replace(parameters, **{name: value})
 
 

@@ -1,25 +1,30 @@
-"""What a search over LuGre parameters simulates: velocity and pressure in, friction to be met."""
+"""What a search over the parameters of a friction model simulates: velocity and pressure in, friction to be met."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Self
 
+import numba
 import numpy as np
 
-from cylinder_friction.friction_models.lugre import LugreParameters, mean_absolute_error, new_bristle, simulate
+from cylinder_friction.friction_models.lugre import LuGre
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.friction_models.model import FrictionModel
+    from cylinder_friction.friction_models.parameters import ModelParameters
+
     Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One recording as LuGre sees it.
+    """One recording as a friction model sees it.
 
     Attributes:
         velocity_m_s: The velocity that drives the model, dead band applied, shape ``(n,)``.
@@ -42,6 +47,9 @@ def with_dead_band(velocity_m_s: Array, dead_band_m_s: float) -> Array:
     return np.where(np.abs(velocity_m_s) < dead_band_m_s, 0.0, velocity_m_s)
 
 
+_LUGRE = LuGre(pressure_scaled=True)
+
+
 @dataclass(frozen=True)
 class Motions:
     """Several motions at one sample time, laid end to end for a compiled loop.
@@ -51,6 +59,7 @@ class Motions:
         velocity_m_s, log_speed, pressure_pa, friction_n: Shape ``(rows,)``.
         usable: Rows whose label counts, shape ``(rows,)``.
         starts: Row at which each motion begins, and the number of rows, shape ``(motions + 1,)``.
+        model: What simulates them.
     """
 
     sample_time_s: float
@@ -60,9 +69,12 @@ class Motions:
     friction_n: Array
     usable: NDArray[np.bool_]
     starts: NDArray[np.int64]
+    model: FrictionModel
+    _buffer: Array = field(repr=False)
+    _simulations: list[int] = field(repr=False)
 
     @classmethod
-    def of(cls, motions: Sequence[Motion], sample_time_s: float) -> Self:
+    def of(cls, motions: Sequence[Motion], sample_time_s: float, model: FrictionModel = _LUGRE) -> Self:
         """Joins motions; raises ``ValueError`` if there is none or none has a usable row."""
         if not motions or not any(motion.usable.any() for motion in motions):
             raise ValueError(
@@ -78,6 +90,9 @@ class Motions:
             friction_n=np.concatenate([motion.friction_n for motion in motions]),
             usable=np.concatenate([motion.usable for motion in motions]),
             starts=np.cumsum([0, *(len(motion.velocity_m_s) for motion in motions)]).astype(np.int64),
+            model=model,
+            _buffer=np.empty_like(velocity),
+            _simulations=[0],
         )
 
     @property
@@ -86,31 +101,56 @@ class Motions:
         return max(float(np.mean(self.pressure_pa[self.usable])), 1.0)
 
     @property
+    def simulated_samples(self) -> int:
+        """How many samples have been simulated for errors so far."""
+        return self._simulations[0] * len(self.velocity_m_s)
+
+    @property
     def mean_friction_n(self) -> float:
         """Mean absolute label of the usable rows [N]; what percentages are of."""
         return float(np.mean(np.abs(self.friction_n[self.usable])))
 
-    def mean_absolute_error(self, parameters: LugreParameters) -> float:
+    def mean_absolute_error(self, parameters: ModelParameters) -> float:
         """Returns the mean absolute difference between model and label over usable rows [N]."""
-        return float(
-            mean_absolute_error(
-                parameters.packed(),
-                self.velocity_m_s,
-                self.log_speed,
-                self.pressure_pa,
-                self.friction_n,
-                self.usable,
-                self.starts,
-                self.sample_time_s,
-            )
-        )
+        return self.error_of(parameters.packed())
 
-    def simulated(self, parameters: LugreParameters) -> Array:
-        """Returns the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
-        pieces = [
-            simulate(
-                parameters, self.velocity_m_s[start:end], self.sample_time_s, new_bristle(), self.pressure_pa[start:end]
+    def error_of(self, values: Array) -> float:
+        """Returns the same of the model's numbers in the order of its specs; each motion from a fresh state."""
+        kernel = self.model.kernel
+        self._simulations[0] += 1
+        for start, end in pairwise(self.starts):
+            kernel(
+                values,
+                self.velocity_m_s[start:end],
+                self.log_speed[start:end],
+                self.pressure_pa[start:end],
+                self.sample_time_s,
+                self.model.new_state(),
+                self._buffer[start:end],
             )
-            for start, end in zip(self.starts[:-1], self.starts[1:], strict=True)
+        return float(_mean_absolute_difference(self._buffer, self.friction_n, self.usable))
+
+    def simulated(self, parameters: ModelParameters) -> Array:
+        """Returns the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
+        values = parameters.packed()
+        pieces = [
+            self.model.simulate(
+                values,
+                self.velocity_m_s[start:end],
+                self.sample_time_s,
+                self.model.new_state(),
+                self.pressure_pa[start:end],
+            )
+            for start, end in pairwise(self.starts)
         ]
         return np.concatenate(pieces)
+
+
+@numba.njit(cache=True)
+def _mean_absolute_difference(first: Array, second: Array, counted: NDArray[np.bool_]) -> float:
+    total, count = 0.0, 0
+    for row in range(first.shape[0]):
+        if counted[row]:
+            total += abs(first[row] - second[row])
+            count += 1
+    return total / count

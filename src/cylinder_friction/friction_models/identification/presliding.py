@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.friction_models.lugre import passive_damping_velocity
+from cylinder_friction.friction_models.parameters import STIFFNESS_RANGE_N_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings import Recording
 
     Array = NDArray[np.float64]
-
-STIFFNESS_RANGE_N_M = (1e5, 1e8)
-"""What the bristles of cylinder seals may be."""
 
 _LONGEST_REVERSAL_S = 0.3
 _PASSIVE_MARGIN = 0.9

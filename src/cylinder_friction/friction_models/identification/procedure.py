@@ -1,21 +1,19 @@
-"""Identification of LuGre from labelled recordings: Stribeck curve first, bristles next, all together last."""
+"""Identification of a friction model from labelled recordings: Stribeck curve, bristles, then all together."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
 
+from cylinder_friction.friction_models.identification.coordinates import Coordinates
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.motion import Motion, Motions
 from cylinder_friction.friction_models.identification.presliding import bristle_stiffness
-from cylinder_friction.friction_models.identification.refinement import (
-    Coordinates,
-    search_globally,
-    search_locally,
-)
+from cylinder_friction.friction_models.identification.refinement import search_globally, search_locally
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
 from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
 
@@ -24,28 +22,20 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.friction_models.lugre import LugreParameters
+    from cylinder_friction.friction_models.model import FrictionModel
+    from cylinder_friction.friction_models.parameters import ModelParameters
     from cylinder_friction.recordings import Recording
 
     Array = NDArray[np.float64]
-
-SEARCHED = (
-    "coulomb_n",
-    "static_n",
-    "stribeck_velocity_m_s",
-    "stribeck_exponent",
-    "viscous_n_s_m",
-    "bristle_stiffness_n_m",
-    "retract_ratio",
-)
-"""Parameters of the plain model that the search moves; damping follows from the damping ratio."""
 
 STIFFNESS_FACTORS = (1.0, 10.0)
 """Where the first looks begin, in measured stiffnesses: the error has a minimum with soft bristles, which bend with
 the noise of the position, and one with stiff bristles, which switch; which is lower depends on the noise."""
 
-FIRST_LOOK_EVALUATIONS = 150
-POLISH_EVALUATIONS = 600
+_GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
+
+PIECE_LEAD_S = 0.5
+"""Of a piece cut from a recording, what does not count: the model begins it in a fresh state."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +46,14 @@ class SearchEffort:
         seed: Seed of the first differential evolution; each restart counts one up.
         population: Members a coordinate.
         generations: Greatest number of generations.
-        simulated_recordings: How many recordings differential evolution simulates, spread evenly; the Nelder-Mead
-            search after it takes all.
+        simulated_recordings: How many recordings the first looks and differential evolution simulate, spread evenly.
         restarts: How many times the whole search runs; the best end is kept.
+        first_look_evaluations: Simulations of each first look: a velocity on offer, from one start.
+        polish_evaluations: Simulations of each Nelder-Mead search at the end.
+        repolishes: How often the best end is searched from again, with a fresh simplex.
+        piece_s: Of the recordings for first looks and differential evolution, only so much, from another place in
+            each [s]; 0 for all of them.
+        polished_piece_s: The same of all recordings, for the Nelder-Mead search at the end.
     """
 
     seed: int
@@ -66,6 +61,11 @@ class SearchEffort:
     generations: int
     simulated_recordings: int
     restarts: int = 1
+    first_look_evaluations: int = 150
+    polish_evaluations: int = 600
+    repolishes: int = 0
+    piece_s: float = 0.0
+    polished_piece_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,10 @@ class Identification:
         mean_friction_n: Mean absolute label there [N].
         first_error_n: Error of the Stribeck curve and bristle stiffness before the joint search [N].
         history: Least error after each generation of differential evolution, on its recordings [N].
+        simulated_samples: How many samples the search has simulated; what its budget is counted in.
     """
 
-    parameters: LugreParameters
+    parameters: ModelParameters
     velocity: str
     intervals: dict[str, tuple[float, float]]
     points: tuple[SteadyPoint, ...]
@@ -93,6 +94,7 @@ class Identification:
     mean_friction_n: float
     first_error_n: float
     history: tuple[float, ...]
+    simulated_samples: int
 
     @property
     def error_percent(self) -> float:
@@ -101,6 +103,7 @@ class Identification:
 
 
 def identify(
+    model: FrictionModel,
     recordings: Sequence[Recording],
     velocities: dict[str, Callable[[Recording], Array]],
     pressure: Callable[[Recording], Array] | None,
@@ -110,26 +113,37 @@ def identify(
     damping_ratio: float,
     dead_band_m_s: float,
     confidence: float,
-    also_from: Sequence[LugreParameters] = (),
+    also_from: Sequence[ModelParameters] = (),
 ) -> Identification:
-    """Identifies LuGre from labelled recordings.
+    """Identifies a friction model from labelled recordings.
 
     The Stribeck curve and the bristle stiffness come from the labels' zero-phase velocity. The joint search
     simulates with the causal velocity that the estimator will have at run time, so that what is identified is what
     is served. Which velocity that is, a short local search with each decides.
 
     Args:
+        model: What is identified.
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``), one sample time.
         velocities: Velocities on offer: a name to a function from a recording to the velocity that drives the model,
             zero at standstill [m/s].
-        pressure: From a recording to the pressure that scales dry friction [Pa]; None for the plain model.
+        pressure: From a recording to the pressure that scales dry friction [Pa]; None where the model
+            uses none.
         effort: How hard to search.
         mass_kg: Moving mass [kg].
         damping_ratio: Damping ratio of that mass on the bristles.
         dead_band_m_s: Slower is standstill, in the labels' velocity [m/s].
         confidence: Probability of the intervals.
         also_from: Parameters from which the search starts besides its own, for example those found elsewhere.
+
+    Raises:
+        ValueError: The model is scaled by pressure and there is none, or the other way round; or too few points of
+            steady sliding.
     """
+    if model.pressure_scaled != (pressure is not None):
+        raise ValueError(
+            f"{model.name}: expected {'a' if model.pressure_scaled else 'no'} pressure to scale dry friction, "
+            f"but got {pressure!r}"
+        )
     points = steady_points(recordings, dead_band_m_s)
     curve = fit_stribeck(
         np.array([point.velocity_m_s for point in points]),
@@ -138,31 +152,24 @@ def identify(
     )
     stiffness = bristle_stiffness(recordings, curve.coulomb_n, dead_band_m_s)
 
-    def motions_of(chosen: Sequence[Recording], name: str) -> Motions:
-        return Motions.of(
-            [_motion(recording, velocities[name], pressure) for recording in chosen],
-            recordings[0].sample_time_s,
-        )
+    def motions_of(chosen: Sequence[Recording], name: str, piece_s: float = 0.0) -> Motions:
+        motions = [_motion(recording, velocities[name], pressure) for recording in chosen]
+        return Motions.of(_pieces(motions, piece_s, time_s), time_s, model)
 
+    time_s = recordings[0].sample_time_s
     few = _spread(recordings, effort.simulated_recordings)
-    on_offer = {name: motions_of(few, name) for name in velocities}
+    on_offer = {name: motions_of(few, name, effort.piece_s) for name in velocities}
     reference = next(iter(on_offer.values())).reference_pressure_pa if pressure is not None else 0.0
-    coordinates = Coordinates.around(curve, mass_kg, damping_ratio, reference)
+    coordinates = Coordinates.around(model, curve, mass_kg, damping_ratio, reference)
     starts = [coordinates.start(curve, factor * stiffness) for factor in STIFFNESS_FACTORS]
     starts += [coordinates.point(parameters) for parameters in also_from]
-    looks = {
-        name: [search_locally(motions, coordinates, start, FIRST_LOOK_EVALUATIONS) for start in starts]
-        for name, motions in on_offer.items()
-    }
-    costs = {
-        name: min(on_offer[name].mean_absolute_error(coordinates.parameters(point)) for point in points_of_one)
-        for name, points_of_one in looks.items()
-    }
-    chosen = min(costs, key=lambda name: costs[name])
+    chosen, looks = _first_looks(on_offer, coordinates, starts, effort.first_look_evaluations)
     everything = motions_of(recordings, chosen)
-    point, history = _search(on_offer[chosen], everything, coordinates, looks[chosen], effort)
+    polished = motions_of(recordings, chosen, effort.polished_piece_s) if effort.polished_piece_s else everything
+    point, history = _search(on_offer[chosen], polished, coordinates, looks, effort)
     parameters = coordinates.parameters(point)
-    names = SEARCHED if pressure is None else (*SEARCHED, "pressure_slope_n_pa")
+    simulated_samples = sum(motions.simulated_samples for motions in (*on_offer.values(), polished))
+    names = tuple(spec.name for spec in model.searched)
     return Identification(
         parameters=parameters,
         velocity=chosen,
@@ -171,27 +178,45 @@ def identify(
         curve=curve,
         error_n=everything.mean_absolute_error(parameters),
         mean_friction_n=everything.mean_friction_n,
-        first_error_n=everything.mean_absolute_error(coordinates.parameters(starts[0])),
+        first_error_n=everything.error_of(coordinates.values(starts[0])),
         history=tuple(history),
+        simulated_samples=simulated_samples,
     )
 
 
+def _first_looks(
+    on_offer: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
+) -> tuple[str, list[Array]]:
+    """Returns which velocity a short local search from each start likes best, and the ends of its searches."""
+    looks = {
+        name: [search_locally(motions, coordinates, start, evaluations) for start in starts]
+        for name, motions in on_offer.items()
+    }
+    costs = {
+        name: min(on_offer[name].error_of(coordinates.values(point)) for point in ends) for name, ends in looks.items()
+    }
+    chosen = min(costs, key=lambda name: costs[name])
+    return chosen, looks[chosen]
+
+
 def _search(
-    few: Motions, everything: Motions, coordinates: Coordinates, looks: Sequence[Array], effort: SearchEffort
+    few: Motions, polished: Motions, coordinates: Coordinates, looks: Sequence[Array], effort: SearchEffort
 ) -> tuple[Array, list[float]]:
     """Returns the best end of all searches, and the history of the differential evolution that came nearest to it."""
-    first = min(looks, key=lambda point: few.mean_absolute_error(coordinates.parameters(point)))
+    first = min(looks, key=lambda point: few.error_of(coordinates.values(point)))
     candidates, histories = list(looks), list[list[float]]()
     total = effort.restarts * effort.generations
-    with tqdm(total=total, desc="identify LuGre", unit="generation", disable=None) as progress:
+    with tqdm(total=total, desc=f"identify {coordinates.model.title}", unit="generation", disable=None) as progress:
         for restart in range(effort.restarts):
             found, history = search_globally(
                 few, coordinates, first, effort.seed + restart, effort.population, effort.generations, progress.update
             )
             candidates.append(found)
             histories.append(history)
-    ends = [search_locally(everything, coordinates, candidate, POLISH_EVALUATIONS) for candidate in candidates]
-    best = min(ends, key=lambda point: everything.mean_absolute_error(coordinates.parameters(point)))
+    ends = [search_locally(polished, coordinates, candidate, effort.polish_evaluations) for candidate in candidates]
+    best = min(ends, key=lambda point: polished.error_of(coordinates.values(point)))
+    for _ in range(effort.repolishes):
+        best = search_locally(polished, coordinates, best, effort.polish_evaluations)
     return best, min(histories, key=lambda history: history[-1])
 
 
@@ -206,6 +231,21 @@ def _motion(
         friction_n=recording.column("friction_n"),
         usable=recording.usable(),
     )
+
+
+def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> list[Motion]:
+    """Returns a piece of each motion, from places that steps of the golden ratio spread evenly over all of them."""
+    length, lead = round(piece_s / sample_time_s), round(PIECE_LEAD_S / sample_time_s)
+    if length == 0:
+        return list(motions)
+    pieces = []
+    for number, motion in enumerate(motions):
+        start = round(number * _GOLDEN_RATIO % 1.0 * max(len(motion.usable) - length, 0))
+        rows = slice(start, start + length)
+        usable = motion.usable[rows].copy()
+        usable[:lead] = False
+        pieces.append(Motion(motion.velocity_m_s[rows], motion.pressure_pa[rows], motion.friction_n[rows], usable))
+    return pieces
 
 
 def _spread(recordings: Sequence[Recording], count: int) -> list[Recording]:

@@ -1,0 +1,269 @@
+"""Any analytical friction model as an estimator: causal velocity from raw position, then the model."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.motion_sense import MotionBlock, MotionSense, MotionState
+from cylinder_friction.friction_models import (
+    INTERVAL_METHOD,
+    FrictionModel,
+    Identification,
+    ModelParameters,
+    SearchEffort,
+    identify,
+    model_named,
+)
+from cylinder_friction.recordings import SAMPLE_COLUMNS, RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings import Recording
+
+    Array = NDArray[np.float64]
+
+VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
+"""One-sided Savitzky-Golay differentiators on offer, window in samples and order."""
+
+PLAYS_M = (0.0, 8e-5)
+"""Half-widths of the play on offer [m]: none, and about six times the noise of a smoothed potentiometer."""
+
+PRESSURE_PAIRS = (("pressure_1_pa", "pressure_2_pa"), ("pressure_1_level_pa", "pressure_2_level_pa"))
+"""Columns whose sum scales dry friction, the better pair first: raw pressures, or their slow level."""
+
+
+@dataclass
+class AnalyticalState:
+    """The state of the velocity, and the friction model's."""
+
+    motion: MotionState
+    friction: Array
+
+
+class AnalyticalEstimator(FrictionEstimator):
+    """A friction model identified from labelled recordings; at run time it sees position, and pressures if it must.
+
+    Args:
+        cylinder: For the moving mass.
+        model: What is identified.
+        inputs: Columns of a sample; ``position_m`` must be one, and a pair of pressures for a model scaled by them.
+        test: The ``metadata.test`` of the recordings that it is identified on; None for all.
+        effort: How hard to search.
+        velocity_dead_band_m_s: Slower counts as standstill, where no play tells it [m/s].
+        damping_ratio: Damping ratio of the moving mass on the bristles.
+        confidence: Probability of the confidence intervals.
+
+    Attributes:
+        parameters: The model's numbers; None before ``fit``.
+        intervals: Confidence interval of every number that was searched.
+        sense: How velocity is made from position; None before ``fit``.
+        identification: All that ``fit`` found; None for a loaded estimator.
+
+    Raises:
+        ValueError: ``inputs`` lack the position, or pressures that the model needs.
+    """
+
+    kind: ClassVar[str] = "analytical"
+
+    def __init__(
+        self,
+        cylinder: Cylinder,
+        model: FrictionModel,
+        inputs: Sequence[str] = SAMPLE_COLUMNS,
+        test: str | None = None,
+        effort: SearchEffort | None = None,
+        velocity_dead_band_m_s: float = 1e-3,
+        damping_ratio: float = 0.5,
+        confidence: float = 0.95,
+    ) -> None:
+        super().__init__(inputs)
+        self.cylinder, self.model, self.test = cylinder, model, test
+        self.effort = scaled_effort(1.0) if effort is None else effort
+        self.velocity_dead_band_m_s = velocity_dead_band_m_s
+        self.damping_ratio = damping_ratio
+        self.confidence = confidence
+        self.parameters: ModelParameters | None = None
+        self.intervals: dict[str, tuple[float, float]] = {}
+        self.sense: MotionSense | None = None
+        self.identification: Identification | None = None
+        self._position, self._pressures = _columns_of(model, self.inputs)
+        self._motion: MotionBlock | None = None
+        self._values = np.zeros(0)
+
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Identifies the model on the recordings of its test; the others are not looked at.
+
+        Raises:
+            RecordingError: There is no recording of that test.
+        """
+        chosen = [recording for recording in recordings if self.test in (None, recording.metadata.test)]
+        if recordings and not chosen:
+            raise RecordingError(
+                f"{self.kind}: no recording of test {self.test!r}; got tests "
+                f"{sorted({recording.metadata.test for recording in recordings})}; name one of them as its test"
+            )
+        self._begin_fit(chosen)
+        found = self._identify(chosen, self.effort)
+        self.intervals, self.identification = found.intervals, found
+        self._use(found.parameters, self._senses()[found.velocity])
+
+    def best_possible(self, recordings: Sequence[Recording], effort: SearchEffort) -> Identification:
+        """Returns what the best parameters of this model's class reach on given recordings, fitted to them directly.
+
+        The search starts from this estimator's own parameters too; the estimator stays as it was. The result is a
+        bound for a fit that has not seen those recordings.
+        """
+        if not recordings:
+            raise RecordingError(f"{self.kind}: nothing to search on, got no recording; expected at least one")
+        return self._identify(recordings, effort, () if self.parameters is None else (self.parameters,))
+
+    def new_state(self) -> AnalyticalState:
+        assert self._motion is not None
+        return AnalyticalState(self._motion.new_state(), self.model.new_state())
+
+    def advance(self, state: AnalyticalState, samples: Array) -> Array:
+        assert self._motion is not None
+        assert self.sample_time_s is not None
+        velocity = self._motion.advance(state.motion, samples[:, self._position : self._position + 1])
+        pressure = None
+        if self._pressures is not None:
+            pressure = np.ascontiguousarray(samples[:, self._pressures[0]] + samples[:, self._pressures[1]])
+        return self.model.simulate(self._values, velocity, self.sample_time_s, state.friction, pressure)
+
+    def multiply_adds(self) -> int:
+        return self.model.multiply_adds + (0 if self.sense is None else 2 * self.sense.window)
+
+    def _identify(
+        self, recordings: Sequence[Recording], effort: SearchEffort, also_from: Sequence[ModelParameters] = ()
+    ) -> Identification:
+        return identify(
+            self.model,
+            recordings,
+            {name: _velocity_by(sense) for name, sense in self._senses().items()},
+            None if self._pressures is None else self._scaling_pressure,
+            effort,
+            mass_kg=self.cylinder.moving_mass_kg,
+            damping_ratio=self.damping_ratio,
+            dead_band_m_s=self.velocity_dead_band_m_s,
+            confidence=self.confidence,
+            also_from=also_from,
+        )
+
+    def _scaling_pressure(self, recording: Recording) -> Array:
+        assert self._pressures is not None
+        samples = recording.samples(tuple(self.inputs[column] for column in self._pressures))
+        return np.ascontiguousarray(samples[:, 0] + samples[:, 1])
+
+    def _senses(self) -> dict[str, MotionSense]:
+        senses = [
+            MotionSense(window, order, play_m, 0.0 if play_m else self.velocity_dead_band_m_s)
+            for window, order in VELOCITY_FILTERS
+            for play_m in PLAYS_M
+        ]
+        return {repr(sense): sense for sense in senses}
+
+    def _use(self, parameters: ModelParameters, sense: MotionSense) -> None:
+        assert self.sample_time_s is not None
+        self.parameters, self._values = parameters, parameters.packed()
+        self.sense, self._motion = sense, sense.block(self.sample_time_s)
+
+    def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
+        assert self.parameters is not None
+        assert self.sense is not None
+        return {
+            "cylinder": asdict(self.cylinder),
+            "friction_model": self.model.name,
+            "test": self.test,
+            "sample_time_s": self.sample_time_s,
+            "velocity": asdict(self.sense),
+            "least_velocity_dead_band_m_s": self.velocity_dead_band_m_s,
+            "damping_ratio": self.damping_ratio,
+            "confidence": self.confidence,
+            "interval_method": INTERVAL_METHOD,
+            "model": {
+                spec.name: {
+                    "value": self.parameters.value(spec.name),
+                    "unit": spec.unit,
+                    "meaning": spec.meaning,
+                    "interval": list(self.intervals.get(spec.name, ())) or None,
+                }
+                for spec in self.model.specs
+            },
+            "inputs": list(self.inputs),
+        }
+
+    @classmethod
+    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003 - everything is JSON
+        estimator = cls(
+            Cylinder(**parameters["cylinder"]),
+            model_named(parameters["friction_model"]),
+            parameters["inputs"],
+            parameters["test"],
+            velocity_dead_band_m_s=parameters["least_velocity_dead_band_m_s"],
+            damping_ratio=parameters["damping_ratio"],
+            confidence=parameters["confidence"],
+        )
+        estimator._restore(parameters)
+        return estimator
+
+    def _restore(self, content: dict[str, Any]) -> None:
+        model = content["model"]
+        self.intervals = {
+            name: (entry["interval"][0], entry["interval"][1]) for name, entry in model.items() if entry["interval"]
+        }
+        self.sample_time_s = content["sample_time_s"]
+        numbers = {name: entry["value"] for name, entry in model.items()}
+        self._use(self.model.parameter_class(**numbers), MotionSense(**content["velocity"]))
+
+
+def scaled_effort(effort: float, seed: int = 0) -> SearchEffort:
+    """Returns the search for a share of the full effort, in (0, 1]; it cuts generations and simulations of each search.
+
+    Raises:
+        ValueError: The share is not in (0, 1].
+    """
+    if not 0.0 < effort <= 1.0:
+        raise ValueError(f"expected an effort above 0 and at most 1, but got {effort!r}")
+    return SearchEffort(
+        seed,
+        population=8,
+        generations=max(1, round(40 * effort)),
+        simulated_recordings=40,
+        first_look_evaluations=max(12, round(240 * effort)),
+        polish_evaluations=max(20, round(800 * effort)),
+        repolishes=2,
+        piece_s=5.0,
+        polished_piece_s=15.0,
+    )
+
+
+def _columns_of(model: FrictionModel, inputs: tuple[str, ...]) -> tuple[int, tuple[int, int] | None]:
+    if "position_m" not in inputs:
+        raise ValueError(f"{model.name}: inputs are {list(inputs)}, but expected position_m among them")
+    position = inputs.index("position_m")
+    if not model.pressure_scaled:
+        return position, None
+    for first, second in PRESSURE_PAIRS:
+        if first in inputs and second in inputs:
+            return position, (inputs.index(first), inputs.index(second))
+    raise ValueError(
+        f"{model.name}: inputs are {list(inputs)}, but expected one pair of pressures among them: "
+        + " or ".join(" and ".join(pair) for pair in PRESSURE_PAIRS)
+    )
+
+
+def _velocity_by(sense: MotionSense) -> Callable[[Recording], Array]:
+    def velocity(recording: Recording) -> Array:
+        block = sense.block(recording.sample_time_s)
+        return block.advance(block.new_state(), recording.samples(("position_m",)))
+
+    return velocity

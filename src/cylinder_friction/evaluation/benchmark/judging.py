@@ -1,0 +1,75 @@
+"""One leaderboard: answers read back, held beside the floor's, and put in order."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.evaluation.benchmark.data import exams_of, folds_of, unseen_kind
+from cylinder_friction.evaluation.benchmark.flags import TaughtRange, offline_velocity
+from cylinder_friction.evaluation.benchmark.folds import UNSEEN_RIG
+from cylinder_friction.evaluation.benchmark.results import Interval
+from cylinder_friction.evaluation.benchmark.scoring import Paper, entry_of
+from cylinder_friction.evaluation.benchmark.storing import Store
+from cylinder_friction.evaluation.benchmark.tasks import inputs_of, task_named
+from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.evaluation.benchmark.results import Entry
+    from cylinder_friction.evaluation.benchmark.running import Bench
+    from cylinder_friction.evaluation.benchmark.scoring import ScoreSettings
+    from cylinder_friction.evaluation.benchmark.storing import Answer
+    from cylinder_friction.evaluation.benchmark.tasks import Exam, Task
+
+
+def judged(
+    bench: Bench, task_name: str, split: str, model: str, floor: str | None, seeds: Sequence[int], how: ScoreSettings
+) -> Entry:
+    """Returns a model's line; ``floor`` is None where the floor itself has no answer."""
+    task, store = task_named(task_name), Store(bench.store)
+    answers = {seed: store.answer(task.name, split, model, seed) for seed in seeds}
+    floors = {} if floor is None else {seed: store.answer(task.name, split, floor, seed) for seed in seeds}
+    papers = [paper for seed in seeds for paper in _papers(bench, task, split, seed, answers[seed], floors.get(seed))]
+    tuned = store.tuned(task.tuned_as or task.name, model)
+    return entry_of(model, papers, list(answers.values()), tuned, bench.cylinder, how)
+
+
+def denominators(
+    bench: Bench, task: Task, split: str, seeds: Sequence[int], how: ScoreSettings
+) -> tuple[float, Interval | None]:
+    """Returns mean |reference| [N] of the test recordings, and how far the label is from true friction, if known."""
+    exams = [exam for seed in seeds for exam in asked_of(bench, task, split, seed).values()]
+    masks = [exam.recording.usable() for exam in exams]
+    references = np.concatenate([exam.reference_n[mask] for exam, mask in zip(exams, masks, strict=True)])
+    mean_n = float(np.abs(references).mean())
+    truths = [exam.true_friction_n for exam in exams if exam.true_friction_n is not None]
+    if len(truths) != len(exams):
+        return mean_n, None
+    rows = max(1, round(how.bootstrap_block_s / exams[0].recording.sample_time_s))
+    sums = block_sums(truths, [exam.label_n for exam in exams], masks, rows)
+    percent = 100.0 * float(sums.abs_error_n.sum() / sums.abs_friction_n.sum())
+    return mean_n, Interval(percent, *interval(bootstrap_percent(sums, how.bootstrap_repeats, 0)))
+
+
+def asked_of(bench: Bench, task: Task, split: str, seed: int) -> dict[str, Exam]:
+    """Returns the test recordings of a split, by name, in the order of its folds."""
+    kind = unseen_kind(task) if split == UNSEEN_RIG else task.campaign
+    exams = exams_of(bench.sources, task, kind, seed)
+    return {name: exams[name] for fold in folds_of(bench.sources, task, split, seed) for name in fold.test}
+
+
+def _papers(bench: Bench, task: Task, split: str, seed: int, answer: Answer, floor: Answer | None) -> list[Paper]:
+    own = exams_of(bench.sources, task, task.campaign, seed)
+    asked = asked_of(bench, task, split, seed)
+    papers = []
+    for fold in folds_of(bench.sources, task, split, seed):
+        taught = [own[name].recording for name in fold.train]
+        known = TaughtRange.of(taught, inputs_of(task, taught[0]), offline_velocity)
+        for name in fold.test:
+            outside = known.leaves(asked[name].recording, offline_velocity)
+            floor_n = None if floor is None else floor.estimates[name].friction_n
+            papers.append(Paper(seed, asked[name], answer.estimates[name], floor_n, outside))
+    return papers

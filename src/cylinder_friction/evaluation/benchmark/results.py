@@ -1,0 +1,161 @@
+"""What the benchmark found: plain numbers, written to ``reports/benchmark.json`` and drawn by the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+Reference = Literal["label", "truth"]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A figure and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """How far estimates are from the reference, over the usable rows of a set of recordings.
+
+    Attributes:
+        percent: MAE / mean |friction| [%], with its block-bootstrap interval.
+        mae_n, rmse_n, p95_n: Of the absolute error [N].
+        bias_n: Mean of estimate - reference [N].
+        lag_s: Shift at which estimate and reference are most alike; positive when the estimate is late [s].
+    """
+
+    percent: Interval
+    mae_n: float
+    rmse_n: float
+    p95_n: float
+    bias_n: float
+    lag_s: float
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How far bounds and flags can be relied on.
+
+    Attributes:
+        coverage: Share of usable rows whose reference lies in the 90 % bounds, by test; ``""`` for all tests.
+        coverage_after_reversal: The same in the 100 ms after reversals.
+        width_n: Mean width of the bounds [N].
+        flagged: Share of rows flagged as outside the training range.
+        outside: Share of rows where anything measured, seen by the model or not, lies outside of it.
+        caught: Share of those rows that are flagged; None where there is none.
+    """
+
+    coverage: Mapping[str, float]
+    coverage_after_reversal: float
+    width_n: float
+    flagged: float
+    outside: float
+    caught: float | None = None
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What is left: moments, autocorrelation at lags, and correlation with what the estimator saw."""
+
+    skewness: float
+    excess_kurtosis: float
+    autocorrelation: Mapping[str, float]
+    correlation_with: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One model on one task and split.
+
+    Attributes:
+        model: Name in the roster.
+        score: Over all seeds' test recordings together.
+        seeds: Percent of each seed.
+        by_test: Percent, by the recordings' test.
+        strata: Percent and MAE [N] by stratum (``evaluation.strata.STRATA``).
+        below_floor: Floor's percent minus this one's, paired bootstrap; positive means better than the floor.
+        trust: None where no bounds were asked for.
+        residuals: None where not asked for.
+        tuning: What was chosen, and the validation percent that it reached; empty where there is nothing to tune.
+        extras: Other figures of the task, for example ``load_mae_n``.
+    """
+
+    model: str
+    score: Score
+    seeds: Mapping[str, float]
+    by_test: Mapping[str, float]
+    strata: Mapping[str, tuple[float, float]]
+    below_floor: Interval | None
+    trust: Trust | None
+    residuals: Residuals | None
+    multiply_adds: int
+    step_us: float
+    training_s: float
+    tuning: Mapping[str, float | int | str] = field(default_factory=dict)
+    extras: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """One task on one split: a leaderboard.
+
+    Attributes:
+        task: Name, for example ``forecast_100ms``.
+        split: ``held_out_sessions``, ``leave_one_load_out``, ``leave_one_temperature_out`` or ``unseen_rig``.
+        title: In words.
+        inputs: Columns that models see.
+        reference: What errors are against.
+        floor: Name of the model to beat.
+        mean_friction_n: The denominator of percentages: mean |reference| of the test recordings [N].
+        entries: Best first.
+        missing: Models of the roster that cannot do the task, and why.
+        explanation: What is asked and why, in one sentence.
+        label_truth_percent: How far the off-line label itself is from true friction, MAE / mean |truth| [%]; None where
+            truth is not known.
+    """
+
+    task: str
+    split: str
+    title: str
+    inputs: tuple[str, ...]
+    reference: Reference
+    floor: str
+    mean_friction_n: float
+    entries: tuple[Entry, ...]
+    missing: Mapping[str, str] = field(default_factory=dict)
+    explanation: str = ""
+    label_truth_percent: Interval | None = None
+
+
+@dataclass(frozen=True)
+class Participant:
+    """Who a model is, for the report."""
+
+    title: str
+    family: str
+    source: str
+    chosen: str
+
+
+@dataclass(frozen=True)
+class BenchmarkResults:
+    """The whole benchmark.
+
+    Attributes:
+        tasks: One leaderboard a task and split.
+        participants: By name.
+        budget: In words and numbers: trials, effort, seeds, recordings.
+        missing: Tasks, or a task's splits, that could not be asked, and why.
+    """
+
+    tasks: tuple[TaskResult, ...]
+    participants: Mapping[str, Participant]
+    budget: Mapping[str, float | int | str]
+    missing: Mapping[str, str] = field(default_factory=dict)

@@ -1,0 +1,121 @@
+"""Coulomb, Stribeck and viscous friction: a function of velocity, with a stated rule for standstill."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numba
+import numpy as np
+
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import (
+    COULOMB,
+    PRESSURE_SLOPE,
+    RETRACT_RATIO,
+    STATIC,
+    STRIBECK_EXPONENT,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+    ModelParameters,
+    ParameterSpec,
+)
+from cylinder_friction.friction_models.stribeck import falling_part, side_factor
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.friction_models.model import Kernel
+
+    Array = NDArray[np.float64]
+
+REGULARISING_VELOCITY = ParameterSpec(
+    "regularising_velocity_m_s", "m/s", "speed over which friction rises to its curve", 1e-5, 2e-2
+)
+STANDSTILL_SHARE = ParameterSpec(
+    "standstill_share", "1", "share of static friction that is left at standstill", 1e-3, 1.0, 0.5, logarithmic=False
+)
+
+
+@dataclass(frozen=True)
+class CoulombStribeckParameters(ModelParameters):
+    """``F = d (1 + k p / Fc) side(d) g(v) [q + (1 - q) tanh(|v| / vr)] + s2 v``.
+
+    ``g(v) = Fc + (Fs - Fc) exp(-|v / vs|**a)``, ``d`` is the direction of the last motion, 0 before the first.
+    """
+
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (
+        COULOMB,
+        STATIC,
+        STRIBECK_VELOCITY,
+        STRIBECK_EXPONENT,
+        VISCOUS,
+        REGULARISING_VELOCITY,
+        STANDSTILL_SHARE,
+        RETRACT_RATIO,
+        PRESSURE_SLOPE,
+    )
+
+    coulomb_n: float
+    static_n: float
+    stribeck_velocity_m_s: float
+    stribeck_exponent: float
+    viscous_n_s_m: float
+    regularising_velocity_m_s: float
+    standstill_share: float
+    retract_ratio: float = 1.0
+    pressure_slope_n_pa: float = 0.0
+
+
+class CoulombStribeck(FrictionModel):
+    """The static curve, with the least memory that standstill needs: the direction of the last motion.
+
+    A static curve says nothing at standstill, where friction is what the drive asks for. Here the rule is: it keeps a
+    share of its static friction in the direction of the last motion, for oil stays trapped; slow motion leads over
+    to the curve as a hyperbolic tangent. Share and speed are identified; a share near 0 is the usual regularisation.
+
+    Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1; tanh: Andersson, Soederberg and
+    Bjoerklund 2007.
+    """
+
+    short_name = "stribeck"
+    short_title = "Coulomb–viscous–Stribeck"
+    parameter_class = CoulombStribeckParameters
+    multiply_adds = 75
+
+    def new_state(self) -> Array:
+        """Returns the direction of the last motion, shape ``(1,)``."""
+        return np.zeros(1)
+
+    @property
+    def kernel(self) -> Kernel:
+        return _simulate
+
+
+@numba.njit(cache=True)
+def _simulate(
+    packed: Array,
+    velocity: Array,
+    log_speed: Array,
+    pressure: Array,
+    sample_time: float,  # noqa: ARG001 - all kernels take the same
+    state: Array,
+    friction: Array,
+) -> None:
+    coulomb, static, viscous = packed[0], packed[1], packed[4]
+    slowest, share = packed[5], packed[6]
+    known = log_speed.shape[0] > 0
+    direction = state[0]
+    for row in range(velocity.shape[0]):
+        v = velocity[row]
+        speed = abs(v)
+        dry, risen = static, share
+        if speed > 0.0:
+            direction = 1.0 if v > 0.0 else -1.0
+            logarithm = log_speed[row] if known else math.log(speed)
+            dry = coulomb + (static - coulomb) * falling_part(logarithm, packed[2], packed[3])
+            risen = share + (1.0 - share) * math.tanh(speed / slowest)
+        dry *= side_factor(direction, packed[7], coulomb, packed[8], pressure[row])
+        friction[row] = direction * dry * risen + viscous * v
+    state[0] = direction

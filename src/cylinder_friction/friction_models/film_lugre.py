@@ -1,0 +1,156 @@
+"""LuGre whose Stribeck curve rides on a lubricant film that builds, is squeezed out, and thins at rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numba
+import numpy as np
+
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import (
+    COULOMB,
+    DAMPING,
+    DAMPING_VELOCITY,
+    PRESSURE_SLOPE,
+    RETRACT_RATIO,
+    STATIC,
+    STIFFNESS,
+    STRIBECK_EXPONENT,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+    ModelParameters,
+    ParameterSpec,
+)
+from cylinder_friction.friction_models.stribeck import falling_part, side_factor
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.friction_models.model import Kernel
+
+    Array = NDArray[np.float64]
+
+FILM_VELOCITY = ParameterSpec("film_velocity_m_s", "m/s", "speed above which the film grows no more", 5e-3, 0.3, 0.04)
+FILM_BUILD = ParameterSpec("film_build_s", "s", "time constant of a film that builds", 2e-3, 1.0, 0.05)
+FILM_SQUEEZE = ParameterSpec("film_squeeze_s", "s", "time constant of a film that thins in motion", 1e-2, 5.0, 0.2)
+FILM_DWELL = ParameterSpec("film_dwell_s", "s", "time constant of a film that thins at standstill", 0.1, 100.0, 15.0)
+FILM_INERTIA = ParameterSpec("film_inertia_s", "s", "lead of viscous friction on acceleration", 1e-5, 0.3, 5e-3)
+
+
+@dataclass(frozen=True)
+class FilmLugreParameters(ModelParameters):
+    """The equations of LuGre with ``g(v, h)``, and the film ``h`` beside them.
+
+    ``dz/dt = v - s0 |v| z / g``, ``F = s0 z + s1 exp(-(v / vc)**2) dz/dt + s2 (v + T dv/dt)``,
+    ``g(v, h) = side(v) (1 + k p / Fc) (Fc + [(1 - h) Fs - Fc] exp(-|v / vs|**a))``, ``dh/dt = (hss - h) / tau``,
+    ``hss = (1 - Fc / Fs) (min(|v|, vb) / vb)**(2/3)``, and ``tau`` is ``film_build_s`` where ``h <= hss``,
+    ``film_squeeze_s`` where ``h > hss``, ``film_dwell_s`` at ``v = 0``.
+    """
+
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (
+        COULOMB,
+        STATIC,
+        STRIBECK_VELOCITY,
+        STRIBECK_EXPONENT,
+        VISCOUS,
+        STIFFNESS,
+        DAMPING,
+        DAMPING_VELOCITY,
+        FILM_VELOCITY,
+        FILM_BUILD,
+        FILM_SQUEEZE,
+        FILM_DWELL,
+        FILM_INERTIA,
+        RETRACT_RATIO,
+        PRESSURE_SLOPE,
+    )
+
+    coulomb_n: float
+    static_n: float
+    stribeck_velocity_m_s: float
+    stribeck_exponent: float
+    viscous_n_s_m: float
+    bristle_stiffness_n_m: float
+    bristle_damping_n_s_m: float
+    damping_velocity_m_s: float
+    film_velocity_m_s: float
+    film_build_s: float
+    film_squeeze_s: float
+    film_dwell_s: float
+    film_inertia_s: float
+    retract_ratio: float = 1.0
+    pressure_slope_n_pa: float = 0.0
+
+
+class FilmLuGre(FrictionModel):
+    """LuGre with lubricant-film dynamics and the inertia of the fluid film; bristle damping fades with speed.
+
+    At a held velocity the film is stepped exactly, and the bristles exactly for the mean film over the step.
+    ``dv/dt`` is the difference of two samples over their distance. ``film_inertia_s`` near 0 is the model of 2008.
+
+    Source: Yanada and Sekikawa 2008; ``T dv/dt``: Tran, Hafizah and Yanada 2012.
+    """
+
+    short_name = "film_lugre"
+    short_title = "LuGre with lubricant film"
+    parameter_class = FilmLugreParameters
+    multiply_adds = 160
+
+    def new_state(self) -> Array:
+        """Returns bristle deflection [m], film [1] and last velocity [m/s; NaN before the first], shape ``(3,)``."""
+        return np.array([0.0, 0.0, np.nan])
+
+    @property
+    def kernel(self) -> Kernel:
+        return _simulate
+
+
+@numba.njit(cache=True)
+def _simulate(
+    packed: Array,
+    velocity: Array,
+    log_speed: Array,
+    pressure: Array,
+    sample_time: float,
+    state: Array,
+    friction: Array,
+) -> None:
+    coulomb, static, viscous, stiffness = packed[0], packed[1], packed[4], packed[5]
+    full_film = 1.0 - coulomb / static
+    log_film_velocity = math.log(packed[8])
+    # What is left of a film's distance from steady state after a step, and the mean of it over the step.
+    kept, mean = np.empty(3), np.empty(3)
+    for regime in range(3):
+        steps = sample_time / packed[9 + regime]
+        kept[regime] = math.exp(-steps)
+        mean[regime] = -math.expm1(-steps) / steps
+    known = log_speed.shape[0] > 0
+    bristle, film, last = state[0], state[1], state[2]
+    for row in range(velocity.shape[0]):
+        v = velocity[row]
+        rate = 0.0 if np.isnan(last) else (v - last) / sample_time
+        last = v
+        viscous_part = viscous * (v + packed[12] * rate)
+        speed = abs(v)
+        if speed == 0.0:
+            film *= kept[2]
+            friction[row] = stiffness * bristle + viscous_part
+            continue
+        logarithm = log_speed[row] if known else math.log(speed)
+        steady = full_film * math.exp(min(logarithm - log_film_velocity, 0.0) * (2.0 / 3.0))
+        regime = 0 if film <= steady else 1
+        apart = film - steady
+        film_mean = steady + apart * mean[regime]
+        film = steady + apart * kept[regime]
+        falling = falling_part(logarithm, packed[2], packed[3])
+        dry = coulomb + ((1.0 - film_mean) * static - coulomb) * falling
+        dry *= side_factor(v, packed[13], coulomb, packed[14], pressure[row])
+        decay = stiffness * speed * sample_time / dry
+        after = bristle * math.exp(-decay) - math.expm1(-decay) * (v / speed) * (dry / stiffness)
+        damping = packed[6] * math.exp(-((v / packed[7]) ** 2))
+        friction[row] = stiffness * after + damping * (after - bristle) / sample_time + viscous_part
+        bristle = after
+    state[0], state[1], state[2] = bristle, film, last

@@ -1,0 +1,114 @@
+"""How a point of the search becomes the numbers of a friction model: the same rules for every model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.friction_models.identification.presliding import bristle_damping, damping_velocity
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.friction_models.model import FrictionModel
+    from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
+    from cylinder_friction.friction_models.stribeck import StribeckCurve
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Logarithms of what is positive, ratios of what belongs together: one coordinate a searched number.
+
+    In place of ``coulomb_n`` stands the logarithm of Coulomb friction at the reference pressure, in place of
+    ``static_n`` the excess ``Fs / Fc - 1``, and in place of ``pressure_slope_n_pa`` the share of that Coulomb friction
+    that is owed to pressure. Bristle damping is no coordinate: it follows from the damping ratio.
+
+    Attributes:
+        model: What is searched.
+        mass_kg: Moving mass, for the damping ratio [kg].
+        damping_ratio: Damping ratio of the mass on its bristles.
+        reference_pressure_pa: Where the first coordinate holds; 0 for a model without pressure [Pa].
+        lower, upper: Where the search may go, shape ``(coordinates,)``.
+    """
+
+    model: FrictionModel
+    mass_kg: float
+    damping_ratio: float
+    reference_pressure_pa: float
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def around(
+        cls,
+        model: FrictionModel,
+        curve: StribeckCurve,
+        mass_kg: float,
+        damping_ratio: float,
+        reference_pressure_pa: float = 0.0,
+    ) -> Coordinates:
+        """Returns coordinates with the bounds of the model's specs, around a curve of steady sliding."""
+        level = math.log(curve.coulomb_n)
+        bounds = np.array([_bounds(spec, level) for spec in model.searched])
+        return cls(model, mass_kg, damping_ratio, reference_pressure_pa, bounds[:, 0].copy(), bounds[:, 1].copy())
+
+    def values(self, point: Array) -> Array:
+        """Returns the model's numbers at a point of the search, shape ``(k,)``, in the order of its specs."""
+        at = {
+            spec.name: math.exp(number) if spec.logarithmic else float(number)
+            for spec, number in zip(self.model.searched, point, strict=True)
+        }
+        level, share = at["coulomb_n"], at.get("pressure_slope_n_pa", 0.0)
+        coulomb = level * (1.0 - share)
+        at["coulomb_n"] = coulomb
+        at["pressure_slope_n_pa"] = level * share / self.reference_pressure_pa if share > 0.0 else 0.0
+        if "static_n" in at:
+            at["static_n"] = coulomb * (1.0 + max(at["static_n"], 0.0))
+        if any(spec.name == "bristle_damping_n_s_m" for spec in self.model.specs):
+            damping = bristle_damping(
+                self.damping_ratio, at["bristle_stiffness_n_m"], self.mass_kg, at["viscous_n_s_m"]
+            )
+            at["bristle_damping_n_s_m"] = damping
+            at["damping_velocity_m_s"] = damping_velocity(
+                at["stribeck_velocity_m_s"], coulomb * min(1.0, at["retract_ratio"]), damping
+            )
+        return np.array([at[spec.name] for spec in self.model.specs])
+
+    def parameters(self, point: Array) -> ModelParameters:
+        """Returns the model's numbers at a point of the search, by name."""
+        return self.model.parameters(self.values(point))
+
+    def point(self, parameters: ModelParameters) -> Array:
+        """Returns the point of given parameters, moved into the bounds; their damping is not looked at."""
+        coulomb = parameters.value("coulomb_n")
+        owed_to_pressure = parameters.value("pressure_slope_n_pa") * self.reference_pressure_pa
+        level = coulomb + owed_to_pressure
+        numbers = []
+        for spec in self.model.searched:
+            if spec.relative_to == "curve":
+                number = math.log(level)
+            elif spec.relative_to == "coulomb_n":
+                number = parameters.value(spec.name) / coulomb - 1.0
+            elif spec.relative_to == "pressure":
+                number = owed_to_pressure / level
+            else:
+                value = parameters.value(spec.name)
+                number = math.log(max(value, spec.lower)) if spec.logarithmic else value
+            numbers.append(number)
+        inside = 1e-6 * (self.upper - self.lower)
+        return np.clip(np.array(numbers), self.lower + inside, self.upper - inside)
+
+    def start(self, curve: StribeckCurve, stiffness_n_m: float) -> Array:
+        """Returns the point of a steady curve and a stiffness; a first share of friction is owed to pressure."""
+        return self.point(self.model.first_guess(curve, stiffness_n_m, self.reference_pressure_pa))
+
+
+def _bounds(spec: ParameterSpec, level: float) -> tuple[float, float]:
+    if spec.relative_to == "curve":
+        return level + math.log(spec.lower), level + math.log(spec.upper)
+    return (math.log(spec.lower), math.log(spec.upper)) if spec.logarithmic else (spec.lower, spec.upper)

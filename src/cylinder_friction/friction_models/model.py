@@ -1,0 +1,150 @@
+"""The one interface behind every analytical friction model."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
+    from cylinder_friction.friction_models.stribeck import StribeckCurve
+
+    Array = NDArray[np.float64]
+
+    Kernel = Callable[[Array, Array, Array, Array, float, Array, Array], None]
+
+_NO_LOGARITHMS = np.zeros(0)
+
+_PRESLIDING_S = 0.02
+"""How long presliding lasts in quick motion; what stiffness is to a model with memory, a speed is to one without."""
+
+
+class FrictionModel(ABC):
+    """Friction as a function of motion, stepped at a velocity that is held over each sample.
+
+    A subclass sets the class attributes and gives ``new_state`` and ``kernel``. Its numbers travel as an array, in
+    the order of ``parameter_class.specs``: ``parameters`` and ``ModelParameters.packed`` translate.
+
+    Args:
+        pressure_scaled: Whether dry friction grows with pressure; its slope is then one more number to find.
+
+    Attributes:
+        name: In files; with pressure scaling, ``pressure_`` stands before it.
+        title: In words.
+        parameter_class: What holds its numbers.
+        multiply_adds: Operations of one step; an exponential, a logarithm or a power counts as 16.
+    """
+
+    short_name: ClassVar[str]
+    short_title: ClassVar[str]
+    parameter_class: ClassVar[type[ModelParameters]]
+    multiply_adds: ClassVar[int]
+
+    def __init__(self, pressure_scaled: bool = False) -> None:
+        self.pressure_scaled = pressure_scaled
+
+    @abstractmethod
+    def new_state(self) -> Array:
+        """Returns the state before the first sample, which ``simulate`` changes in place."""
+
+    @property
+    @abstractmethod
+    def kernel(self) -> Kernel:
+        """The compiled loop: ``(values, velocity, log_speed, pressure, sample_time_s, state, friction)``.
+
+        It changes ``state`` and fills ``friction``. ``log_speed`` is ``ln |velocity|``, which a search over
+        parameters computes once; where its length is zero, the loop computes it.
+        """
+
+    @property
+    def name(self) -> str:
+        return f"pressure_{self.short_name}" if self.pressure_scaled else self.short_name
+
+    @property
+    def title(self) -> str:
+        return f"{self.short_title}, pressure-scaled" if self.pressure_scaled else self.short_title
+
+    @property
+    def specs(self) -> tuple[ParameterSpec, ...]:
+        """Its numbers, in the order in which ``simulate`` takes them."""
+        return self.parameter_class.specs
+
+    @property
+    def searched(self) -> tuple[ParameterSpec, ...]:
+        """The numbers that identification finds; the others follow from them or, without pressure, are zero."""
+        return tuple(
+            spec for spec in self.specs if spec.searched and (self.pressure_scaled or spec.relative_to != "pressure")
+        )
+
+    def parameters(self, values: Array) -> ModelParameters:
+        """Returns the numbers by name, checked; raises ``ValueError`` if one cannot be."""
+        return self.parameter_class(*(float(value) for value in values))
+
+    def simulate(
+        self,
+        values: Array,
+        velocity_m_s: Array,
+        sample_time_s: float,
+        state: Array,
+        pressure_pa: Array | None = None,
+    ) -> Array:
+        """Returns friction [N], shape ``(n,)``, at the end of each sample, positive when it opposes positive velocity.
+
+        Velocity and pressure are held over a sample. Steps are stable however stiff presliding is, and cutting the
+        samples into pieces does not change one bit.
+
+        Args:
+            values: The numbers, shape ``(k,)``, in the order of ``specs``.
+            velocity_m_s: Shape ``(n,)``.
+            sample_time_s: Time between two samples [s].
+            state: From ``new_state``; changed in place.
+            pressure_pa: Gauge pressure that scales dry friction, shape ``(n,)``; zero where there is none.
+
+        Raises:
+            ValueError: Pressure has another shape than velocity.
+        """
+        velocity = np.ascontiguousarray(velocity_m_s, dtype=np.float64)
+        pressure = np.zeros_like(velocity) if pressure_pa is None else np.ascontiguousarray(pressure_pa, np.float64)
+        if pressure.shape != velocity.shape:
+            raise ValueError(
+                f"pressure_pa has shape {pressure.shape}, but velocity_m_s has {velocity.shape}; expected one"
+            )
+        friction = np.empty_like(velocity)
+        self.kernel(values, velocity, _NO_LOGARITHMS, pressure, sample_time_s, state, friction)
+        return friction
+
+    def first_guess(
+        self, curve: StribeckCurve, stiffness_n_m: float, reference_pressure_pa: float = 0.0
+    ) -> ModelParameters:
+        """Returns where a search may start.
+
+        Args:
+            curve: Friction of steady sliding.
+            stiffness_n_m: Of presliding.
+            reference_pressure_pa: Pressure at which the curve holds [Pa]; part of friction is then owed to it.
+        """
+        slope = 0.0
+        for spec in self.searched:
+            if spec.relative_to == "pressure" and spec.first is not None and reference_pressure_pa > 0.0:
+                slope = spec.first * curve.coulomb_n / reference_pressure_pa
+        kept = 1.0 - slope * reference_pressure_pa / curve.coulomb_n
+        measured = {
+            "coulomb_n": kept * curve.coulomb_n,
+            "static_n": kept * curve.static_n,
+            "stribeck_velocity_m_s": curve.stribeck_velocity_m_s,
+            "stribeck_exponent": curve.stribeck_exponent,
+            "viscous_n_s_m": curve.viscous_n_s_m,
+            "bristle_stiffness_n_m": stiffness_n_m,
+            "bristle_damping_n_s_m": 0.0,
+            "damping_velocity_m_s": curve.stribeck_velocity_m_s,
+            "regularising_velocity_m_s": curve.coulomb_n / stiffness_n_m / _PRESLIDING_S,
+            "retract_ratio": curve.retract_ratio,
+            "pressure_slope_n_pa": slope,
+        }
+        return self.parameter_class(**{spec.name: measured.get(spec.name, spec.first) for spec in self.specs})

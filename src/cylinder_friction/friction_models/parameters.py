@@ -1,0 +1,132 @@
+"""What the numbers of a friction model are: unit, meaning, where a search may take them; and how they are held."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One number of a friction model.
+
+    Attributes:
+        name: Field of the model's parameters, with its unit at the end.
+        unit: In words that ``pint`` reads.
+        meaning: In a few words.
+        lower, upper: Where a search may go.
+        first: Where it starts; None where the Stribeck curve or the presliding stiffness says it.
+        logarithmic: Whether the search moves its logarithm.
+        relative_to: What ``lower``, ``upper`` and ``first`` are counted in: the number itself; Coulomb friction of the
+            curve of steady sliding, as factors; ``coulomb_n``, as what exceeds it over it; friction at the reference
+            pressure, as the share that pressure makes.
+        searched: Whether it is found by search; otherwise it follows from the others.
+        may_be_zero: Whether zero makes sense too.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    lower: float
+    upper: float
+    first: float | None = None
+    logarithmic: bool = True
+    relative_to: Literal["", "curve", "coulomb_n", "pressure"] = ""
+    searched: bool = True
+    may_be_zero: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.lower < self.upper or (self.logarithmic and self.lower <= 0.0):
+            raise ValueError(f"expected lower < upper, above 0 if logarithmic, but got {self}")
+
+
+STIFFNESS_RANGE_N_M = (1e5, 1e8)
+"""What the bristles of cylinder seals may be."""
+
+COULOMB = ParameterSpec(
+    "coulomb_n",
+    "N",
+    "Coulomb friction while extending, at zero gauge pressure",
+    math.exp(-1.5),
+    math.exp(1.0),
+    relative_to="curve",
+)
+STATIC = ParameterSpec(
+    "static_n",
+    "N",
+    "static friction while extending, at zero gauge pressure",
+    0.0,
+    1.5,
+    logarithmic=False,
+    relative_to="coulomb_n",
+)
+STRIBECK_VELOCITY = ParameterSpec("stribeck_velocity_m_s", "m/s", "speed over which friction falls", 1e-3, 0.1)
+STRIBECK_EXPONENT = ParameterSpec(
+    "stribeck_exponent", "1", "shape of the fall from static to Coulomb friction", 0.5, 3.0, logarithmic=False
+)
+VISCOUS = ParameterSpec("viscous_n_s_m", "N s/m", "viscous coefficient", 1.0, 5e4, may_be_zero=True)
+STIFFNESS = ParameterSpec("bristle_stiffness_n_m", "N/m", "stiffness of presliding at its start", *STIFFNESS_RANGE_N_M)
+DAMPING = ParameterSpec(
+    "bristle_damping_n_s_m",
+    "N s/m",
+    "bristle damping at standstill, from the damping ratio",
+    1.0,
+    1e6,
+    searched=False,
+    may_be_zero=True,
+)
+DAMPING_VELOCITY = ParameterSpec(
+    "damping_velocity_m_s", "m/s", "speed over which bristle damping fades, for passivity", 1e-6, 10.0, searched=False
+)
+RETRACT_RATIO = ParameterSpec(
+    "retract_ratio", "1", "dry friction while retracting over dry friction while extending", 0.4, 2.5
+)
+PRESSURE_SLOPE = ParameterSpec(
+    "pressure_slope_n_pa",
+    "N/Pa",
+    "Coulomb friction per pascal of the sum of both pressures",
+    1e-3,
+    0.95,
+    0.3,
+    logarithmic=False,
+    relative_to="pressure",
+    may_be_zero=True,
+)
+
+
+@dataclass(frozen=True)
+class ModelParameters:
+    """The numbers of a friction model; a subclass has one field for each of its ``specs``, in their order.
+
+    Raises:
+        ValueError: A number is not finite or has an impossible sign, or static is below Coulomb friction.
+    """
+
+    specs: ClassVar[tuple[ParameterSpec, ...]] = ()
+
+    def value(self, name: str) -> float:
+        """Returns one number by name."""
+        return float(getattr(self, name))
+
+    def __post_init__(self) -> None:
+        owner = type(self).__name__
+        for spec in self.specs:
+            value = getattr(self, spec.name)
+            if not (math.isfinite(value) and (value > 0.0 or (spec.may_be_zero and value == 0.0))):
+                kind = "zero or a positive number" if spec.may_be_zero else "a positive number"
+                raise ValueError(f"{owner}: {spec.name} must be {kind}, but got {value!r}")
+        static, coulomb = getattr(self, "static_n", math.inf), getattr(self, "coulomb_n", 0.0)
+        if static < coulomb:
+            raise ValueError(f"{owner}: static_n must be at least coulomb_n ({coulomb} N), but got {static} N")
+
+    def packed(self) -> Array:
+        """Returns the numbers in the order of the fields, shape ``(k,)``, as the compiled functions take them."""
+        return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)

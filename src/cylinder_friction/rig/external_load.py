@@ -1,0 +1,160 @@
+"""Forces from outside on the rod: a boom with a weight, a spring, hands that put weights on and off, a slow sine.
+
+A load is a positive force where it resists extension, as in ``friction = P1·A1 - P2·A2 - m·a - F_load``. It is
+
+    F_load(t, x) = force(t) + share(t)·along(x)
+
+The inertia of what hangs on the rod is left out: it hangs on a long rope, so to speak.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+
+from cylinder_friction.rig.lever import TICK_S, ornstein_uhlenbeck
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+PLACES = 65
+"""Positions at which a load that depends on position is told, evenly from 0 to the stroke."""
+
+LARGEST_N = 3000.0
+"""Of all parts together."""
+
+GRAVITY_M_S2 = 9.81
+FRAME_M, BOOM_M, CLOSED_M = 0.55, 0.35, 0.45
+"""From the boom's pivot to the cylinder's foot and to its rod eye, and the cylinder's length with the rod in."""
+REACH_M = 1.0
+"""From the boom's pivot to its weight."""
+
+
+@dataclass(frozen=True)
+class ExternalLoad:
+    """A load as the simulation takes it.
+
+    Attributes:
+        force_n: Depends on time alone, one value each millisecond, shape ``(ticks,)`` [N].
+        share: How much of ``along_n`` works, one value each millisecond, shape ``(ticks,)``.
+        along_n: Depends on position, evenly from 0 to the stroke, shape ``(places,)`` [N].
+
+    Raises:
+        ValueError: The shapes do not fit, or a value is not finite.
+    """
+
+    force_n: Array
+    share: Array
+    along_n: Array
+
+    def __post_init__(self) -> None:
+        if self.force_n.ndim != 1 or self.force_n.shape != self.share.shape or self.along_n.ndim != 1:
+            raise ValueError(
+                "expected force_n and share of one length and along_n, one dimension each, but got shapes "
+                f"{self.force_n.shape}, {self.share.shape} and {self.along_n.shape}"
+            )
+        if len(self.along_n) < 2:
+            raise ValueError(f"along_n: expected at least 2 values, but got {len(self.along_n)}")
+        if not all(np.isfinite(values).all() for values in (self.force_n, self.share, self.along_n)):
+            raise ValueError("expected finite forces, but got NaN or infinity")
+
+    @classmethod
+    def of_time(cls, force_n: Array) -> ExternalLoad:
+        """Returns a load that depends on time alone, one value each millisecond [N]."""
+        force_n = np.asarray(force_n, dtype=np.float64)
+        return cls(force_n, np.zeros_like(force_n), np.zeros(2))
+
+    def at_start(self, position_m: float, stroke_m: float) -> float:
+        """Returns the load at time 0 [N]."""
+        return float(load_at(self.force_n, self.share, self.along_n, 0.0, position_m, stroke_m))
+
+
+@numba.njit(cache=True)
+def load_at(force_n: Any, share: Any, along_n: Any, time_s: float, position_m: float, stroke_m: float) -> float:
+    """Returns the load at a time and a position [N], in straight lines between the values; held beyond the ends."""
+    return _between(force_n, time_s / TICK_S) + _between(share, time_s / TICK_S) * _between(
+        along_n, position_m / stroke_m * (len(along_n) - 1)
+    )
+
+
+@numba.njit(cache=True)
+def _between(values: Any, place: float) -> float:
+    index = min(max(int(place), 0), len(values) - 2)
+    part = min(max(place - index, 0.0), 1.0)
+    return values[index] + (values[index + 1] - values[index]) * part
+
+
+def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> ExternalLoad:
+    """Returns a load drawn at random, to about ±3 kN, that changes within the recording.
+
+    A boom, a spring or neither, whose share wanders by some percent; and always weights that somebody puts on and off
+    at random, or a slow sine, or both.
+    """
+    ticks = round(duration_s / TICK_S) + 2
+    base = generator.choice(3, p=(0.45, 0.30, 0.25))
+    along_n = (boom_n, spring_n, nothing_n)[base](generator, stroke_m)
+    share = 1.0 + np.clip(ornstein_uhlenbeck(generator, ticks, TICK_S, 3.0, 0.03), -0.1, 0.1)
+    with_steps, with_sine = ((True, False), (False, True), (True, True))[generator.choice(3, p=(0.4, 0.2, 0.4))]
+    force_n = np.zeros(ticks)
+    if with_steps:
+        force_n += steps_n(generator, ticks)
+    if with_sine:
+        force_n += slow_sine_n(generator, ticks)
+    greatest = float(np.abs(force_n).max() + 1.1 * np.abs(along_n).max())
+    scale = min(1.0, LARGEST_N / greatest)
+    return ExternalLoad(scale * force_n, share, scale * along_n)
+
+
+def boom_n(generator: Generator, stroke_m: float) -> Array:
+    """Returns the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N].
+
+    The boom turns by some 45° over the stroke: the weight's lever changes with the cosine of the boom's angle, the
+    cylinder's by the law of cosines in the triangle of frame, boom and cylinder.
+    """
+    length = CLOSED_M + np.linspace(0.0, 1.0, PLACES) * stroke_m
+    cosine = np.clip((FRAME_M**2 + BOOM_M**2 - length**2) / (2.0 * FRAME_M * BOOM_M), -0.95, 0.95)
+    angle = np.arccos(cosine)
+    lever_m = FRAME_M * BOOM_M * np.sin(angle) / length
+    above_horizon = generator.uniform(math.radians(-40.0), math.radians(20.0)) + angle - angle[0]
+    sign = 1.0 if generator.random() < 0.6 else -1.0
+    mass_kg = generator.uniform(12.0, 65.0)
+    return np.asarray(sign * mass_kg * GRAVITY_M_S2 * REACH_M * np.cos(above_horizon) / lever_m)
+
+
+def spring_n(generator: Generator, stroke_m: float) -> Array:
+    """Returns the force of a spring that the rod meets somewhere on its way, in either direction [N]."""
+    along_m = np.linspace(0.0, stroke_m, PLACES)
+    stiffness_n_m = generator.uniform(4e3, 15e3)
+    free_m = generator.uniform(0.0, 0.5) * stroke_m
+    pressed_n = np.minimum(stiffness_n_m * np.maximum(along_m - free_m, 0.0), 2500.0)
+    return pressed_n if generator.random() < 0.5 else -pressed_n[::-1]
+
+
+def nothing_n(_: Generator, stroke_m: float) -> Array:
+    """Returns no force at each position [N]."""
+    return np.zeros(PLACES) * stroke_m
+
+
+def steps_n(generator: Generator, ticks: int) -> Array:
+    """Returns what somebody does to the load: another force every 2 to 10 s, within a third of a second [N]."""
+    duration_s = ticks * TICK_S
+    at_s, force_n = [0.0], [generator.uniform(-1000.0, 1000.0)]
+    while at_s[-1] < duration_s:
+        began_s = at_s[-1] + (generator.uniform(2.0, 10.0) if len(at_s) > 1 else generator.uniform(0.5, 3.0))
+        at_s += [began_s, began_s + generator.uniform(0.06, 0.35)]
+        force_n += [force_n[-1], generator.uniform(-1300.0, 1300.0)]
+    return np.interp(TICK_S * np.arange(ticks), at_s, force_n)
+
+
+def slow_sine_n(generator: Generator, ticks: int) -> Array:
+    """Returns a sine of 0.05 to 0.3 Hz and 200 to 900 N [N]."""
+    rate = 2.0 * math.pi * generator.uniform(0.05, 0.3)
+    phase = generator.uniform(0.0, 2.0 * math.pi)
+    return np.asarray(generator.uniform(200.0, 900.0) * np.sin(rate * TICK_S * np.arange(ticks) + phase))

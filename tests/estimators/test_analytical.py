@@ -1,0 +1,195 @@
+from __future__ import annotations
+
+import itertools
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.estimators import FrictionEstimator
+from cylinder_friction.estimators.analytical import AnalyticalEstimator, scaled_effort
+from cylinder_friction.evaluation.benchmark.roster.analytical import ENTRIES
+from cylinder_friction.evaluation.benchmark.roster.entry import Making
+from cylinder_friction.friction_models import Dahl, LuGre, model_named
+from cylinder_friction.recordings import SAMPLE_COLUMNS, Recording, RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+
+NAMES = [entry.name for entry in ENTRIES]
+LEVELS = ("position_m", "oil_temperature_c", "pressure_1_level_pa", "pressure_2_level_pa")
+
+
+def made(name: str, cylinder: Cylinder, inputs: tuple[str, ...] = SAMPLE_COLUMNS, seed: int = 1) -> AnalyticalEstimator:
+    entry = next(entry for entry in ENTRIES if entry.name == name)
+    estimator = entry.make(Making(cylinder, inputs, seed, 0.02, {}))
+    assert isinstance(estimator, AnalyticalEstimator)
+    return estimator
+
+
+@pytest.fixture(scope="module")
+def fitted(cylinder: Cylinder, labelled_recordings: list[Recording]) -> dict[str, AnalyticalEstimator]:
+    estimators = {name: made(name, cylinder) for name in NAMES}
+    for estimator in estimators.values():
+        estimator.fit(labelled_recordings)
+    return estimators
+
+
+def with_levels(recording: Recording) -> Recording:
+    """Returns a recording with levels: its pressures behind a low-pass, which differ from them."""
+    levels = {
+        column.replace("_pa", "_level_pa"): np.convolve(recording.column(column), np.full(50, 0.02), mode="same")
+        for column in SAMPLE_COLUMNS[:2]
+    }
+    return recording.with_columns(oil_temperature_c=np.full(len(recording), 40.0), **levels)
+
+
+def test_the_roster_has_the_models_of_the_literature() -> None:
+    assert NAMES == ["stribeck", "dahl", "lugre", "pressure_lugre", "film_lugre", "gms"]
+    assert all(entry.family == "analytical" and not entry.space and entry.source for entry in ENTRIES)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "able"),
+    [
+        (SAMPLE_COLUMNS, NAMES),
+        (("position_m", "oil_temperature_c"), [name for name in NAMES if name != "pressure_lugre"]),
+        (LEVELS, NAMES),
+        (("pressure_1_pa", "pressure_2_pa"), []),
+    ],
+)
+def test_a_model_takes_part_where_it_has_its_inputs(inputs: tuple[str, ...], able: list[str]) -> None:
+    assert [entry.name for entry in ENTRIES if entry.can(inputs)] == able
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_fits_every_test_at_once(
+    name: str, fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording]
+) -> None:
+    """Friction of these recordings is a static curve that grows with pressure; without pressure its mean is left."""
+    found = fitted[name].identification
+    assert found is not None
+    assert found.error_percent < (9.0 if name == "pressure_lugre" else 25.0)
+    label = np.concatenate([recording.column("friction_n") for recording in labelled_recordings])
+    estimate = np.concatenate([fitted[name].estimate(recording) for recording in labelled_recordings])
+    assert found.error_n == pytest.approx(float(np.abs(estimate - label).mean()), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pieces_and_single_samples_equal_the_whole_bit_for_bit(
+    name: str, fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording]
+) -> None:
+    estimator, recording = fitted[name], labelled_recordings[3]
+    whole = estimator.estimate(recording)
+    state, samples = estimator.new_state(), recording.samples()
+    pieces = [estimator.advance(state, samples[a:b]) for a, b in itertools.pairwise([0, 1, 2, 57, 58, 900, None])]
+    np.testing.assert_array_equal(np.concatenate(pieces), whole)
+    stream = estimator.stream()
+    np.testing.assert_array_equal([stream.step(*row) for row in samples[:300]], whole[:300])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_saving_and_loading_changes_no_bit_and_keeps_units_and_intervals(
+    name: str, fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
+    estimator = fitted[name]
+    estimator.save(tmp_path)
+    loaded = FrictionEstimator.load(tmp_path)
+    assert isinstance(loaded, AnalyticalEstimator)
+    assert loaded.model.name == name
+    np.testing.assert_array_equal(loaded.estimate(labelled_recordings[0]), estimator.estimate(labelled_recordings[0]))
+    assert (loaded.parameters, loaded.intervals, loaded.sense) == (
+        estimator.parameters,
+        estimator.intervals,
+        estimator.sense,
+    )
+    content = json.loads((tmp_path / "estimator.json").read_text())["parameters"]["model"]
+    assert {key: entry["unit"] for key, entry in content.items()} == {
+        spec.name: spec.unit for spec in estimator.model.specs
+    }
+    for spec in estimator.model.searched:
+        lower, upper = content[spec.name]["interval"]
+        assert lower <= content[spec.name]["value"] <= upper
+    loaded.save(tmp_path / "again")
+    assert (tmp_path / "again/estimator.json").read_bytes() == (tmp_path / "estimator.json").read_bytes()
+
+
+def test_the_same_seed_finds_the_same_bits(
+    cylinder: Cylinder, fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording]
+) -> None:
+    again = made("gms", cylinder)
+    again.fit(labelled_recordings)
+    assert again.parameters == fitted["gms"].parameters
+    assert again.intervals == fitted["gms"].intervals
+
+
+def test_only_a_model_that_uses_pressure_feels_it(
+    fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording]
+) -> None:
+    recording = labelled_recordings[0]
+    other = recording.with_columns(pressure_2_pa=recording.column("pressure_2_pa") + 3e6)
+    for name in NAMES:
+        felt = np.abs(fitted[name].estimate(other) - fitted[name].estimate(recording)).mean()
+        assert felt > 20.0 if name == "pressure_lugre" else felt == 0.0
+
+
+def test_levels_of_pressure_do_where_raw_pressures_are_not_seen(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    levelled = [with_levels(recording) for recording in labelled_recordings]
+    estimator = made("pressure_lugre", cylinder, LEVELS)
+    estimator.fit(levelled)
+    before = estimator.estimate(levelled[0])
+    hidden = levelled[0].with_columns(pressure_1_pa=np.zeros(len(before)), pressure_2_pa=np.zeros(len(before)))
+    np.testing.assert_array_equal(estimator.estimate(hidden), before)
+    risen = levelled[0].with_columns(pressure_2_level_pa=levelled[0].column("pressure_2_level_pa") + 3e6)
+    assert np.abs(estimator.estimate(risen) - before).mean() > 20.0
+
+
+def test_the_place_of_the_position_among_the_inputs_does_not_matter(
+    cylinder: Cylinder, fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording]
+) -> None:
+    alone = made("dahl", cylinder, ("position_m",))
+    alone.fit(labelled_recordings)
+    assert alone.parameters == fitted["dahl"].parameters
+    recording = labelled_recordings[2]
+    np.testing.assert_array_equal(alone.estimate(recording), fitted["dahl"].estimate(recording))
+
+
+def test_one_test_alone_is_the_paper_s_way(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+    first = [recording for recording in labelled_recordings if recording.metadata.test == "1"]
+    one, same = (AnalyticalEstimator(cylinder, Dahl(), test=test, effort=scaled_effort(0.02)) for test in ("1", None))
+    one.fit(labelled_recordings)
+    same.fit(first)
+    assert one.parameters == same.parameters
+    missing = AnalyticalEstimator(cylinder, Dahl(), test="no load")
+    with pytest.raises(RecordingError, match=r"no recording of test 'no load'; got tests \['1', '2', '3', '4'\]"):
+        missing.fit(labelled_recordings)
+
+
+def test_more_effort_searches_more(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+    budgets = []
+    for effort in (0.02, 0.1):
+        estimator = AnalyticalEstimator(cylinder, Dahl(), effort=scaled_effort(effort))
+        estimator.fit(labelled_recordings[:2])
+        assert estimator.identification is not None
+        budgets.append(estimator.identification.simulated_samples)
+    assert budgets[1] > 1.5 * budgets[0]
+    with pytest.raises(ValueError, match=r"expected an effort above 0 and at most 1, but got 0\.0"):
+        scaled_effort(0.0)
+
+
+def test_missing_inputs_are_refused(cylinder: Cylinder) -> None:
+    with pytest.raises(ValueError, match=r"dahl: inputs are \['pressure_1_pa'\], but expected position_m among them"):
+        AnalyticalEstimator(cylinder, Dahl(), ("pressure_1_pa",))
+    with pytest.raises(ValueError, match="expected one pair of pressures among them: pressure_1_pa and pressure_2_pa"):
+        AnalyticalEstimator(cylinder, LuGre(pressure_scaled=True), ("position_m",))
+
+
+def test_cost_is_the_model_s_and_the_velocity_filter_s(fitted: dict[str, AnalyticalEstimator]) -> None:
+    for name, estimator in fitted.items():
+        assert estimator.sense is not None
+        assert estimator.multiply_adds() == model_named(name).multiply_adds + 2 * estimator.sense.window

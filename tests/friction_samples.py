@@ -1,0 +1,75 @@
+"""One physical set of numbers for each friction model, and a path with everything in it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.friction_models import (
+    CoulombStribeckParameters,
+    DahlParameters,
+    FilmLugreParameters,
+    LugreParameters,
+    MaxwellSlipParameters,
+    ModelParameters,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CURVE = {"coulomb_n": 240.0, "static_n": 360.0, "stribeck_velocity_m_s": 8e-3, "stribeck_exponent": 1.5}
+ODD: dict[str, ModelParameters] = {
+    "stribeck": CoulombStribeckParameters(
+        **CURVE, viscous_n_s_m=1500.0, regularising_velocity_m_s=5e-4, standstill_share=0.6
+    ),
+    "dahl": DahlParameters(240.0, 1500.0, 5e6),
+    "lugre": LugreParameters(
+        **CURVE,
+        viscous_n_s_m=1500.0,
+        bristle_stiffness_n_m=5e6,
+        bristle_damping_n_s_m=4000.0,
+        damping_velocity_m_s=8e-3,
+    ),
+    "film_lugre": FilmLugreParameters(
+        **CURVE,
+        viscous_n_s_m=1500.0,
+        bristle_stiffness_n_m=5e6,
+        bristle_damping_n_s_m=4000.0,
+        damping_velocity_m_s=8e-3,
+        film_velocity_m_s=0.04,
+        film_build_s=0.05,
+        film_squeeze_s=0.2,
+        film_dwell_s=2.0,
+        film_inertia_s=2e-3,
+    ),
+    "gms": MaxwellSlipParameters(
+        **CURVE,
+        viscous_n_s_m=1500.0,
+        bristle_stiffness_n_m=5e6,
+        travel_spread=20.0,
+        share_tilt=0.5,
+        attraction_n_s=8000.0,
+    ),
+}
+"""Without pressure or direction."""
+
+
+def held_path(sample_time_s: float) -> NDArray[np.float64]:
+    """Returns presliding to and fro, breakaway, fast sliding, a slow stretch, dwell, reversal, dwell, stick again."""
+    stretches = [
+        (1e-4, 0.05),
+        (-1.5e-4, 0.05),
+        (2e-3, 0.1),
+        (0.08, 0.1),
+        (0.012, 0.1),
+        (0.0, 0.25),
+        (5e-3, 0.05),
+        (-0.03, 0.1),
+        (-1e-3, 0.1),
+        (0.0, 0.1),
+        (1e-4, 0.05),
+        (0.2, 0.05),
+        (-0.2, 0.05),
+    ]
+    return np.concatenate([np.full(round(lasting / sample_time_s), speed) for speed, lasting in stretches])

@@ -1,0 +1,95 @@
+"""Rigs from the whole of their ranges: each within them, each another, and every one works."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.rig import CampaignPlan, RigParameters, campaign, default_rig, draw_wide_rig
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+SEEDS = 200
+
+
+@pytest.fixture(scope="module")
+def drawn(cylinder: Cylinder) -> list[RigParameters]:
+    return [draw_wide_rig(default_rig(cylinder), np.random.default_rng(seed)) for seed in range(SEEDS)]
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("coulomb_n", 115.0, 750.0),
+        ("asymmetry", 0.024, 0.167),
+        ("static_ratio", 1.1, 2.0),
+        ("stribeck_velocity_m_s", 0.002, 0.030),
+        ("film_velocity_m_s", 0.020, 0.100),
+        ("viscous_n_s_m", 300.0, 4000.0),
+        ("film_build_s", 0.02, 0.15),
+        ("film_squeeze_s", 0.08, 0.5),
+        ("film_dwell_s", 5.0, 40.0),
+    ],
+)
+def test_each_parameter_fills_its_range_and_keeps_to_it(
+    drawn: list[RigParameters], name: str, low: float, high: float
+) -> None:
+    values = np.array([getattr(rig.friction, name) for rig in drawn])
+    assert low <= values.min()
+    assert values.max() <= high
+    assert np.ptp(values) > 0.9 * (high - low)
+
+
+def test_stiffness_spans_two_decades_and_the_elements_share_it(drawn: list[RigParameters]) -> None:
+    total = np.array([sum(rig.friction.stiffness_n_m) for rig in drawn])
+    assert 1e6 <= total.min() < 1.3e6
+    assert 0.8e8 < total.max() <= 1e8
+    assert all(sum(rig.friction.share) == pytest.approx(1.0) for rig in drawn)
+
+
+def test_pressure_slopes_are_those_of_known_seals(drawn: list[RigParameters]) -> None:
+    def slope_n_bar(rig: RigParameters) -> float:
+        f = rig.friction
+        return 0.8 * f.piston_seal_n * 50.0**-0.2 + 0.7 * f.rod_seal_n * 50.0**-0.3
+
+    slopes = np.array([slope_n_bar(rig) for rig in drawn])
+    assert slopes.min() > 1.3
+    assert slopes.max() < 13.0
+    assert np.quantile(slopes, 0.1) < 3.0
+    assert np.quantile(slopes, 0.9) > 7.0
+
+
+def test_cylinder_and_mass_stay_as_they_are_known(cylinder: Cylinder, drawn: list[RigParameters]) -> None:
+    plain = default_rig(cylinder).hydraulics
+    for rig in drawn:
+        assert rig.cylinder == cylinder
+        assert (rig.hydraulics.mass_kg, rig.hydraulics.stroke_m) == (plain.mass_kg, plain.stroke_m)
+
+
+def test_eight_seeds_are_eight_clearly_different_rigs(drawn: list[RigParameters]) -> None:
+    names = ("coulomb_n", "static_ratio", "stribeck_velocity_m_s", "viscous_n_s_m", "piston_seal_n", "film_dwell_s")
+    points = np.log([[getattr(rig.friction, name) for name in names] for rig in drawn[:8]])
+    apart = np.abs(points[:, None] - points[None]).max(axis=2)[~np.eye(8, dtype=bool)]
+    assert apart.min() > 0.4, "some parameter differs by half between any two of them"
+
+
+@pytest.mark.slow
+def test_fifty_of_them_work(cylinder: Cylinder) -> None:
+    mean_n, speeds = [], []
+    for seed in range(50):
+        plan = CampaignPlan(seed, sessions_per_test=1, recordings_per_session=1, duration_s=8.0, specimen="wide")
+        truths = [recording.truth for recording in campaign(cylinder, plan)]
+        pressures = np.array([truth[["pressure_1_pa", "pressure_2_pa"]].to_numpy() for truth in truths])
+        assert pressures.min() > -1.0e5
+        assert pressures.max() < 110e5
+        friction = np.abs([truth["friction_n"] for truth in truths])
+        assert friction.max() < 4000.0
+        mean_n.append(friction.mean())
+        speeds.append(np.quantile(np.abs([truth["velocity_m_s"] for truth in truths]), 0.95))
+    assert 100.0 < min(mean_n) < 320.0
+    assert 700.0 < max(mean_n) < 1500.0
+    assert min(speeds) > 0.015
+    assert max(speeds) < 0.15
