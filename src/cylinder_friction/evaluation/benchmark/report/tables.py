@@ -61,7 +61,7 @@ def error_table(result: TaskResult, names: Names) -> str:
                 Cell(of_size(score.percent.value), within(score.percent), score.percent.value),
                 *(number(value) for value in (score.mae_n, score.rmse_n, score.p95_n)),
                 number(score.bias_n, signed),
-                number(1e3 * score.lag_s, lambda value: f"{value:.0f}".replace("-", "−")),
+                number(1e3 * score.lag_s, lambda value: f"{value:z.0f}".replace("-", "−")),
                 margin_cell(entry.below_floor),
                 *(number(entry.extras.get(key, math.nan)) for key in extras),
             ]
