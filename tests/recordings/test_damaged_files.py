@@ -228,7 +228,7 @@ case(
     "ambiguous dates",
     text(
         lambda s: (
-            "\n".join([s.splitlines()[0]] + [f"01/02/2026 10:00:{i / 200:06.3f},1,2,3" for i in range(2000)]) + "\n"
+            "\n".join([s.splitlines()[0]] + [f"01/02/2026 10:00:{i / 200:06.3f},1,2,3,40" for i in range(2000)]) + "\n"
         )
     ),
     "quarantined",
