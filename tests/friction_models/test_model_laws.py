@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -31,6 +31,16 @@ def friction(
 ) -> np.ndarray:
     model = model_named(name)
     return model.simulate(parameters.packed(), np.asarray(path), step_s, model.new_state())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_numbers_stand_in_the_order_of_their_specs(name: str) -> None:
+    """Compiled loops, files and ``packed`` count on it; the curve's come first, what scales dry friction last."""
+    specs = [spec.name for spec in model_named(name).specs]
+    assert [field.name for field in fields(ODD[name])] == specs
+    assert specs[-2:] == ["retract_ratio", "pressure_slope_n_pa"]
+    if name != "dahl":
+        assert specs[:5] == [field.name for field in fields(StribeckCurve)][:5]
 
 
 @settings(deadline=None)

@@ -52,6 +52,7 @@ def test_too_few_points_are_refused_with_what_to_do() -> None:
     [
         ({"coulomb_n": -1.0}, "coulomb_n must be a positive number, but got -1.0"),
         ({"static_n": 200.0}, r"static_n must be at least coulomb_n \(240.0 N\), but got 200.0 N"),
+        ({"retract_ratio": 0.0}, "StribeckCurve: retract_ratio must be a positive number, but got 0.0"),
         ({"viscous_n_s_m": float("nan")}, "viscous_n_s_m must be zero or a positive number, but got nan"),
     ],
 )

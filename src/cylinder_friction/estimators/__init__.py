@@ -8,7 +8,6 @@ from cylinder_friction.estimators.base import (
     EstimatorStream,
     FrictionEstimator,
     NotFittedError,
-    TrainingRange,
 )
 from cylinder_friction.estimators.by_direction import ConstantByDirectionEstimator, CoulombViscousLineEstimator
 from cylinder_friction.estimators.checkpoint import Checkpoint
@@ -33,6 +32,7 @@ from cylinder_friction.estimators.machado import MachadoEstimator
 from cylinder_friction.estimators.narx import NarxEstimator
 from cylinder_friction.estimators.tcn import TcnEstimator
 from cylinder_friction.estimators.training_plan import Architecture, LearningCurve, TrainingPlan
+from cylinder_friction.estimators.training_range import TrainingRange
 
 __all__ = [
     "AnalyticalEstimator",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from cylinder_friction.estimators.realtime.bounds import calibrate_bounds
 from cylinder_friction.estimators.realtime.guard import guard_from
 from cylinder_friction.estimators.realtime.model import Bounds, Guard
+from cylinder_friction.estimators.training_range import TrainingRange
 from cylinder_friction.recordings import (
     SAMPLE_COLUMNS,
     Recording,
@@ -33,26 +34,6 @@ DESCRIPTION_FILE = "estimator.json"
 
 class NotFittedError(RuntimeError):
     """An estimator was used before ``fit`` or ``load``."""
-
-
-@dataclass(frozen=True)
-class TrainingRange:
-    """The samples an estimator was taught on: per input column its smallest and largest value."""
-
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-
-    @classmethod
-    def of(cls, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS) -> Self:
-        lower = np.min([recording.samples(inputs).min(axis=0) for recording in recordings], axis=0)
-        upper = np.max([recording.samples(inputs).max(axis=0) for recording in recordings], axis=0)
-        return cls(tuple(map(float, lower)), tuple(map(float, upper)))
-
-    def holds(self, samples: Array, margin: float = 0.05) -> NDArray[np.bool_]:
-        """Returns which rows of ``samples``, shape ``(n, k)``, lie in the range, widened by ``margin`` of it."""
-        lower, upper = np.array(self.lower), np.array(self.upper)
-        slack = margin * (upper - lower)
-        return np.asarray(((samples >= lower - slack) & (samples <= upper + slack)).all(axis=1))
 
 
 class FrictionEstimator(ABC):
@@ -198,7 +179,9 @@ class FrictionEstimator(ABC):
         estimator.inputs = tuple(description["input"])
         limits = [description["training_range"][column] for column in estimator.inputs]
         estimator.sample_time_s = description["sample_time_s"]
-        estimator.training_range = TrainingRange(tuple(low for low, _ in limits), tuple(high for _, high in limits))
+        estimator.training_range = TrainingRange(
+            estimator.inputs, tuple(low for low, _ in limits), tuple(high for _, high in limits)
+        )
         guard, bounds = description.get("guard"), description.get("bounds")
         estimator.guard = None if guard is None else Guard.from_dict(guard)
         estimator.bounds = None if bounds is None else Bounds.from_dict(bounds)

@@ -16,7 +16,7 @@ import numpy as np
 
 from cylinder_friction.estimators.elman_network import Batch, cost, cost_and_gradient, elman_step, weight_count
 from cylinder_friction.estimators.learned import LearnedEstimator
-from cylinder_friction.estimators.source_columns import VELOCITIES, MotionSide, places_of, task_columns
+from cylinder_friction.estimators.source_columns import VELOCITIES, last_motion, places_of, task_columns
 from cylinder_friction.estimators.swarm import TRAIL, Found, SwarmPlan, swarm_then_simplex
 from cylinder_friction.recordings import SAMPLE_COLUMNS
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.features import Features
     from cylinder_friction.estimators.training_plan import SequenceData
 
     Single = NDArray[np.float32]
@@ -81,23 +80,21 @@ class ElmanMemory:
     Attributes:
         hidden, context: Shape ``(nodes,)``.
         held: Samples until the next step, and the last output.
-        side: State of the side of the last motion.
     """
 
     hidden: Single
     context: Single
     held: NDArray[np.float64]
-    side: NDArray[np.float64]
 
 
 class ElmanEstimator(LearnedEstimator):
     """An Elman network on velocity and what else the task shows, that is friction or corrects the force balance.
 
     Chosen where the source says nothing: 8 hidden nodes; context self-feedback; inputs are the velocity, straight and
-    softly limited, the side of the last motion and the task's other columns; the network corrects the force balance
-    where raw pressures are there; cost is the absolute error, rounded at nought; 64 pieces of 250 steps are learnt
-    from; the weights after that twentieth of the search which is best on the validation recordings are kept; the
-    swarm's box.
+    softly limited, the direction of the last motion and the task's other columns; the network corrects the force
+    balance where raw pressures are there; cost is the absolute error, rounded at nought; 64 pieces of 250 steps are
+    learnt from; the weights after that twentieth of the search are kept which is best, on validation recordings where
+    there are some; the swarm's box.
 
     Args:
         cylinder: Its areas.
@@ -123,10 +120,9 @@ class ElmanEstimator(LearnedEstimator):
         self.plan = plan or ElmanPlan()
         self.weights: Single | None = None
         self.found: Found | None = None
-        self._side: MotionSide | None = None
 
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        batch, unseen = self._batch(train), self._batch(validation)
+        batch, unseen = self._batch(train), self._batch(validation or train)
         plan = self.plan
         count = weight_count(len(self._columns()) + 1, plan.nodes)
         if plan.trainer == "swarm":
@@ -144,17 +140,14 @@ class ElmanEstimator(LearnedEstimator):
 
     def new_memory(self) -> ElmanMemory:
         nodes = self.plan.nodes
-        assert self._side is not None
-        hidden, context = np.zeros(nodes, np.float32), np.zeros(nodes, np.float32)
-        return ElmanMemory(hidden, context, np.zeros(2), self._side.new_state())
+        return ElmanMemory(np.zeros(nodes, np.float32), np.zeros(nodes, np.float32), np.zeros(2))
 
     def predict(self, memory: ElmanMemory, features: Single) -> NDArray[Any]:
         assert self.weights is not None
-        rows = self._inputs(memory.side, features)
         return _run(
             self.weights,
             np.float32(self.plan.feedback),
-            rows,
+            self._inputs(features),
             memory.hidden,
             memory.context,
             memory.held,
@@ -181,18 +174,14 @@ class ElmanEstimator(LearnedEstimator):
         estimator.weights = np.array(content["weights"], dtype=np.float32)
         return estimator
 
-    def _set_features(self, features: Features) -> None:
-        super()._set_features(features)
-        self._side = MotionSide(features)
-
     def _columns(self) -> list[int]:
         assert self.features is not None
         return places_of(self.features, (*VELOCITIES, *task_columns(self.features)))
 
-    def _inputs(self, side: NDArray[np.float64], features: Single) -> Single:
-        """Returns what the network sees, shape ``(n, k)``; changes the state of the side of motion."""
-        assert self._side is not None
-        way = self._side.advance(side, features)
+    def _inputs(self, features: Single) -> Single:
+        """Returns what the network sees, shape ``(n, k)``."""
+        assert self.features is not None
+        way = last_motion(self.features, features)
         return np.column_stack([features[:, self._columns()], way]).astype(np.float32)
 
     def _stride(self) -> int:
@@ -204,8 +193,7 @@ class ElmanEstimator(LearnedEstimator):
         generator = np.random.default_rng([self.seed, 1])
         stride = self._stride()
         length = min(SEGMENT_STEPS, *(len(each.target) // stride for each in recordings))
-        assert self._side is not None
-        inputs = [self._inputs(self._side.new_state(), each.features) for each in recordings]
+        inputs = [self._inputs(each.features) for each in recordings]
         pieces = []
         for index in range(SEGMENTS):
             number = index % len(recordings)

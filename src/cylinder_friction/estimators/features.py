@@ -18,7 +18,10 @@ from cylinder_friction.estimators.front_end import (
     FrontEndState,
     feature_rows,
     smoothed_force_balance_taps,
+    standardisation,
+    unscaled_front_end,
 )
+from cylinder_friction.estimators.play import AGE, DIRECTION, new_play, push
 from cylinder_friction.recordings import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
@@ -102,7 +105,7 @@ class FeatureBlock:
         self._smooth = features.front_end.names.index("position_m_20")
 
     def new_state(self) -> FeatureState:
-        return FeatureState(self._linear.new_state(), np.full(7, np.nan))
+        return FeatureState(self._linear.new_state(), _new_history())
 
     def advance(self, state: FeatureState, samples: Array) -> tuple[Any, Array]:
         """Returns features, shape ``(n, k)``, float32, and the force balance to correct [N], shape ``(n,)``."""
@@ -141,28 +144,18 @@ def fit_features(inputs: Sequence[str], cylinder: Cylinder, recordings: Sequence
     if inputs[:3] == SAMPLE_COLUMNS:
         found = smoothed_force_balance_taps(cylinder, recordings)
         base = np.pad(found, ((0, 0), (0, len(inputs) - 3), (0, 0)))
-    count = len(rows)
-    length = max(row.taps.shape[1] for row in rows)
-    taps = np.stack([np.pad(row.taps, ((0, 0), (0, length - row.taps.shape[1]))) for row in rows])
-    limits = np.array([row.limit for row in rows])
-    names = tuple(row.name for row in rows)
-    raw = Features(
-        inputs,
-        FrontEnd(names, taps, limits, np.zeros(count), np.ones(count), base),
-        np.zeros(len(HISTORY_NAMES)),
-        np.ones(len(HISTORY_NAMES)),
-        sample_time_s,
-    )
-    block = FeatureBlock(raw)
-    seen = [
-        block.advance(block.new_state(), recording.samples(inputs))[0][recording.usable()].astype(np.float64)
-        for recording in recordings
-    ]
-    values = np.concatenate(seen)
-    mean, scale = values.mean(axis=0), values.std(axis=0)
-    scale[scale == 0.0] = 1.0
-    front_end = replace(raw.front_end, mean=mean[:count], scale=scale[:count])
-    return replace(raw, front_end=front_end, mean=mean[count:], scale=scale[count:])
+    front_end = unscaled_front_end(rows, base)
+    count, history = len(rows), len(HISTORY_NAMES)
+    raw = Features(inputs, front_end, np.zeros(history), np.ones(history), sample_time_s)
+    mean, scale = standardisation(FeatureBlock(raw), inputs, recordings)
+    scaled = replace(front_end, mean=mean[:count], scale=scale[:count])
+    return replace(raw, front_end=scaled, mean=mean[count:], scale=scale[count:])
+
+
+def _new_history() -> Array:
+    """Returns the state before the first position, shape ``(7,)``: dwell [s], dwell before [s], place of the last
+    reversal or start [m], NaN before the first position, time of motion [s]; then the play [m], its age in seconds."""
+    return np.concatenate([[0.0, 0.0, np.nan, 0.0], new_play()])
 
 
 @numba.njit(cache=True)
@@ -170,34 +163,27 @@ def _history(position_m: Array, state: Array, sample_time_s: float) -> Array:
     """Returns, shape ``(n, 6)``: direction of the last motion; logarithms of the dwell so far and of the one before
     this motion; travel since the last reversal or start, saturating over 0.2 mm and over 5 mm; time of motion so far.
 
-    State: direction, dwell [s], dwell before [s], place of the last reversal or start [m], time of motion [s],
-    centre of the play [m], time since it was pushed [s].
+    State: from ``_new_history``, changed in place.
     """
     result = np.empty((position_m.shape[0], 6))
-    if position_m.shape[0] > 0 and np.isnan(state[0]):
-        state[:] = 0.0
-        state[3], state[5], state[6] = position_m[0], position_m[0], MOVES_S
+    play = state[4:]
     for row in range(position_m.shape[0]):
-        at = position_m[row]
-        way = 0.0
-        if at > state[5] + PLAY_M:
-            way, state[5] = 1.0, at - PLAY_M
-        elif at < state[5] - PLAY_M:
-            way, state[5] = -1.0, at + PLAY_M
-        state[6] = 0.0 if way != 0.0 else state[6] + sample_time_s
-        if way != 0.0 and (way != state[0] or state[1] > 0.0):
-            state[2], state[3], state[4] = state[1], at, 0.0
-            state[0] = way
-        if state[6] < MOVES_S:
-            state[1] = 0.0
-            state[4] += sample_time_s
+        at, before = position_m[row], play[DIRECTION]
+        if np.isnan(state[2]):
+            state[2] = at
+        pushed = push(at, play, PLAY_M, 0.0, sample_time_s)
+        if pushed and (play[DIRECTION] != before or state[0] > 0.0):
+            state[1], state[2], state[3] = state[0], at, 0.0
+        if play[AGE] < MOVES_S:
+            state[0] = 0.0
+            state[3] += sample_time_s
         else:
-            state[1] += sample_time_s
-        travel = abs(at - state[3])
-        result[row, 0] = state[0]
-        result[row, 1] = np.log1p(state[1] / DWELL_S)
-        result[row, 2] = np.log1p(state[2] / DWELL_S)
+            state[0] += sample_time_s
+        travel = abs(at - state[2])
+        result[row, 0] = play[DIRECTION]
+        result[row, 1] = np.log1p(state[0] / DWELL_S)
+        result[row, 2] = np.log1p(state[1] / DWELL_S)
         result[row, 3] = 1.0 - np.exp(-travel / TRAVEL_SHORT_M)
         result[row, 4] = 1.0 - np.exp(-travel / TRAVEL_LONG_M)
-        result[row, 5] = 1.0 - np.exp(-state[4] / MOVING_S)
+        result[row, 5] = 1.0 - np.exp(-state[3] / MOVING_S)
     return result

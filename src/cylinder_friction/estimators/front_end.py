@@ -7,7 +7,7 @@ so it is causal, holds little state, and is stored as plain numbers.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
 
 import numpy as np
 
@@ -106,6 +106,16 @@ class FrontEndBlock:
         return int(np.count_nonzero(self._features.taps) + np.count_nonzero(self._base.taps))
 
 
+class FeatureMaker(Protocol):
+    """What turns samples into features: a ``FrontEndBlock``, or one that adds features to it."""
+
+    def new_state(self) -> Any:
+        """Returns the state before the first sample."""
+
+    def advance(self, state: Any, samples: Array) -> tuple[Any, Array]:
+        """Returns features, shape ``(n, k)``, and the force to correct [N], shape ``(n,)``; changes ``state``."""
+
+
 def fit_front_end(design: Design, cylinder: Cylinder, recordings: Sequence[Recording]) -> FrontEnd:
     """Returns the front end of a hybrid, its scaling (and the smoothing of its base) learnt on these recordings alone.
 
@@ -119,19 +129,28 @@ def fit_front_end(design: Design, cylinder: Cylinder, recordings: Sequence[Recor
     sample_time_s = recordings[0].sample_time_s
     rows = _paper_rows(sample_time_s) if design == "paper" else _force_balance_rows(cylinder, sample_time_s)
     base = None if design == "paper" else smoothed_force_balance_taps(cylinder, recordings)
-    taps = _stack([row.taps for row in rows])
-    count = len(rows)
-    limits = np.array([row.limit for row in rows])
-    raw = FrontEnd(tuple(row.name for row in rows), taps, limits, np.zeros(count), np.ones(count), base)
-    block = FrontEndBlock(raw)
+    raw = unscaled_front_end(rows, base)
+    mean, scale = standardisation(FrontEndBlock(raw), SAMPLE_COLUMNS, recordings)
+    return replace(raw, mean=mean, scale=scale)
+
+
+def unscaled_front_end(rows: Sequence[FeatureRow], base_taps: Array | None) -> FrontEnd:
+    """Returns a front end that neither centres nor scales these features."""
+    taps, limits = _stack([row.taps for row in rows]), np.array([row.limit for row in rows])
+    names, count = tuple(row.name for row in rows), len(rows)
+    return FrontEnd(names, taps, limits, np.zeros(count), np.ones(count), base_taps)
+
+
+def standardisation(block: FeatureMaker, inputs: Sequence[str], recordings: Sequence[Recording]) -> tuple[Array, Array]:
+    """Returns mean and standard deviation of each feature over the usable rows; 1 for one that never varies."""
     seen = [
-        block.advance(block.new_state(), recording.samples())[0][recording.usable()].astype(np.float64)
+        block.advance(block.new_state(), recording.samples(inputs))[0][recording.usable()].astype(np.float64)
         for recording in recordings
     ]
     values = np.concatenate(seen)
-    scale = values.std(axis=0)
+    mean, scale = values.mean(axis=0), values.std(axis=0)
     scale[scale == 0.0] = 1.0
-    return replace(raw, mean=values.mean(axis=0), scale=scale)
+    return mean, scale
 
 
 def smoothed_force_balance_taps(cylinder: Cylinder, recordings: Sequence[Recording]) -> Array:

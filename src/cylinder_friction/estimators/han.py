@@ -8,14 +8,14 @@ its citations. What is left open is chosen here and said in ``HanEstimator``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from cylinder_friction.estimators.features import Features, fit_features
-from cylinder_friction.estimators.learned import LearnedEstimator, LearnedState
-from cylinder_friction.estimators.perceptron import Perceptron, PerceptronRunner, read_perceptron, write_perceptron
-from cylinder_friction.estimators.source_columns import MotionSide, places_of, task_columns
+from cylinder_friction.estimators.features import fit_features
+from cylinder_friction.estimators.perceptron import Perceptron
+from cylinder_friction.estimators.perceptron_estimator import PerceptronEstimator
+from cylinder_friction.estimators.source_columns import last_motion, places_of, task_columns
 from cylinder_friction.estimators.synthetic_friction import (
     drawn_parameters,
     generic_parameters,
@@ -27,12 +27,12 @@ from cylinder_friction.recordings import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
+    from cylinder_friction.estimators.learned import LearnedState
     from cylinder_friction.estimators.training_plan import SequenceData
     from cylinder_friction.recordings import Recording
 
@@ -47,7 +47,6 @@ OTHERS = 0.5
 
 MOTION_INPUTS = WINDOW_INPUTS + 1
 RIDGE = 1e-3
-NETWORK_FILE = "network.onnx"
 
 
 @dataclass(frozen=True)
@@ -84,18 +83,17 @@ class HanPlan:
 
 @dataclass
 class HanMemory:
-    """State of the window and of the side of motion; and the last output, shape ``(1,)``."""
+    """State of the window, and the last output, shape ``(1,)``."""
 
     window: WindowState
-    side: Array
     held: Single
 
 
-class HanEstimator(LearnedEstimator):
+class HanEstimator(PerceptronEstimator[HanPlan]):
     """A rectified network on a window of velocity, taught by LuGre; untouched by labels, or fine-tuned on them.
 
     Chosen where the source says nothing: 3 layers of 64; a window of 7.2 s whose spans grow with age, each mean
-    velocity straight and softly limited, and the side of the last motion, which outlives a long rest; each LuGre
+    velocity straight and softly limited, and the direction of the last motion, which outlives a long rest; each LuGre
     parameter drawn within 40 % of the middle of what is usual for cylinders (``synthetic_friction``), along the
     training recordings' motion; mean absolute error, Adam. Untouched by labels it sees the position alone, whatever
     the task shows. Fine-tuned, the task's other columns join the first layer, raw pressures give a force balance that
@@ -113,6 +111,7 @@ class HanEstimator(LearnedEstimator):
     """
 
     kind: ClassVar[str] = "han"
+    plan_type: ClassVar[type] = HanPlan
 
     def __init__(
         self,
@@ -121,12 +120,8 @@ class HanEstimator(LearnedEstimator):
         plan: HanPlan | None = None,
         seed: int = 0,
     ) -> None:
-        super().__init__(cylinder, inputs, seed)
-        self.plan = plan or HanPlan(fine_tuned=False)
-        self.network: Perceptron | None = None
-        self._runner: PerceptronRunner | None = None
+        super().__init__(cylinder, inputs, plan or HanPlan(fine_tuned=False), seed)
         self._taught: Perceptron | None = None
-        self._side: MotionSide | None = None
 
     def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
         """Learns from synthetic friction along the motion of ``train`` and, if fine-tuned, from its labels then."""
@@ -156,15 +151,11 @@ class HanEstimator(LearnedEstimator):
             (*start.kernels[:-1], head[:-1, None].copy()), (*start.biases[:-1], head[-1:].copy()), "relu"
         )
         plan = self.plan
-        self._use(
-            train_perceptron(
-                start, rows, targets, plan.tuning_steps, plan.tuning_rate, self.seed, self._labelled(validation)
-            )
-        )
+        unseen = self._labelled(validation) if validation else None
+        self._use(train_perceptron(start, rows, targets, plan.tuning_steps, plan.tuning_rate, self.seed, unseen))
 
     def new_memory(self) -> HanMemory:
-        assert self._side is not None
-        return HanMemory(new_window(), self._side.new_state(), np.zeros(1, dtype=np.float32))
+        return HanMemory(new_window(), np.zeros(1, dtype=np.float32))
 
     def predict(self, memory: HanMemory, features: Single) -> NDArray[Any]:
         assert self._runner is not None
@@ -177,29 +168,6 @@ class HanEstimator(LearnedEstimator):
     def advance(self, state: LearnedState, samples: Array) -> Array:
         return super().advance(state, self._seen(samples))
 
-    def model_multiply_adds(self) -> int:
-        """Returns those of one step of the network: the worst case where it does not step at every sample."""
-        assert self.network is not None
-        return self.network.multiply_adds()
-
-    def write_model(self, folder: Path) -> dict[str, Any]:
-        assert self.network is not None
-        write_perceptron(folder / NETWORK_FILE, self.network)
-        return {"plan": vars(self.plan), "seed": self.seed}
-
-    @classmethod
-    def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
-        estimator = cls(cylinder, inputs, HanPlan(**content["plan"]), content["seed"])
-        estimator._use(read_perceptron(folder / NETWORK_FILE))
-        return estimator
-
-    def _set_features(self, features: Features) -> None:
-        super()._set_features(features)
-        self._side = MotionSide(features)
-
-    def _use(self, network: Perceptron) -> None:
-        self.network, self._runner = network, PerceptronRunner(network)
-
     def _seen(self, samples: Array) -> Array:
         """Returns the columns that its features are made from: the position alone without fine tuning."""
         assert self.features is not None
@@ -209,13 +177,12 @@ class HanEstimator(LearnedEstimator):
     def _inputs(self, memory: HanMemory, features: Single) -> tuple[Single, NDArray[np.bool_]]:
         """Returns what the network sees at each sample, and where the window stepped; changes ``memory``."""
         assert self.features is not None
-        assert self._side is not None
         plan, place = self.features.front_end, self.features.names.index("velocity_m_s")
         velocity = features[:, place].astype(np.float64) * plan.scale[place] + plan.mean[place]
         rows, stepped = advance_window(memory.window, velocity)
+        way = last_motion(self.features, features).astype(np.float32)
         others = features[:, places_of(self.features, task_columns(self.features))]
-        side = self._side.advance(memory.side, features).astype(np.float32)
-        return np.concatenate([rows, side[:, None], others], axis=1), stepped
+        return np.concatenate([rows, way[:, None], others], axis=1), stepped
 
     def _labelled(self, recordings: Sequence[SequenceData]) -> tuple[Single, Single]:
         """Returns rows and targets at every step of the window that may be used."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import onnx
 
+from cylinder_friction.estimators.early_stopping import held_out_for_stopping
 from cylinder_friction.estimators.forest import Forest, fit_forest, forest_from_onnx
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
 from cylinder_friction.estimators.lstm import Lstm, LstmState
@@ -111,11 +112,8 @@ class HybridEstimator(RealTimeEstimator):
         self.parts: HybridParts | None = None
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learns from all but the recordings of the last session by name, which early stopping listens to."""
-        last = max(recording.metadata.session for recording in recordings) if recordings else ""
-        train = [recording for recording in recordings if recording.metadata.session != last]
-        held_out = [recording for recording in recordings if recording.metadata.session == last]
-        self.fit_with_validation(train or held_out, held_out)
+        """Learns from all but the sessions that early stopping listens to: see ``held_out_for_stopping``."""
+        self.fit_with_validation(*held_out_for_stopping(recordings))
 
     def fit_with_validation(
         self,

@@ -53,9 +53,10 @@ class LearnedEstimator(FrictionEstimator):
 
     @abstractmethod
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        """Learns the targets, in standard deviations, of one sequence a recording; ``validation`` only stops it early.
+        """Learns the targets, in standard deviations, of one sequence a recording.
 
-        Features are standardised float32, shape ``(n, len(self.features.names))``.
+        ``validation``, which may be empty, only stops it early. Features are standardised float32, shape
+        ``(n, len(self.features.names))``.
         """
 
     @abstractmethod
@@ -83,20 +84,23 @@ class LearnedEstimator(FrictionEstimator):
         """Returns the estimator that ``write_model`` wrote; features and scaling are set by the caller."""
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learns from all but the recordings of the last session by name, which early stopping listens to."""
-        last = max(recording.metadata.session for recording in recordings) if recordings else ""
-        train = [recording for recording in recordings if recording.metadata.session != last]
-        held_out = [recording for recording in recordings if recording.metadata.session == last]
-        self.fit_with_validation(train or held_out, held_out)
+        """Learns from all recordings, to the end of the schedule.
+
+        Nothing is held out for early stopping: measured on other sessions, the sessions missed more than it brought.
+        """
+        self.fit_with_validation(recordings, ())
 
     def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Learns features, scaling and model from ``train``; ``validation`` only stops training early."""
+        """Learns features, scaling and model from ``train``; ``validation``, if any, only stops training early."""
         self._begin_fit(train)
         self._set_features(fit_features(self.inputs, self.cylinder, train))
         pairs = [self._pair(recording) for recording in train]
         targets = np.concatenate([left[recording.usable()] for (_, left), recording in zip(pairs, train, strict=True)])
         self.target_mean_n, self.target_scale_n = float(targets.mean()), float(targets.std()) or 1.0
-        self.learn([self._sequence(recording) for recording in train], [self._sequence(each) for each in validation])
+        self.learn(
+            [self._sequence(recording, *pair) for recording, pair in zip(train, pairs, strict=True)],
+            [self._sequence(recording, *self._pair(recording)) for recording in validation],
+        )
 
     def new_state(self) -> LearnedState:
         assert self._block is not None
@@ -121,8 +125,7 @@ class LearnedEstimator(FrictionEstimator):
         features, base_n = self._block.advance(self._block.new_state(), recording.samples(self.inputs))
         return features, recording.column("friction_n") - base_n
 
-    def _sequence(self, recording: Recording) -> SequenceData:
-        features, left = self._pair(recording)
+    def _sequence(self, recording: Recording, features: NDArray[np.float32], left: Array) -> SequenceData:
         target = ((left - self.target_mean_n) / self.target_scale_n).astype(np.float32)
         return SequenceData(features, target, recording.usable())
 

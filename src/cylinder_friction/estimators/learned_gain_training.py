@@ -122,7 +122,9 @@ def train_gain(
     """
     with reproducible(seed):
         network = GainNetwork(architecture, plan, recordings[0].features.shape[1])
-        optimiser = torch.optim.AdamW(network.parameters(), lr=plan.learning_rate, weight_decay=plan.weight_decay)
+        optimiser = torch.optim.AdamW(
+            network.parameters(), lr=plan.learning_rate, weight_decay=plan.weight_decay, fused=True
+        )
         generator = np.random.default_rng(seed)
         groups = math.ceil(len(recordings) / plan.batch_size)
         epochs = max(1, round(plan.lessons / len(recordings)))

@@ -9,19 +9,18 @@ stiction force. What is left open is chosen here and said in ``MachadoEstimator`
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from scipy.optimize import minimize
 
-from cylinder_friction.estimators.learned import LearnedEstimator
-from cylinder_friction.estimators.perceptron import Perceptron, PerceptronRunner, read_perceptron, write_perceptron
-from cylinder_friction.estimators.source_columns import VELOCITIES, MotionSide, places_of, task_columns
+from cylinder_friction.estimators.perceptron import Perceptron
+from cylinder_friction.estimators.perceptron_estimator import PerceptronEstimator
+from cylinder_friction.estimators.source_columns import VELOCITIES, last_motion, places_of, task_columns
 from cylinder_friction.recordings import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -47,8 +46,6 @@ CHANGE_SCALE = 10.0
 
 CHECKED = 20
 """Iterations between two looks at the validation rows."""
-
-NETWORK_FILE = "network.onnx"
 
 
 @dataclass(frozen=True)
@@ -78,15 +75,15 @@ class MachadoPlan:
             raise ValueError(f"expected nodes, delay and iterations of at least 1 and no negative penalty, got {self}")
 
 
-class MachadoEstimator(LearnedEstimator):
+class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
     """A perceptron of one hyperbolic layer on two velocities and the stiction force, one sample after the other.
 
     Chosen where the source says nothing: the labels are the targets (a variable-coefficient model of the same labels
     could only be worse); 10 nodes; velocity also through a soft limit, the earlier velocity as a difference, which
     spans the same and is better scaled; the stiction force is the force balance below 3 mm/s, and without pressures,
-    where nobody knows it, the side of the last motion; the task's other columns are inputs too; all weights by L-BFGS
-    (Liu and Nocedal 1989) on 24,000 rows, absolute error rounded at nought; those that are best on the validation
-    recordings are kept.
+    where nobody knows it, the direction of the last motion; the task's other columns are inputs too; all weights by
+    L-BFGS (Liu and Nocedal 1989) on 24,000 rows, absolute error rounded at nought; those that are best on other rows,
+    of validation recordings if there are some, are kept.
 
     Args:
         cylinder: Its areas.
@@ -99,6 +96,7 @@ class MachadoEstimator(LearnedEstimator):
     """
 
     kind: ClassVar[str] = "machado"
+    plan_type: ClassVar[type] = MachadoPlan
 
     def __init__(
         self,
@@ -107,68 +105,41 @@ class MachadoEstimator(LearnedEstimator):
         plan: MachadoPlan | None = None,
         seed: int = 0,
     ) -> None:
-        super().__init__(cylinder, inputs, seed)
-        self.plan = plan or MachadoPlan()
-        self.network: Perceptron | None = None
-        self._runner: PerceptronRunner | None = None
-        self._side: MotionSide | None = None
+        super().__init__(cylinder, inputs, plan or MachadoPlan(), seed)
 
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
         generator = np.random.default_rng(self.seed)
         rows, targets = self._rows(train, generator)
-        network = _fit(rows, targets, *self._rows(validation, generator), self.plan, generator)
+        network = _fit(rows, targets, *self._rows(validation or train, generator), self.plan, generator)
         self._use(network)
 
     def new_memory(self) -> Array:
-        """Returns the velocities of the last ``delay`` samples, NaN before the first; after them the side's state."""
-        assert self._side is not None
-        return np.concatenate([np.full(self.plan.delay, np.nan), self._side.new_state()])
+        """Returns the velocities of the last ``delay`` samples, NaN before the first."""
+        return np.full(self.plan.delay, np.nan)
 
     def predict(self, memory: Array, features: Single) -> NDArray[Any]:
         assert self._runner is not None
         return self._runner.run(self._inputs(memory, features))
 
-    def model_multiply_adds(self) -> int:
-        assert self.network is not None
-        return self.network.multiply_adds()
-
-    def write_model(self, folder: Path) -> dict[str, Any]:
-        assert self.network is not None
-        write_perceptron(folder / NETWORK_FILE, self.network)
-        return {"plan": vars(self.plan), "seed": self.seed}
-
-    @classmethod
-    def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
-        estimator = cls(cylinder, inputs, MachadoPlan(**content["plan"]), content["seed"])
-        estimator._use(read_perceptron(folder / NETWORK_FILE))
-        return estimator
-
-    def _use(self, network: Perceptron) -> None:
-        self.network, self._runner = network, PerceptronRunner(network)
-
     def _set_features(self, features: Features) -> None:
         if self.plan.corrects == "nothing":
             features = replace(features, front_end=replace(features.front_end, base_taps=None))
         super()._set_features(features)
-        self._side = MotionSide(features)
 
     def _inputs(self, memory: Array, features: Single) -> Single:
         """Returns what the network sees, shape ``(n, k)``; changes ``memory``."""
         assert self.features is not None
-        assert self._side is not None
         plan, names = self.features.front_end, self.features.names
         now, creep = (features[:, place] for place in places_of(self.features, VELOCITIES))
-        before = memory[: self.plan.delay]
-        if len(now) and np.isnan(before[0]):
-            before[:] = now[0]
-        line = np.concatenate([before, now.astype(np.float64)])
-        before[:] = line[len(now) :]
+        if len(now) and np.isnan(memory[0]):
+            memory[:] = now[0]
+        line = np.concatenate([memory, now.astype(np.float64)])
+        memory[:] = line[len(now) :]
         change = CHANGE_SCALE * (line[self.plan.delay :] - line[: len(now)])
         place = names.index("velocity_m_s")
         speed = np.abs(now * plan.scale[place] + plan.mean[place])
-        side = self._side.advance(memory[self.plan.delay :], features)
         known = "force_balance_4_n" in names
-        force = features[:, names.index("force_balance_4_n")] if known else side
+        force = features[:, names.index("force_balance_4_n")] if known else last_motion(self.features, features)
         stiction = np.where(speed < CREEP_M_S, force, 0.0)
         others = features[:, places_of(self.features, task_columns(self.features))]
         return np.column_stack([now, creep, change, stiction, others]).astype(np.float32)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
+from cylinder_friction.estimators.play import AGE, DIRECTION, new_play, push
 from cylinder_friction.signals.causal import FirFilter, FirState, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class MotionSense:
 
 @dataclass
 class MotionState:
-    """The filter's last positions, and ``(centre of the play [m], direction of the last push, samples it counts)``."""
+    """The filter's last positions, and the play [m], its age in samples."""
 
     position: FirState
     play: Array
@@ -70,7 +71,7 @@ class MotionBlock:
         self._filter = FirFilter(np.stack(taps))
 
     def new_state(self) -> MotionState:
-        return MotionState(FirState(), np.full(3, np.nan))
+        return MotionState(FirState(), new_play())
 
     def advance(self, state: MotionState, position_m: Array) -> Array:
         smooth = self._filter.advance(state.position, position_m)
@@ -81,15 +82,9 @@ class MotionBlock:
 def _gated(smooth: Array, play: Array, half_width: float, dead_band: float, lasting: int) -> Array:
     velocity = np.zeros(smooth.shape[0])
     for row in range(smooth.shape[0]):
-        position, rate = smooth[row, 0], smooth[row, 1]
-        if np.isnan(play[0]):
-            play[0], play[1], play[2] = position, 0.0, 0.0
-        if position > play[0] + half_width:
-            play[0], play[1], play[2] = position - half_width, 1.0, lasting
-        elif position < play[0] - half_width:
-            play[0], play[1], play[2] = position + half_width, -1.0, lasting
-        elif play[2] > 0.0:
-            play[2] -= 1.0
-        if abs(rate) >= dead_band and (half_width == 0.0 or (play[2] > 0.0 and rate * play[1] > 0.0)):
+        rate = smooth[row, 1]
+        push(smooth[row, 0], play, half_width, 0.0, 1.0)
+        counts = play[AGE] < lasting and rate * play[DIRECTION] > 0.0
+        if abs(rate) >= dead_band and (half_width == 0.0 or counts):
             velocity[row] = rate
     return velocity

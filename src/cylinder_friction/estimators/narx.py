@@ -87,7 +87,7 @@ class NarxEstimator(LearnedEstimator):
         self._weights = np.zeros(1)
 
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        """Finds poles on some recordings, judged by ``validation``, then terms and parameters on all."""
+        """Finds poles on some recordings, judged by any validation ones, then terms and parameters on all."""
         few = [train[int(number * len(train) / SEARCHED)] for number in range(min(SEARCHED, len(train)))]
         best = np.inf
         at_rest, sliding = self.at_rest, self.sliding

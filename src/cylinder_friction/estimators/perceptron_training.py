@@ -58,7 +58,7 @@ def train_perceptron(
     with reproducible(seed):
         layers = [_layer(kernel, bias) for kernel, bias in zip(start.kernels, start.biases, strict=True)]
         network = nn.Sequential(*[part for layer in layers for part in (layer, nn.ReLU())][:-1])
-        optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate)
+        optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
         generator = np.random.default_rng([seed, 2])
         variants = targets if targets.ndim == 2 else targets[:, None]
         best, kept = math.inf, start

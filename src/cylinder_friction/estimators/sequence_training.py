@@ -39,13 +39,15 @@ def train_sequences(
 ) -> tuple[nn.Module, LearningCurve]:
     """Trains with AdamW (Loshchilov and Hutter 2019), cosine schedule; returns the best epoch's network.
 
+    Where no recording is there for early stopping, that is the last epoch's.
+
     Args:
         make_network: Takes the number of features, returns ``(features, state) -> (output, state)``: features
             ``(time, batch, k)``, output ``(time, batch)``, state None at first, else tensors or nested tuples of them.
         learning_rate: The highest.
         plan: Of the training.
         train: Recordings that are learnt from.
-        validation: Recordings that early stopping listens to.
+        validation: Recordings that early stopping listens to; may be none.
         seed: Of weights, dropout, order of recordings, and where they are cut.
 
     Raises:
@@ -53,18 +55,21 @@ def train_sequences(
     """
     with reproducible(seed):
         network = make_network(train[0].features.shape[1])
-        optimiser = torch.optim.AdamW(network.parameters(), lr=learning_rate, weight_decay=plan.weight_decay)
-        rows, held_out = side_by_side(_cut(train, plan.cut_samples)), _strided(side_by_side(validation), plan.stride, 0)
+        optimiser = torch.optim.AdamW(
+            network.parameters(), lr=learning_rate, weight_decay=plan.weight_decay, fused=True
+        )
+        rows = side_by_side(_cut(train, plan.cut_samples))
+        held_out = _strided(side_by_side(validation), plan.stride, 0) if validation else None
         curve, best = LearningCurve(), _copy(network)
         generator = np.random.default_rng(seed)
         for epoch in range(1, plan.epochs + 1):
             trained = _train_epoch(network, optimiser, rows, plan, learning_rate, epoch, generator)
-            validated = _validate(network, held_out)
+            validated = trained if held_out is None else _validate(network, held_out)
             if not math.isfinite(trained + validated):
                 raise FloatingPointError(
                     f"epoch {epoch}: mean absolute error is {validated}; lower the learning rate, now {learning_rate}"
                 )
-            if not curve.validation_mae or validated < min(curve.validation_mae):
+            if held_out is None or not curve.validation_mae or validated < min(curve.validation_mae):
                 best, curve.best_epoch = _copy(network), epoch
             curve.train_mae.append(trained)
             curve.validation_mae.append(validated)
@@ -126,6 +131,7 @@ def _train_epoch(
     generator: np.random.Generator,
 ) -> float:
     network.train()
+    parameters = [one for group in optimiser.param_groups for one in group["params"]]
     steps = _strided(rows, plan.stride, int(generator.integers(plan.stride)))
     shift = int(generator.integers(1, plan.sequence_steps + 1))
     order = torch.as_tensor(generator.permutation(len(rows.lengths)))
@@ -147,7 +153,7 @@ def _train_epoch(
         loss = (_cost(error, plan.huber) * weight).sum() / scored
         optimiser.zero_grad()
         loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        nn.utils.clip_grad_norm_(parameters, 1.0)
         optimiser.step()
         total, count = total + float((error.detach() * weight).sum()), count + scored
     return total / max(count, 1.0)

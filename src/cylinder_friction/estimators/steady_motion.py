@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
+from cylinder_friction.estimators.play import AGE, DIRECTION, new_play, push
 from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
@@ -28,8 +29,7 @@ PLAY_M = 6e-5
 LASTING_S = 0.06
 """After the last push velocity counts for so long [s]."""
 CENTRING_S = 0.5
-"""How fast the play closes up on the position [s]: at its edge the least noise pushes, in its middle none does. Creep
-slower than the play's half-width in this time, 0.12 mm/s, is lost."""
+"""How fast the play closes up on the position [s]. Creep below its half-width in this time, 0.12 mm/s, is lost."""
 VELOCITY_WINDOW, VELOCITY_ORDER = 21, 2
 MEMORY_M_S, MEMORY_S = 0.012, 0.2
 """Speed over which the memory of ``sense`` fades, and how fast it follows."""
@@ -37,7 +37,7 @@ MEMORY_M_S, MEMORY_S = 0.012, 0.2
 
 @dataclass
 class SteadyMotionState:
-    """The filter's last positions, and ``(centre of the play [m], direction of the last push, its age [s])``."""
+    """The filter's last positions, and the play [m], its age in seconds."""
 
     position: FirState
     play: Array
@@ -63,39 +63,25 @@ class SteadyMotion:
         return AVERAGED + VELOCITY_WINDOW
 
 
-def new_play() -> Array:
-    """Returns the play before the first sample, shape ``(3,)``."""
-    return np.full(3, np.nan)
-
-
 @numba.njit(cache=True)
-def push(averaged_m: float, play: Array, sample_time_s: float) -> bool:
-    """Moves the play with one averaged position; returns whether the piston still moves."""
-    if np.isnan(play[0]):
-        play[0], play[1], play[2] = averaged_m, 0.0, LASTING_S
-    play[2] += sample_time_s
-    play[0] += sample_time_s / CENTRING_S * (averaged_m - play[0])
-    if averaged_m > play[0] + PLAY_M:
-        play[0], play[1], play[2] = averaged_m - PLAY_M, 1.0, 0.0
-    elif averaged_m < play[0] - PLAY_M:
-        play[0], play[1], play[2] = averaged_m + PLAY_M, -1.0, 0.0
-    return bool(play[2] < LASTING_S)
+def _counted(velocity_m_s: float, averaged_m: float, play: Array, sample_time_s: float) -> float:
+    """Returns the velocity while the averaged position has lately pushed the play that way, else 0; moves the play."""
+    push(averaged_m, play, PLAY_M, sample_time_s / CENTRING_S, sample_time_s)
+    return velocity_m_s if play[AGE] < LASTING_S and velocity_m_s * play[DIRECTION] > 0.0 else 0.0
 
 
 @numba.njit(cache=True)
 def _through_play(smooth: Array, play: Array, sample_time_s: float) -> Array:
-    result = np.zeros((smooth.shape[0], 2))
+    result = np.empty((smooth.shape[0], 2))
     for row in range(smooth.shape[0]):
-        moves = push(smooth[row, 0], play, sample_time_s)
-        if moves and smooth[row, 1] * play[1] > 0.0:
-            result[row, 0] = smooth[row, 1]
-        result[row, 1] = play[1]
+        result[row, 0] = _counted(smooth[row, 1], smooth[row, 0], play, sample_time_s)
+        result[row, 1] = play[DIRECTION]
     return result
 
 
 def new_sense() -> Array:
     """Returns the state of ``sense`` before the first sample, shape ``(7,)``."""
-    return np.full(7, np.nan)
+    return np.concatenate([np.full(4, np.nan), new_play()])
 
 
 @numba.njit(cache=True)
@@ -114,7 +100,7 @@ def sense(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: flo
         state: From ``new_sense``, changed in place: position, velocity, acceleration, memory, and the play.
     """
     result = np.empty((position_m.shape[0], 4))
-    step = sample_time_s
+    step, play = sample_time_s, state[4:]
     for row in range(position_m.shape[0]):
         if np.isnan(state[0]):
             state[0], state[1], state[2], state[3] = position_m[row], 0.0, 0.0, 1.0
@@ -123,9 +109,8 @@ def sense(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: flo
         state[1] += step * state[2] + gains[1] * left
         state[0] = ahead + gains[0] * left
         state[2] += gains[2] * left
-        moves = push(averaged_m[row], state[4:], step)
-        velocity = state[1] if moves and state[1] * state[5] > 0.0 else 0.0
+        velocity = _counted(state[1], averaged_m[row], play, step)
         fading = math.exp(-abs(velocity) / MEMORY_M_S)
         state[3] += (1.0 - math.exp(-step / MEMORY_S)) * (fading - state[3])
-        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = velocity, state[2], state[5], state[3]
+        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = velocity, state[2], play[DIRECTION], state[3]
     return result

@@ -11,15 +11,10 @@ import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
-    COULOMB,
-    PRESSURE_SLOPE,
-    RETRACT_RATIO,
-    STATIC,
-    STRIBECK_EXPONENT,
-    STRIBECK_VELOCITY,
-    VISCOUS,
-    ModelParameters,
+    SCALING,
+    STRIBECK,
     ParameterSpec,
+    StribeckParameters,
 )
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
@@ -39,29 +34,19 @@ STANDSTILL_SHARE = ParameterSpec(
 
 
 @dataclass(frozen=True)
-class CoulombStribeckParameters(ModelParameters):
+class CoulombStribeckParameters(StribeckParameters):
     """``F = d (1 + k p / Fc) side(d) g(v) [q + (1 - q) tanh(|v| / vr)] + s2 v``.
 
     ``g(v) = Fc + (Fs - Fc) exp(-|v / vs|**a)``, ``d`` is the direction of the last motion, 0 before the first.
     """
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        COULOMB,
-        STATIC,
-        STRIBECK_VELOCITY,
-        STRIBECK_EXPONENT,
-        VISCOUS,
+        *STRIBECK,
         REGULARISING_VELOCITY,
         STANDSTILL_SHARE,
-        RETRACT_RATIO,
-        PRESSURE_SLOPE,
+        *SCALING,
     )
 
-    coulomb_n: float
-    static_n: float
-    stribeck_velocity_m_s: float
-    stribeck_exponent: float
-    viscous_n_s_m: float
     regularising_velocity_m_s: float
     standstill_share: float
     retract_ratio: float = 1.0

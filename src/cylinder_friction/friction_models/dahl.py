@@ -12,8 +12,7 @@ import numpy as np
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
     COULOMB,
-    PRESSURE_SLOPE,
-    RETRACT_RATIO,
+    SCALING,
     STIFFNESS,
     VISCOUS,
     ModelParameters,
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 class DahlParameters(ModelParameters):
     """``dFd/dt = s0 v (1 - Fd sgn(v) / Fmax)`` and ``F = Fd + s2 v`` with ``Fmax = side(v) (Fc + k p)``."""
 
-    specs: ClassVar[tuple[ParameterSpec, ...]] = (COULOMB, VISCOUS, STIFFNESS, RETRACT_RATIO, PRESSURE_SLOPE)
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (COULOMB, VISCOUS, STIFFNESS, *SCALING)
 
     coulomb_n: float
     viscous_n_s_m: float

@@ -11,18 +11,13 @@ import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
-    COULOMB,
     DAMPING,
     DAMPING_VELOCITY,
-    PRESSURE_SLOPE,
-    RETRACT_RATIO,
-    STATIC,
+    SCALING,
     STIFFNESS,
-    STRIBECK_EXPONENT,
-    STRIBECK_VELOCITY,
-    VISCOUS,
-    ModelParameters,
+    STRIBECK,
     ParameterSpec,
+    StribeckParameters,
 )
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
@@ -41,7 +36,7 @@ FILM_INERTIA = ParameterSpec("film_inertia_s", "s", "lead of viscous friction on
 
 
 @dataclass(frozen=True)
-class FilmLugreParameters(ModelParameters):
+class FilmLugreParameters(StribeckParameters):
     """The equations of LuGre with ``g(v, h)``, and the film ``h`` beside them.
 
     ``dz/dt = v - s0 |v| z / g``, ``F = s0 z + s1 exp(-(v / vc)**2) dz/dt + s2 (v + T dv/dt)``,
@@ -51,11 +46,7 @@ class FilmLugreParameters(ModelParameters):
     """
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        COULOMB,
-        STATIC,
-        STRIBECK_VELOCITY,
-        STRIBECK_EXPONENT,
-        VISCOUS,
+        *STRIBECK,
         STIFFNESS,
         DAMPING,
         DAMPING_VELOCITY,
@@ -64,15 +55,9 @@ class FilmLugreParameters(ModelParameters):
         FILM_SQUEEZE,
         FILM_DWELL,
         FILM_INERTIA,
-        RETRACT_RATIO,
-        PRESSURE_SLOPE,
+        *SCALING,
     )
 
-    coulomb_n: float
-    static_n: float
-    stribeck_velocity_m_s: float
-    stribeck_exponent: float
-    viscous_n_s_m: float
     bristle_stiffness_n_m: float
     bristle_damping_n_s_m: float
     damping_velocity_m_s: float

@@ -11,18 +11,13 @@ import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
-    COULOMB,
     DAMPING,
     DAMPING_VELOCITY,
-    PRESSURE_SLOPE,
-    RETRACT_RATIO,
-    STATIC,
+    SCALING,
     STIFFNESS,
-    STRIBECK_EXPONENT,
-    STRIBECK_VELOCITY,
-    VISCOUS,
-    ModelParameters,
+    STRIBECK,
     ParameterSpec,
+    StribeckParameters,
 )
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 
@@ -38,19 +33,15 @@ LUGRE_STEP_MULTIPLY_ADDS = 100
 
 
 @dataclass(frozen=True)
-class LugreParameters(ModelParameters):
+class LugreParameters(StribeckParameters):
     """The LuGre model of Canudas de Wit et al. 1995, with bristle damping that fades with speed.
 
     ``dz/dt = v - s0 * |v| / g(v, p) * z`` and ``F = s0 * z + s1 * exp(-(v / vc)**2) * dz/dt + s2 * v`` with
     ``g(v, p) = side(v) * (1 + k * p / Fc) * [Fc + (Fs - Fc) * exp(-|v / vs|**a)]``. So at pressure ``p`` Coulomb
     friction is ``Fc + k * p`` and static friction keeps its ratio to it; ``k = 0`` is the plain model.
+    ``StribeckParameters`` describes the numbers of the curve.
 
     Attributes:
-        coulomb_n: Coulomb friction Fc while extending, at zero gauge pressure [N].
-        static_n: Static friction Fs while extending, at zero gauge pressure [N], at least ``coulomb_n``.
-        stribeck_velocity_m_s: Stribeck velocity vs [m/s].
-        stribeck_exponent: Exponent a of the Stribeck curve.
-        viscous_n_s_m: Viscous coefficient s2 [N s/m].
         bristle_stiffness_n_m: Bristle stiffness s0 [N/m].
         bristle_damping_n_s_m: Bristle damping s1 at standstill [N s/m].
         damping_velocity_m_s: Speed vc over which bristle damping fades [m/s].
@@ -64,23 +55,13 @@ class LugreParameters(ModelParameters):
     """
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        COULOMB,
-        STATIC,
-        STRIBECK_VELOCITY,
-        STRIBECK_EXPONENT,
-        VISCOUS,
+        *STRIBECK,
         STIFFNESS,
         DAMPING,
         DAMPING_VELOCITY,
-        RETRACT_RATIO,
-        PRESSURE_SLOPE,
+        *SCALING,
     )
 
-    coulomb_n: float
-    static_n: float
-    stribeck_velocity_m_s: float
-    stribeck_exponent: float
-    viscous_n_s_m: float
     bristle_stiffness_n_m: float
     bristle_damping_n_s_m: float
     damping_velocity_m_s: float

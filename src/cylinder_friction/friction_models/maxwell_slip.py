@@ -11,16 +11,11 @@ import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
-    COULOMB,
-    PRESSURE_SLOPE,
-    RETRACT_RATIO,
-    STATIC,
+    SCALING,
     STIFFNESS,
-    STRIBECK_EXPONENT,
-    STRIBECK_VELOCITY,
-    VISCOUS,
-    ModelParameters,
+    STRIBECK,
     ParameterSpec,
+    StribeckParameters,
 )
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
@@ -45,7 +40,7 @@ ATTRACTION = ParameterSpec(
 
 
 @dataclass(frozen=True)
-class MaxwellSlipParameters(ModelParameters):
+class MaxwellSlipParameters(StribeckParameters):
     """Element ``i`` sticks with ``dFi/dt = ki v`` until ``|Fi| = ni s(v)``, then slips until velocity changes sign.
 
     Slipping, ``dFi/dt = C (ni sgn(v) - Fi / s(v))``. ``F = sum Fi + s2 v``, ``sum ni = 1``,
@@ -57,24 +52,14 @@ class MaxwellSlipParameters(ModelParameters):
     """
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        COULOMB,
-        STATIC,
-        STRIBECK_VELOCITY,
-        STRIBECK_EXPONENT,
-        VISCOUS,
+        *STRIBECK,
         STIFFNESS,
         TRAVEL_SPREAD,
         SHARE_TILT,
         ATTRACTION,
-        RETRACT_RATIO,
-        PRESSURE_SLOPE,
+        *SCALING,
     )
 
-    coulomb_n: float
-    static_n: float
-    stribeck_velocity_m_s: float
-    stribeck_exponent: float
-    viscous_n_s_m: float
     bristle_stiffness_n_m: float
     travel_spread: float
     share_tilt: float

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -101,6 +103,11 @@ PRESSURE_SLOPE = ParameterSpec(
     may_be_zero=True,
 )
 
+STRIBECK = (COULOMB, STATIC, STRIBECK_VELOCITY, STRIBECK_EXPONENT, VISCOUS)
+"""The curve of steady sliding: the first five numbers of every model that has it, in this order."""
+SCALING = (RETRACT_RATIO, PRESSURE_SLOPE)
+"""How dry friction differs by direction and pressure: the last two numbers of every model, in this order."""
+
 
 @dataclass(frozen=True)
 class ModelParameters:
@@ -117,16 +124,42 @@ class ModelParameters:
         return float(getattr(self, name))
 
     def __post_init__(self) -> None:
-        owner = type(self).__name__
-        for spec in self.specs:
-            value = getattr(self, spec.name)
-            if not (math.isfinite(value) and (value > 0.0 or (spec.may_be_zero and value == 0.0))):
-                kind = "zero or a positive number" if spec.may_be_zero else "a positive number"
-                raise ValueError(f"{owner}: {spec.name} must be {kind}, but got {value!r}")
-        static, coulomb = getattr(self, "static_n", math.inf), getattr(self, "coulomb_n", 0.0)
-        if static < coulomb:
-            raise ValueError(f"{owner}: static_n must be at least coulomb_n ({coulomb} N), but got {static} N")
+        refuse_impossible(self, self.specs)
 
     def packed(self) -> Array:
         """Returns the numbers in the order of the fields, shape ``(k,)``, as the compiled functions take them."""
         return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class StribeckParameters(ModelParameters):
+    """The numbers of a model that slides along the Stribeck curve; a subclass adds its own and those of ``SCALING``.
+
+    Attributes:
+        coulomb_n: Coulomb friction Fc while extending, at zero gauge pressure [N].
+        static_n: Static friction Fs while extending, at zero gauge pressure [N], at least ``coulomb_n``.
+        stribeck_velocity_m_s: Stribeck velocity vs [m/s].
+        stribeck_exponent: Exponent a of the Stribeck curve.
+        viscous_n_s_m: Viscous coefficient s2 [N s/m].
+    """
+
+    specs: ClassVar[tuple[ParameterSpec, ...]] = STRIBECK
+
+    coulomb_n: float
+    static_n: float
+    stribeck_velocity_m_s: float
+    stribeck_exponent: float
+    viscous_n_s_m: float
+
+
+def refuse_impossible(numbers: object, specs: Sequence[ParameterSpec]) -> None:
+    """Raises ``ValueError`` naming the first number that cannot be, of whatever has a field for each of ``specs``."""
+    owner = type(numbers).__name__
+    for spec in specs:
+        value = getattr(numbers, spec.name)
+        if not (math.isfinite(value) and (value > 0.0 or (spec.may_be_zero and value == 0.0))):
+            kind = "zero or a positive number" if spec.may_be_zero else "a positive number"
+            raise ValueError(f"{owner}: {spec.name} must be {kind}, but got {value!r}")
+    static, coulomb = getattr(numbers, "static_n", math.inf), getattr(numbers, "coulomb_n", 0.0)
+    if static < coulomb:
+        raise ValueError(f"{owner}: static_n must be at least coulomb_n ({coulomb} N), but got {static} N")

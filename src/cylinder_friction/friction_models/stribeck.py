@@ -10,6 +10,13 @@ import numba
 import numpy as np
 from scipy.optimize import least_squares
 
+from cylinder_friction.friction_models.parameters import (
+    RETRACT_RATIO,
+    STRIBECK,
+    STRIBECK_EXPONENT,
+    refuse_impossible,
+)
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -52,7 +59,7 @@ class StribeckCurve:
     retract_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        refuse_unphysical_curve(self)
+        refuse_impossible(self, (*STRIBECK, RETRACT_RATIO))
 
     def dry_friction(self, velocity_m_s: Array) -> Array:
         """Returns friction without sign and viscous part, ``g(v) > 0`` [N], of the velocity's shape."""
@@ -65,21 +72,6 @@ class StribeckCurve:
         """Returns friction in steady sliding [N], of the velocity's shape."""
         velocity = np.asarray(velocity_m_s, dtype=np.float64)
         return np.asarray(np.sign(velocity) * self.dry_friction(velocity) + self.viscous_n_s_m * velocity)
-
-
-def refuse_unphysical_curve(curve: object) -> None:
-    """Raises ``ValueError`` naming the first number of a curve (or a model that has its fields) that cannot be."""
-    owner = type(curve).__name__
-    for field in ("coulomb_n", "static_n", "stribeck_velocity_m_s", "stribeck_exponent", "retract_ratio"):
-        value = getattr(curve, field)
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{owner}: {field} must be a positive number, but got {value!r}")
-    viscous = getattr(curve, "viscous_n_s_m")  # noqa: B009 - the fields are a convention, not a class
-    if not (math.isfinite(viscous) and viscous >= 0.0):
-        raise ValueError(f"{owner}: viscous_n_s_m must be zero or a positive number, but got {viscous!r}")
-    static, coulomb = getattr(curve, "static_n"), getattr(curve, "coulomb_n")  # noqa: B009
-    if static < coulomb:
-        raise ValueError(f"{owner}: static_n must be at least coulomb_n ({coulomb} N), but got {static} N")
 
 
 @numba.njit(cache=True)
@@ -118,8 +110,9 @@ def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = 
     speed, level = np.abs(velocity), float(np.median(np.abs(friction)))
     span = float(np.max(speed))
     start = np.array([math.log(level), 0.3, math.log(max(float(np.min(speed)), 0.1 * span)), 1.0, 0.1, 0.0])
-    lower = np.array([math.log(level / 20.0), 0.0, math.log(span / 1000.0), 0.5, 0.0, math.log(0.4)])
-    upper = np.array([math.log(level * 5.0), 3.0, math.log(span), 3.0, 5.0, math.log(2.5)])
+    exponent, ratio = STRIBECK_EXPONENT, RETRACT_RATIO
+    lower = np.array([math.log(level / 20.0), 0.0, math.log(span / 1000.0), exponent.lower, 0.0, math.log(ratio.lower)])
+    upper = np.array([math.log(level * 5.0), 3.0, math.log(span), exponent.upper, 5.0, math.log(ratio.upper)])
 
     def curve_at(numbers: Array) -> StribeckCurve:
         coulomb = math.exp(numbers[0])

@@ -13,6 +13,7 @@ from cylinder_friction.estimators.realtime.flags import Flag
 from cylinder_friction.estimators.realtime.guard import guard_from, largest_friction_n
 from cylinder_friction.estimators.realtime.reference import ReferenceStream
 from cylinder_friction.estimators.realtime.stream import RealTimeStream
+from cylinder_friction.recordings import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.realtime.model import StepModel
@@ -30,7 +31,8 @@ def moved(sample: tuple[float, float, float], **changes: float) -> tuple[float, 
 
 
 def test_limits_come_from_the_training_range() -> None:
-    guard = guard_from(TrainingRange((0.0, 1e5, -0.01), (1e6, 2e5, 0.19)), 500.0, 0.005)
+    trained = TrainingRange(SAMPLE_COLUMNS, (0.0, 1e5, -0.01), (1e6, 2e5, 0.19))
+    guard = guard_from(trained, 500.0, 0.005)
     assert guard.accept_lower == pytest.approx((-1e6, 0.0, -0.21))
     assert guard.accept_upper == pytest.approx((2e6, 3e5, 0.39))
     assert guard.trained_lower == pytest.approx((-5e4, 9.5e4, -0.02))

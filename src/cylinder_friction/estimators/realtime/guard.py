@@ -9,13 +9,11 @@ from cylinder_friction.estimators.realtime.model import Guard
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cylinder_friction.estimators.base import TrainingRange
+    from cylinder_friction.estimators.training_range import TrainingRange
     from cylinder_friction.recordings import Recording
 
 ACCEPT_SPANS = 1.0
 """A reading may lie this many training spans outside the training range; then no working sensor gave it."""
-TRAINED_MARGIN = 0.05
-"""Share of the span by which the training range is widened before an estimate counts as extrapolated."""
 FREEZE_TRAVEL_M = 5e-3
 FREEZE_TIME_S = 2.0
 FREEZE_FORCE_RATIO = 2.0
@@ -36,13 +34,12 @@ def guard_from(training_range: TrainingRange, largest_friction_n: float, sample_
             frozen position unnoticed.
         sample_time_s: Between two samples [s].
     """
-    accept = [_widened(training_range, column, ACCEPT_SPANS) for column in range(3)]
-    trained = [_widened(training_range, column, TRAINED_MARGIN) for column in range(3)]
+    accept, trained = training_range.widened(ACCEPT_SPANS), training_range.widened()
     return Guard(
-        accept_lower=(accept[0][0], accept[1][0], accept[2][0]),
-        accept_upper=(accept[0][1], accept[1][1], accept[2][1]),
-        trained_lower=(trained[0][0], trained[1][0], trained[2][0]),
-        trained_upper=(trained[0][1], trained[1][1], trained[2][1]),
+        accept_lower=_first_three(accept.lower),
+        accept_upper=_first_three(accept.upper),
+        trained_lower=_first_three(trained.lower),
+        trained_upper=_first_three(trained.upper),
         freeze_travel_m=FREEZE_TRAVEL_M,
         freeze_samples=round(FREEZE_TIME_S / sample_time_s),
         freeze_force_n=min(FREEZE_FORCE_RATIO * largest_friction_n, UNKNOWN_FORCE_N),
@@ -67,7 +64,6 @@ def largest_friction_n(recordings: Sequence[Recording]) -> float:
     )
 
 
-def _widened(training_range: TrainingRange, column: int, spans: float) -> tuple[float, float]:
-    lower, upper = training_range.lower[column], training_range.upper[column]
-    slack = spans * (upper - lower)
-    return lower - slack, upper + slack
+def _first_three(values: tuple[float, ...]) -> tuple[float, float, float]:
+    """Returns the limits of the raw sample, P1, P2, x, which a guarded estimator's inputs begin with."""
+    return values[0], values[1], values[2]

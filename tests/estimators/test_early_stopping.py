@@ -1,0 +1,74 @@
+"""Which sessions early stopping listens to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.estimators.early_stopping import KEPT_SESSIONS, held_out_for_stopping
+from cylinder_friction.recordings import Recording, RecordingMetadata
+
+
+def recorded(test: str, session: str, take: int = 1) -> Recording:
+    columns = ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")
+    table = pd.DataFrame({column: 0.005 * np.arange(3) for column in columns})
+    return Recording(RecordingMetadata(f"{test}_{session}_{take}", test, session, 0.005, "any"), table)
+
+
+def named(recordings: list[Recording]) -> list[str]:
+    return [recording.name for recording in recordings]
+
+
+def test_the_last_session_of_each_test_is_held_out_whole() -> None:
+    recordings = [recorded(test, f"{test}-{day}", take) for test in "ab" for day in (3, 1, 2) for take in (1, 2)]
+    train, held_out = held_out_for_stopping(recordings)
+    assert named(held_out) == ["a_a-3_1", "a_a-3_2", "b_b-3_1", "b_b-3_2"]
+    assert named(train) == [recording.name for recording in recordings if recording not in held_out]
+
+
+@pytest.mark.parametrize(
+    "sessions",
+    [
+        [("a", "a-1"), ("a", "a-2"), ("a", "a-3"), ("b", "b-1"), ("b", "b-2")],
+        [("a", "a-1"), ("b", "b-1")],
+        # Test a would keep days 1 and 2, but test b's last day is day 2.
+        [("a", "day-1"), ("a", "day-2"), ("a", "day-3"), ("b", "day-0"), ("b", "day-1"), ("b", "day-2")],
+    ],
+    ids=["two sessions of a test", "one session of each test", "shared days"],
+)
+def test_the_last_session_alone_is_held_out_where_a_test_has_too_few(sessions: list[tuple[str, str]]) -> None:
+    train, held_out = held_out_for_stopping([recorded(*each) for each in sessions])
+    last = max(session for _, session in sessions)
+    assert {recording.metadata.session for recording in held_out} == {last}
+    assert len(train) == len(sessions) - len(held_out)
+
+
+def test_one_session_is_on_both_sides() -> None:
+    recordings = [recorded("a", "a-1", 1), recorded("a", "a-1", 2)]
+    assert held_out_for_stopping(recordings) == (recordings, recordings)
+
+
+def test_nothing_gives_nothing() -> None:
+    assert held_out_for_stopping([]) == ([], [])
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from("123456")), min_size=2, unique=True))
+def test_no_session_is_on_both_sides_and_every_test_that_can_teach_does(sessions: list[tuple[str, str]]) -> None:
+    recordings = [recorded(*each) for each in sessions]
+    train, held_out = held_out_for_stopping(recordings)
+    if len({session for _, session in sessions}) == 1:
+        assert train == held_out == recordings
+        return
+    taught, heard = ({recording.metadata.session for recording in side} for side in (train, held_out))
+    assert taught
+    assert heard
+    assert not taught & heard
+    assert len(train) + len(held_out) == len(recordings)
+    if len(heard) > 1:
+        tests = {test for test, _ in sessions}
+        assert {recording.metadata.test for recording in held_out} == tests
+        for test in tests:
+            assert len({each.metadata.session for each in train if each.metadata.test == test}) >= KEPT_SESSIONS

@@ -1,0 +1,46 @@
+"""What was taught is in the range, a little more is, and nothing further."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.estimators import TrainingRange
+from cylinder_friction.estimators.training_range import TRAINED_MARGIN
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings import Recording
+
+RANGE = TrainingRange(("position_m", "velocity_m_s"), (0.0, -0.1), (0.2, 0.3))
+
+
+def test_any_column_may_count_and_each_keeps_its_place(labelled_recordings: list[Recording]) -> None:
+    columns = ("velocity_m_s", "pressure_2_pa")
+    found = TrainingRange.of(labelled_recordings, columns)
+    assert found.columns == columns
+    for place, column in enumerate(columns):
+        values = np.concatenate([recording.column(column) for recording in labelled_recordings])
+        assert (found.lower[place], found.upper[place]) == (values.min(), values.max())
+
+
+def test_the_margin_is_a_share_of_each_span() -> None:
+    wide = RANGE.widened(0.5)
+    np.testing.assert_allclose([wide.lower, wide.upper], [[-0.1, -0.3], [0.3, 0.5]])
+    assert RANGE.widened() == RANGE.widened(TRAINED_MARGIN)
+    assert RANGE.widened(0.0) == RANGE
+
+
+@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_a_row_is_held_where_all_its_values_are_within_the_margin(position_m: float, velocity_m_s: float) -> None:
+    wide = RANGE.widened()
+    inside = wide.lower[0] <= position_m <= wide.upper[0] and wide.lower[1] <= velocity_m_s <= wide.upper[1]
+    assert RANGE.holds(np.array([[position_m, velocity_m_s], [0.1, 0.1]])).tolist() == [inside, True]
+
+
+def test_its_ends_are_held_and_so_is_the_end_of_the_margin() -> None:
+    wide = RANGE.widened()
+    assert RANGE.holds(np.array([RANGE.lower, RANGE.upper, wide.lower, wide.upper])).all()
+    assert not RANGE.holds(np.nextafter([wide.lower, wide.upper], [[-1.0, -1.0], [1.0, 1.0]])).any()
