@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 from plotly.offline import get_plotlyjs
 
@@ -13,6 +14,7 @@ from cylinder_friction.evaluation.findings import look_into
 from cylinder_friction.evaluation.plot_data import plot_tables
 from cylinder_friction.evaluation.report import ReportInputs, report_html
 from cylinder_friction.evaluation.report.audit import audit_table
+from cylinder_friction.evaluation.report.page import Page
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve, agreement, excerpt, histogram, velocity_profile
 
@@ -73,6 +75,15 @@ def test_the_report_loads_nothing_from_outside(page):
     assert not re.search(r"(src|href)\s*=\s*[\"']?\s*(https?:)?//", own)
     assert not re.search(r"@import|url\s*\(|<link|<iframe|<img", own)
     assert "http" not in own
+
+
+def test_a_page_that_prints_goes_without_plotly_and_takes_no_figure_that_needs_it():
+    page = Page("Title", "Lead.", interactive=False, head="<style>p { color: red; }</style>")
+    page.text("Words.")
+    assert get_plotlyjs() not in page.html()
+    assert "<style>p { color: red; }</style></head>" in page.html()
+    with pytest.raises(ValueError, match="expected an interactive page for the figure 'Friction', but got one without"):
+        page.figure(go.Figure(), "Friction")
 
 
 def test_no_button_offers_to_upload_the_data(page):

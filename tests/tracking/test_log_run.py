@@ -6,6 +6,7 @@ import json
 import logging
 import socket
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,8 +17,8 @@ from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.resources import RESOURCES_FOLDER, sampled_resources
-from cylinder_friction.tracking.run_record import RunRecord
-from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
+from cylinder_friction.tracking.run_record import BENCHMARK, RunRecord
+from cylinder_friction.tracking.store import EXPERIMENT, experiment_name, tracking_uri
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,9 +30,9 @@ def client_of(root: Path) -> MlflowClient:
     return MlflowClient(tracking_uri(root))
 
 
-def runs_of(root: Path, condition: str = "") -> list[Run]:
+def runs_of(root: Path, condition: str = "", experiment_name: str = EXPERIMENT) -> list[Run]:
     client = client_of(root)
-    experiment = client.get_experiment_by_name(EXPERIMENT)
+    experiment = client.get_experiment_by_name(experiment_name)
     assert experiment is not None
     return list(client.search_runs([experiment.experiment_id], condition))
 
@@ -103,6 +104,42 @@ def test_what_a_kill_left_half_written_is_done_again(
     assert whole != half.info.run_id
     assert len(runs_of(root)) == 4
     assert len(client_of(root).get_metric_history(whole, "validation_mae_n")) == 2500
+
+
+def test_a_record_may_lie_in_another_experiment_with_its_children(root: Path, record: RunRecord) -> None:
+    of_benchmark = replace(record, name="benchmark", experiment=BENCHMARK)
+    run_id = log_run(of_benchmark, root)
+    assert log_run(RunRecord.from_dict(json.loads(json.dumps(of_benchmark.to_dict()))), root) == run_id
+    assert runs_of(root) == [], "the main experiment's first page stays as it was"
+    name = experiment_name(BENCHMARK)
+    assert name == "cylinder-friction-benchmark"
+    runs = runs_of(root, experiment_name=name)
+    assert sorted(run.info.run_name for run in runs) == ["benchmark", "trial 0", "trial 1", "trial 2"]
+    assert [run.info.run_id for run in runs if "mlflow.parentRunId" not in run.data.tags] == [run_id]
+    assert {run.data.tags["git_commit"] for run in runs} == {"unknown"}
+    assert runs[0].info.artifact_uri.startswith(f"file://{root}/mlartifacts/")
+
+
+def test_a_half_written_run_of_another_experiment_is_done_again(
+    root: Path, record: RunRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of_benchmark = replace(record, experiment=BENCHMARK)
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MlflowClient, "set_terminated", killed)
+        with pytest.raises(KeyboardInterrupt):
+            log_run(of_benchmark, root)
+    log_run(of_benchmark, root)
+    runs = runs_of(root, experiment_name=experiment_name(BENCHMARK))
+    assert [run.info.status for run in runs] == ["FINISHED"] * 4
+
+
+def test_a_record_of_the_main_experiment_has_the_key_it_always_had() -> None:
+    search = RunRecord("search", {"trials": 2}, children=(RunRecord("trial 0"),))
+    assert search.key() == "bf6608845638456700e937e7efd9db6158f3e34c05a8b7c371f4ff3f1e12f96b"
 
 
 def test_a_small_record_is_logged_in_under_two_seconds(root: Path, record: RunRecord) -> None:

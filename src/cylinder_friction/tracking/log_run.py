@@ -92,24 +92,26 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
     _refuse_changed_artifacts(record, root)
     for half_written in _runs_of(store, record):
         _delete_with_children(store, half_written)
-    return _write_run(store, record, root, commit_of(root), parent=None)
+    return _write_run(store, record, root, commit_of(root), store.experiment(record.experiment), parent=None)
 
 
 def _runs_of(store: Store, record: RunRecord) -> list[Run]:
-    return list(store.client.search_runs([store.experiment_id], f"tags.{KEY_TAG} = '{record.key()}'"))
+    return list(store.client.search_runs([store.experiment(record.experiment)], f"tags.{KEY_TAG} = '{record.key()}'"))
 
 
 def _delete_with_children(store: Store, run: Run) -> None:
     below = f"tags.`{MLFLOW_PARENT_RUN_ID}` = '{run.info.run_id}'"
-    for child in store.client.search_runs([store.experiment_id], below, max_results=10_000):
+    for child in store.client.search_runs([run.info.experiment_id], below, max_results=10_000):
         _delete_with_children(store, child)
     store.client.delete_run(run.info.run_id)
 
 
-def _write_run(store: Store, record: RunRecord, root: Path, commit: Commit, parent: str | None) -> str:
+def _write_run(
+    store: Store, record: RunRecord, root: Path, commit: Commit, experiment_id: str, parent: str | None
+) -> str:
     started_ms = int(time.time() * 1000)
     tags = _tags(record, commit, parent)
-    run_id = str(store.client.create_run(store.experiment_id, started_ms, tags, run_name=record.name).info.run_id)
+    run_id = str(store.client.create_run(experiment_id, started_ms, tags, run_name=record.name).info.run_id)
     try:
         _write_values(store, run_id, record, root, started_ms, parent)
         for path in sorted(record.artifacts):
@@ -118,7 +120,7 @@ def _write_run(store: Store, record: RunRecord, root: Path, commit: Commit, pare
     except MlflowException as error:
         raise TrackingError(f"run {record.name!r}: MLflow refused it: {error.message}") from error
     for child in record.children:
-        _write_run(store, child, root, commit, parent=run_id)
+        _write_run(store, child, root, commit, experiment_id, parent=run_id)
     store.client.set_terminated(run_id, "FINISHED")
     return run_id
 

@@ -9,6 +9,9 @@ from typing import Any, Self
 
 Scalar = str | int | float | bool
 
+BENCHMARK = "benchmark"
+"""The benchmark's hundreds of runs have an experiment of their own, so that the pipeline's few stay in sight."""
+
 
 @dataclass(frozen=True)
 class RunRecord:
@@ -23,6 +26,8 @@ class RunRecord:
         artifacts: Files and folders to log, relative to the repository root, each with the hash of its bytes.
         datasets: Recordings it used: a role (train, validation, test) to a hash of all their bytes.
         children: Runs below it, for example the trials of a search.
+        experiment: Which of the project's MLflow experiments it lies in, empty for the main one; children lie with
+            their parent, whatever they say.
     """
 
     name: str
@@ -33,9 +38,12 @@ class RunRecord:
     artifacts: dict[str, str] = field(default_factory=dict)
     datasets: dict[str, str] = field(default_factory=dict)
     children: tuple[RunRecord, ...] = ()
+    experiment: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        """Returns the content of its file. The main experiment is not written down: older files have no such key."""
+        content = {**asdict(self), "children": [child.to_dict() for child in self.children]}
+        return content if self.experiment else {key: value for key, value in content.items() if key != "experiment"}
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:

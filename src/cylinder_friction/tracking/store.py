@@ -17,6 +17,7 @@ from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.repository import repository_root
+from cylinder_friction.tracking.run_record import BENCHMARK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,9 +27,10 @@ EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"
 """What belongs to this machine and is neither versioned nor shared."""
 
-_EXPERIMENT_TAGS = {
-    "mlflow.experimentKind": "custom_model_development",  # the UI opens on the runs, not on traces of agents
-    "mlflow.note.content": "One run a stage of the pipeline; the trials of the search lie below its run.",
+_NOTES = {
+    EXPERIMENT: "One run a stage of the pipeline; the trials of the search lie below its run. "
+    f"The benchmark's runs are in {EXPERIMENT}-{BENCHMARK}.",
+    f"{EXPERIMENT}-{BENCHMARK}": "One run a benchmark (`dvc repro benchmark`); below it one a task, split and model.",
 }
 _CONNECT_TIMEOUT_S = 3.0
 
@@ -41,13 +43,22 @@ class Store:
         uri: Tracking and registry URI.
         root: Absolute root of the repository.
         client: Talks to that URI.
-        experiment_id: The project's experiment.
+        experiment_id: The project's main experiment.
     """
 
     uri: str
     root: Path
     client: MlflowClient
     experiment_id: str
+
+    def experiment(self, part: str) -> str:
+        """Returns the id of one of the project's experiments, made if it is not there yet; ``""`` is the main one."""
+        return _experiment(self.client, self.uri, self.root, experiment_name(part)) if part else self.experiment_id
+
+
+def experiment_name(part: str = "") -> str:
+    """Returns the name in MLflow of one of the project's experiments; ``""`` is the main one."""
+    return f"{EXPERIMENT}-{part}" if part else EXPERIMENT
 
 
 def tracking_uri(root: Path) -> str:
@@ -74,23 +85,26 @@ def open_store(root: Path) -> Iterator[Store]:
     with _locked(repository_root(root) / LOCAL_FOLDER / "tracking.lock"), _default_for_mlflow(uri):
         _quiet()
         client = MlflowClient(tracking_uri=uri, registry_uri=uri)
-        experiment_id = _experiment(client, uri, root)
+        experiment_id = _experiment(client, uri, root, EXPERIMENT)
         _quiet()  # creating the schema sets its own levels
         yield Store(uri, repository_root(root), client, experiment_id)
 
 
-def _experiment(client: MlflowClient, uri: str, root: Path) -> str:
-    found = client.get_experiment_by_name(EXPERIMENT)
+def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:
+    found = client.get_experiment_by_name(name)
     if found is not None:
         if found.lifecycle_stage == "deleted":
             client.restore_experiment(found.experiment_id)
         return str(found.experiment_id)
     location = artifact_folder(root).as_uri() if uri.startswith("sqlite:") else None
+    tags = {"mlflow.experimentKind": "custom_model_development"}  # the UI opens on the runs, not on traces of agents
+    if name in _NOTES:
+        tags["mlflow.note.content"] = _NOTES[name]
     try:
-        return str(client.create_experiment(EXPERIMENT, artifact_location=location, tags=_EXPERIMENT_TAGS))
+        return str(client.create_experiment(name, artifact_location=location, tags=tags))
     except MlflowException:
         # A shared server: another machine may have made it between the look and the creation.
-        found = client.get_experiment_by_name(EXPERIMENT)
+        found = client.get_experiment_by_name(name)
         if found is None:
             raise
         return str(found.experiment_id)

@@ -1,4 +1,4 @@
-"""One HTML page that needs nothing from outside: typography, contents, sections, plotly.js once."""
+"""One HTML page that needs nothing from outside: typography, contents, sections, plotly.js at most once."""
 
 from __future__ import annotations
 
@@ -61,10 +61,14 @@ class Page:
     Attributes:
         title: Head of the page.
         lead: One sentence below it.
+        interactive: Whether plotly.js, three quarters of such a page, goes along; ``figure`` needs it.
+        head: More of the page's head as HTML: styles and scripts.
     """
 
     title: str
     lead: str
+    interactive: bool = True
+    head: str = ""
     _contents: list[tuple[str, str]] = field(default_factory=list)
     _body: list[str] = field(default_factory=list)
     _figures: int = 0
@@ -91,7 +95,13 @@ class Page:
         self._body.append(f"<details><summary>{html.escape(words)}</summary>{table.html()}</details>")
 
     def figure(self, figure: go.Figure, caption: str) -> None:
-        """Adds an interactive figure; its data stand in the page."""
+        """Adds an interactive figure; its data stand in the page.
+
+        Raises:
+            ValueError: The page goes without plotly.js.
+        """
+        if not self.interactive:
+            raise ValueError(f"expected an interactive page for the figure {caption!r}, but got one without plotly.js")
         self._figures += 1
         name = f"figure-{self._figures}"
         figure.update_layout(
@@ -113,13 +123,13 @@ class Page:
 
     def html(self) -> str:
         links = "".join(f'<a href="#{anchor}">{html.escape(words)}</a>' for anchor, words in self._contents)
+        plotly = f"<script>{get_plotlyjs()}</script>" if self.interactive else ""
         return (
             '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            f"<title>{html.escape(self.title)}</title><style>{_CSS}</style>"
-            f"<script>{get_plotlyjs()}</script>"
+            f"<title>{html.escape(self.title)}</title><style>{_CSS}</style>{plotly}"
             "<script>function draw(name, figure) { Plotly.newPlot(name, figure.data, figure.layout,"
-            " {responsive: true, displaylogo: false, showSendToCloud: false}); }</script></head>"
+            f" {{responsive: true, displaylogo: false, showSendToCloud: false}}); }}</script>{self.head}</head>"
             f'<body><div class="frame"><nav><strong>Contents</strong>{links}</nav>'
             f"<main><h1>{html.escape(self.title)}</h1>"
             f'<p class="lead">{html.escape(self.lead)}</p>{"".join(self._body)}</main></div></body></html>\n'

@@ -1,0 +1,64 @@
+"""Who asks for the champion's place, who held it, and what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+from cylinder_friction.tracking.versions import Origin
+
+Errors = dict[str, float]
+"""Error a test [percent of mean |label|]."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A trained estimator that asks for the champion's place.
+
+    Attributes:
+        model_name: Name in the registry.
+        folder: Folder of the saved estimator, relative to the repository's root.
+        model_key: Hash of that folder's content.
+        errors_percent: Its error a test on the held-out recordings.
+        test_data_md5: Hash of these recordings.
+        origin: What it was made from.
+        example: A few rows of raw samples, by column.
+    """
+
+    model_name: str
+    folder: str
+    model_key: str
+    errors_percent: Errors
+    test_data_md5: str
+    origin: Origin
+    example: dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class Incumbent:
+    """The model in use when the gate decided."""
+
+    model_key: str
+    errors_percent: Errors
+
+
+@dataclass(frozen=True)
+class Registered:
+    """What a registration came to, without time and version numbers: equal work gives equal bytes."""
+
+    candidate: Candidate
+    alias: str
+    promote: bool
+    reason: str
+    tolerance_percent: float
+    incumbent: Incumbent | None
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Self:
+        stored = content["candidate"]
+        candidate = Candidate(**{**stored, "origin": Origin.from_dict(stored["origin"])})
+        incumbent = None if content["incumbent"] is None else Incumbent(**content["incumbent"])
+        return cls(**{**content, "candidate": candidate, "incumbent": incumbent})

@@ -1,0 +1,35 @@
+"""A candidate's version: all that a served model needs, and only of the model that was measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import mlflow
+import pytest
+
+from candidates import candidate_in, never, other_model
+from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.registry import register
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> None:
+    register(candidate_in(pipeline), pipeline, 0.1, never)
+    (description,) = pipeline.glob("mlartifacts/models/*/artifacts/MLmodel")
+    files = [path for path in description.parent.rglob("*") if path.is_file()]
+    assert {path.name for path in files} >= {"scoring_model.py", "network.onnx", "forest.onnx", "lineage.json"}
+    assert {path.suffix for path in files} <= {"", ".py", ".json", ".onnx", ".yaml", ".txt"}
+    assert not [path for path in files if path.read_bytes().startswith(b"\x80")], "that is how a pickle begins"
+    loaded = mlflow.pyfunc.load_model(str(description.parent))
+    assert loaded.metadata.signature.inputs.required_input_names() == ["pressure_1_pa", "pressure_2_pa", "position_m"]
+    assert list(loaded.predict(loaded.input_example).columns) == ["friction_n", "in_training_range"]
+    assert loaded.metadata.signature.outputs.input_names() == ["friction_n", "in_training_range"]
+
+
+def test_a_model_that_is_not_the_measured_one_is_refused(pipeline: Path) -> None:
+    candidate = candidate_in(pipeline)
+    other_model(pipeline)
+    with pytest.raises(TrackingError, match=r"models/hybrid: its content hash is .*… was measured; run `dvc checkout`"):
+        register(candidate, pipeline, 0.1, never)
