@@ -16,6 +16,7 @@ from cylinder_friction.params import Params, ParamsError, check_params
 from cylinder_friction.recordings import write_json
 from cylinder_friction.stages import benchmark
 from cylinder_friction.tracking.log_run import log_run
+from cylinder_friction.tracking.store import open_store
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -86,6 +87,11 @@ def test_mlflow_takes_the_runs(workplace: Path, monkeypatch: pytest.MonkeyPatch)
     write_json(benchmark.RESULTS_FILE.parent / "runs/benchmark.json", record.to_dict())
     run_id = log_run(record, workplace)
     assert log_run(record, workplace) == run_id
+    with open_store(workplace) as store:
+        found = {name: store.client.search_runs([store.experiment(name)]) for name in ("", "benchmark")}
+    assert found[""] == [], "the pipeline's own runs stay in sight"
+    children = [run for run in found["benchmark"] if run.data.tags.get("mlflow.parentRunId") == run_id]
+    assert len(children) == len(record.children) == len(found["benchmark"]) - 1
 
 
 def test_an_interrupted_benchmark_goes_on_where_it_was(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:

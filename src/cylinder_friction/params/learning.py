@@ -153,7 +153,6 @@ class BenchmarkParams(Section):
     source: str
     campaign: BenchmarkCampaignParams
     seeds: Annotated[list[Seed], Field(min_length=1)]
-    leave_out_seeds: Count
     tasks: Annotated[list[TaskName], Field(min_length=1)]
     splits: dict[SplitName, list[TaskName]]
     models: list[str]

@@ -26,7 +26,7 @@ from cylinder_friction.stages._stage import (
     flat,
     hash_of,
 )
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.tracking.run_record import BENCHMARK, RunRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,7 +94,6 @@ def programme_from(params: Params) -> Programme:
     return Programme(
         tasks=tuple(settings.tasks),
         splits={split: tuple(tasks) for split, tasks in settings.splits.items()},
-        leave_out_seeds=settings.leave_out_seeds,
         models=tuple(settings.models),
     )
 
@@ -130,6 +129,7 @@ def run_record(params: Params, results: BenchmarkResults, findings: dict[str, st
         artifacts=artifacts(RESULTS_FILE, REPORT_FILE),
         datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()} if own else {},
         children=tuple(children),
+        experiment=BENCHMARK,
     )
 
 
@@ -175,6 +175,8 @@ def _metrics(entry: Entry) -> dict[str, float]:
             "bounds_width_n": entry.trust.width_n,
             "flagged": entry.trust.flagged,
         }
+        if entry.trust.coverage_of_truth is not None:
+            metrics["coverage.of_truth"] = entry.trust.coverage_of_truth
     return metrics
 
 

@@ -40,7 +40,8 @@ def run(params: Params) -> RunRecord:
         TrackingError: The registry cannot be reached: without it nobody knows the incumbent, so nothing is decided.
         LineageError: ``dvc.lock`` does not say which data the candidate was made from.
     """
-    from cylinder_friction.tracking.registry import Candidate, register
+    from cylinder_friction.tracking.candidate import Candidate
+    from cylinder_friction.tracking.registry import register
 
     settings = params.register_
     folder = _FOLDERS[settings.candidate]

@@ -49,6 +49,30 @@ def test_errors_between_sessions_widen_the_bounds() -> None:
     assert calibrated(*sessions(12, 0.0, 20.0, 0)).factor < 1.05
 
 
+def test_loads_that_differ_in_level_are_held_alike() -> None:
+    """Errors grow with the level of friction, so that one interval for all would hold the lightest load always."""
+    generator = np.random.default_rng(3)
+
+    def loaded(first: int) -> tuple[list[Recording], list[np.ndarray]]:
+        recordings, estimates = [], []
+        for session in range(first, first + 12):
+            level = 1.0 + 3.0 * (session % 3)
+            recording = made_case("1", session).recording
+            label = level * (300.0 + recording.column("friction_n"))
+            recordings.append(recording.with_columns(friction_n=label))
+            estimates.append(label + generator.normal(0.0, 10.0 * level, len(label)))
+        return recordings, estimates
+
+    bounds = calibrated(*loaded(1))
+    shares: dict[int, list[float]] = {}
+    for place, (recording, estimate) in enumerate(zip(*loaded(13), strict=True)):
+        lower, upper = bounds.around(recording, estimate)
+        label = recording.column("friction_n")
+        shares.setdefault(place % 3, []).append(float(((label >= lower) & (label <= upper))[recording.usable()].mean()))
+    for held in shares.values():
+        assert np.mean(held) == pytest.approx(0.9, abs=0.06)
+
+
 def test_bounds_lie_around_a_biased_estimate_unevenly() -> None:
     recordings, estimates = sessions(6, 0.0, 5.0, 1)
     bounds = calibrated(recordings, [estimate - 50.0 for estimate in estimates])

@@ -98,6 +98,14 @@ def test_every_recording_and_seed_has_other_sensors_and_the_same_ones_again() ->
     np.testing.assert_array_equal(drawn[0], drawn[3])
 
 
+def test_further_draws_are_other_sensors_on_the_same_motion() -> None:
+    task = task_named("sensor_drift")
+    first, second = (exam_of(task, CASE, 0, draw) for draw in (0, 1))
+    assert (first.pressures_pa[0] != second.pressures_pa[0]).all()
+    np.testing.assert_array_equal(first.recording.column("position_m"), second.recording.column("position_m"))
+    np.testing.assert_array_equal(first.reference_n, second.reference_n)
+
+
 def test_a_load_is_known_to_the_examiner_alone() -> None:
     exam = exam_of(task_named("external_load"), made_case("1", 1, load_n=700.0), 0)
     assert exam.true_load_n is not None

@@ -120,6 +120,7 @@ def _entry(draw: np.random.Generator, model: str, scale: float, floor: str) -> E
         float(draw.uniform(0.0, 0.1)),
         float(draw.uniform(0.0, 0.1)),
         float(draw.uniform(0.4, 1.0)),
+        float(draw.uniform(0.5, 1.0)),
     )
     correlations = {name: float(draw.uniform(-0.5, 0.5)) for name in ("velocity", "speed", "pressure 1", "dwell")}
     residuals = Residuals(

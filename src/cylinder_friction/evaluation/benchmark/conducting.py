@@ -12,7 +12,7 @@ from cylinder_friction.evaluation.benchmark.data import cases_of, simulate_campa
 from cylinder_friction.evaluation.benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
 from cylinder_friction.evaluation.benchmark.judging import denominators, judged
 from cylinder_friction.evaluation.benchmark.pool import Died, Workers
-from cylinder_friction.evaluation.benchmark.programme import Programme, problem_of, seeds_of
+from cylinder_friction.evaluation.benchmark.programme import Programme, problem_of
 from cylinder_friction.evaluation.benchmark.results import BenchmarkResults, Participant, TaskResult
 from cylinder_friction.evaluation.benchmark.roster import roster
 from cylinder_friction.evaluation.benchmark.running import Question, answer_questions, tune_model
@@ -69,14 +69,14 @@ def run_benchmark(
         _simulate(bench, programme, entries, work)
         _choose(bench, programme, course)
         _tune(bench, course, entries, work)
-        _answer(bench, programme, course, entries, work)
-        lines = _judge(bench, programme, course, entries, how, work)
+        _answer(bench, course, entries, work)
+        lines = _judge(bench, course, entries, how, work)
     return BenchmarkResults(
-        tasks=tuple(_task_result(bench, programme, course, entries, how, *pair, lines) for pair in course.asked),
+        tasks=tuple(_task_result(bench, course, entries, how, *pair, lines) for pair in course.asked),
         participants={
             name: Participant(entry.title, entry.family, entry.source, entry.chosen) for name, entry in entries.items()
         },
-        budget=_budget(bench, programme),
+        budget=_budget(bench),
         missing=course.missing,
     )
 
@@ -119,7 +119,7 @@ def _choose(bench: Bench, programme: Programme, course: _Course) -> None:
         course.asked.append((task, HELD_OUT))
     for split, names in programme.splits.items():
         for task, _ in [pair for pair in course.asked if pair[0].name in names and pair[1] == HELD_OUT]:
-            problem = problem_of(bench, programme, task, split)
+            problem = problem_of(bench, task, split)
             if problem:
                 course.missing[f"{task.name}, {split}"] = problem
             else:
@@ -143,7 +143,6 @@ def _tune(bench: Bench, course: _Course, entries: Mapping[str, RosterEntry], wor
 
 def _answer(
     bench: Bench,
-    programme: Programme,
     course: _Course,
     entries: Mapping[str, RosterEntry],
     work: _Work,
@@ -154,7 +153,7 @@ def _answer(
         for task, split in course.asked:
             if _excuse(bench, course, entries[model], task):
                 continue
-            for seed in seeds_of(bench, programme, split):
+            for seed in bench.seeds:
                 left_out = split if split in (LEAVE_LOAD, LEAVE_TEMPERATURE) else ""
                 group = groups.setdefault((model, seed, f"{task.campaign} {left_out}"), [])
                 group.append(Question(task.name, split, model, seed))
@@ -181,7 +180,6 @@ Lines = dict[tuple[str, str], list["Entry"]]
 
 def _judge(
     bench: Bench,
-    programme: Programme,
     course: _Course,
     entries: Mapping[str, RosterEntry],
     how: ScoreSettings,
@@ -190,15 +188,14 @@ def _judge(
     pieces: list[Work] = []
     about: list[tuple[str, str]] = []
     for task, split in course.asked:
-        seeds = seeds_of(bench, programme, split)
         good = [
             model
             for model, entry in entries.items()
-            if not _excuse(bench, course, entry, task) and not _failure(course, task, split, model, seeds)
+            if not _excuse(bench, course, entry, task) and not _failure(course, task, split, model, bench.seeds)
         ]
         floor = task.floor if task.floor in good else None
         for model in good:
-            pieces.append(partial(judged, bench, task.name, split, model, floor, seeds, how))
+            pieces.append(partial(judged, bench, task.name, split, model, floor, how))
             about.append((task.name, split))
     lines: Lines = {}
     for number, done in work.done(pieces, [1] * len(pieces), "judge", "model"):
@@ -210,7 +207,6 @@ def _judge(
 
 def _task_result(
     bench: Bench,
-    programme: Programme,
     course: _Course,
     entries: Mapping[str, RosterEntry],
     how: ScoreSettings,
@@ -218,13 +214,12 @@ def _task_result(
     split: str,
     lines: Lines,
 ) -> TaskResult:
-    seeds = seeds_of(bench, programme, split)
     missing: dict[str, str] = {}
     for model, entry in entries.items():
-        reason = _excuse(bench, course, entry, task) or _failure(course, task, split, model, seeds)
+        reason = _excuse(bench, course, entry, task) or _failure(course, task, split, model, bench.seeds)
         if reason:
             missing[model] = reason
-    mean_n, label = denominators(bench, task, split, seeds, how)
+    mean_n, label = denominators(bench, task, split, how)
     best_first = sorted(lines.get((task.name, split), []), key=lambda entry: (entry.score.percent.value, entry.model))
     return TaskResult(
         task=task.name,
@@ -261,13 +256,12 @@ def _inputs(bench: Bench, task: Task) -> tuple[str, ...]:
     return inputs_of(task, next(iter(cases_of(bench.sources, task.campaign, bench.seeds[0]).values())).recording)
 
 
-def _budget(bench: Bench, programme: Programme) -> dict[str, float | int | str]:
+def _budget(bench: Bench) -> dict[str, float | int | str]:
     cases = cases_of(bench.sources, "campaign", bench.seeds[0])
     return {
         "trials": bench.trials,
         "effort": bench.effort,
         "seeds": len(bench.seeds),
-        "leave_out_seeds": programme.leave_out_seeds,
         "recordings": len(cases),
         "seconds_a_recording": max(len(case.recording) * case.recording.sample_time_s for case in cases.values()),
         "source": "simulated campaigns" if bench.sources.simulated else "own recordings",

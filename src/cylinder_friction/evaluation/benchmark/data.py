@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
@@ -18,7 +18,7 @@ from cylinder_friction.evaluation.benchmark.folds import (
     refuse_leaks,
     unseen_rig,
 )
-from cylinder_friction.evaluation.benchmark.tasks import TEMPERATURE, Exam, exam_of, of_the_present
+from cylinder_friction.evaluation.benchmark.tasks import SENSOR_DRAWS, TEMPERATURE, Exam, exam_of, of_the_present
 from cylinder_friction.evaluation.benchmark.twin import TwinPlan, teaching_recordings
 from cylinder_friction.evaluation.splits import split_sessions
 from cylinder_friction.recordings import read_recordings, whole_folder, write_recording
@@ -128,7 +128,7 @@ def cases_of(sources: Sources, kind: Kind, seed: int) -> dict[str, Case]:
 
 
 def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold, ...]:
-    """Returns the folds of a split, checked for leaks.
+    """Returns the folds of a split, checked for leaks; who chooses and who is asked is so with every pair of sensors.
 
     Raises:
         RecordingError: There are too few sessions, or a session would have two roles.
@@ -148,7 +148,9 @@ def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold,
         folds = (unseen_rig(base, [case.recording.metadata for case in others.values()]),)
     for fold in folds:
         refuse_leaks(fold, metadata)
-    return folds
+    return tuple(
+        replace(fold, validation=_all_drawn(task, fold.validation), test=_all_drawn(task, fold.test)) for fold in folds
+    )
 
 
 def unseen_kind(task: Task) -> Kind:
@@ -157,8 +159,12 @@ def unseen_kind(task: Task) -> Kind:
 
 @lru_cache(maxsize=6)
 def exams_of(sources: Sources, task: Task, kind: Kind, seed: int) -> dict[str, Exam]:
-    """Returns the recordings of a campaign as the task puts them, by name."""
-    return {name: exam_of(task, case, seed) for name, case in cases_of(sources, kind, seed).items()}
+    """Returns the recordings of a campaign as the task puts them, by name; where sensors drift, several of each."""
+    return {
+        drawn: exam_of(task, case, seed, draw)
+        for name, case in cases_of(sources, kind, seed).items()
+        for draw, drawn in enumerate(_drawn(task, name))
+    }
 
 
 def lessons_of(sources: Sources, task: Task, seed: int, *, of_now: bool) -> dict[str, Exam]:
@@ -171,6 +177,15 @@ def twin_lessons_of(sources: Sources, task: Task, seed: int) -> tuple[Recording,
     """Returns the task's recordings on the twin's rigs; their target is true friction, which nobody could label."""
     cases = cases_of(sources, twin_kind(task), seed)
     return tuple(exam_of(task, case, seed).recording for case in cases.values())
+
+
+def _drawn(task: Task, name: str) -> list[str]:
+    """Returns the names of a recording's exams: its own first, then those with other sensors."""
+    return [name, *(f"{name} sensors {draw}" for draw in range(1, SENSOR_DRAWS if task.drifts else 1))]
+
+
+def _all_drawn(task: Task, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(drawn for name in names for drawn in _drawn(task, name))
 
 
 def twin_kind(task: Task) -> Kind:

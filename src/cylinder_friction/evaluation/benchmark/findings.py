@@ -155,11 +155,14 @@ def _coverage(found: TaskResult, titles: _Titles) -> list[str]:
     good = sum(
         all(AIM[0] <= round(value, 3) <= AIM[1] for test, value in each.coverage.items() if test) for _, each in trusted
     )
-    return [
+    sentences = [
         f"The 90 % bounds of {titles(best.model)} hold {100.0 * min(tests):.1f} to {100.0 * max(tests):.1f} % of the "
-        f"rows by test and {100.0 * trust.coverage_after_reversal:.1f} % just after reversals; "
+        f"labels by test and {100.0 * trust.coverage_after_reversal:.1f} % just after reversals; "
         f"{_count(good)} of {len(trusted)} models keep to 87 to 93 % in every test."
     ]
+    if found.reference == "truth" and trust.coverage_of_truth is not None:
+        sentences.append(f"Of true friction they hold {100.0 * trust.coverage_of_truth:.1f} %.")
+    return sentences
 
 
 def _elsewhere(found: TaskResult, base: TaskResult, titles: _Titles) -> list[str]:

@@ -2,65 +2,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from cylinder_friction.estimators import TrainingRange
 from cylinder_friction.estimators.realtime.bounds import velocity_taps
+from cylinder_friction.evaluation.benchmark.data import exams_of, twin_lessons_of
 from cylinder_friction.signals.causal import FirFilter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Iterable
 
-    from cylinder_friction.evaluation.bootstrap import Array, Mask
+    from cylinder_friction.evaluation.benchmark.data import Sources
+    from cylinder_friction.evaluation.benchmark.tasks import Task
+    from cylinder_friction.evaluation.bootstrap import Mask
     from cylinder_friction.recordings import Recording
 
-MARGIN = 0.05
-"""Share of its span by which a taught range is widened, as in real time."""
+VELOCITY = "velocity_m_s"
+"""The column that counts besides an estimator's inputs: by the off-line filter, or ``with_causal_velocity``."""
 
 
-@dataclass(frozen=True, eq=False)
-class TaughtRange:
-    """Smallest and largest value of each input, and of the velocity [m/s] last; shape ``(inputs + 1,)`` each."""
+@lru_cache(maxsize=1024)
+def taught_range(
+    sources: Sources, task: Task, seed: int, names: tuple[str, ...], inputs: tuple[str, ...], *, causal: bool
+) -> TrainingRange:
+    """Returns the range of the inputs, and of the velocity last, in what teaches.
 
-    inputs: tuple[str, ...]
-    lower: Array
-    upper: Array
+    It is the same for all models of one teacher, and a handful of numbers, so that a worker keeps those of all tasks,
+    folds and seeds.
 
-    @classmethod
-    def of(
-        cls, recordings: Sequence[Recording], inputs: tuple[str, ...], velocity: Callable[[Recording], Array]
-    ) -> TaughtRange:
-        """Returns the range of these recordings, widened by ``MARGIN`` of itself.
-
-        Args:
-            recordings: What was taught.
-            inputs: Columns that count.
-            velocity: Returns the velocity through a recording [m/s], shape ``(n,)``.
-        """
-        values = [_values(recording, inputs, velocity) for recording in recordings]
-        lower = np.min([each.min(axis=0) for each in values], axis=0)
-        upper = np.max([each.max(axis=0) for each in values], axis=0)
-        slack = MARGIN * (upper - lower)
-        return cls(inputs, lower - slack, upper + slack)
-
-    def leaves(self, recording: Recording, velocity: Callable[[Recording], Array]) -> Mask:
-        """Returns which rows of a recording lie outside, shape ``(n,)``."""
-        values = _values(recording, self.inputs, velocity)
-        return np.asarray(((values < self.lower) | (values > self.upper)).any(axis=1))
+    Args:
+        sources: Where the recordings lie.
+        task: What is asked.
+        seed: Of the campaign.
+        names: Of the recordings of the task's campaign that teach; none where the twin does.
+        inputs: Columns that count.
+        causal: Whether the velocity is made from samples until now, not off line.
+    """
+    taught: Iterable[Recording]
+    if names:
+        # A model that is taught friction now, not ahead, sees the same columns: targets are of no account here.
+        exams = exams_of(sources, task, task.campaign, seed)
+        taught = [exams[name].recording for name in names]
+    else:
+        taught = twin_lessons_of(sources, task, seed)
+    return TrainingRange.of(map(with_causal_velocity, taught) if causal else taught, (*inputs, VELOCITY))
 
 
-def causal_velocity(recording: Recording) -> Array:
-    """Returns the velocity that a flag goes by, from samples until now [m/s], shape ``(n,)``."""
+def outside(known: TrainingRange, recording: Recording) -> Mask:
+    """Returns which rows of a recording lie outside a range, shape ``(n,)``; its columns are the range's."""
+    return ~known.holds(recording.samples(known.columns))
+
+
+def with_causal_velocity(recording: Recording) -> Recording:
+    """Returns the recording with the velocity that a flag goes by, from samples until now [m/s]."""
     block = FirFilter(velocity_taps(recording.sample_time_s)[None, 2:3])
-    return block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
-
-
-def offline_velocity(recording: Recording) -> Array:
-    """Returns the velocity from the off-line filter [m/s], shape ``(n,)``."""
-    return recording.column("velocity_m_s")
-
-
-def _values(recording: Recording, inputs: tuple[str, ...], velocity: Callable[[Recording], Array]) -> Array:
-    return np.column_stack([recording.samples(inputs), velocity(recording)])
+    velocity = block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
+    return recording.with_columns(**{VELOCITY: velocity})

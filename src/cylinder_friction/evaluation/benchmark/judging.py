@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.evaluation.benchmark.data import exams_of, folds_of, unseen_kind
-from cylinder_friction.evaluation.benchmark.flags import TaughtRange, offline_velocity
+from cylinder_friction.evaluation.benchmark.flags import outside, taught_range
 from cylinder_friction.evaluation.benchmark.folds import UNSEEN_RIG
 from cylinder_friction.evaluation.benchmark.results import Interval
 from cylinder_friction.evaluation.benchmark.scoring import Paper, entry_of
@@ -16,8 +16,6 @@ from cylinder_friction.evaluation.benchmark.tasks import inputs_of, task_named
 from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from cylinder_friction.evaluation.benchmark.results import Entry
     from cylinder_friction.evaluation.benchmark.running import Bench
     from cylinder_friction.evaluation.benchmark.scoring import ScoreSettings
@@ -25,23 +23,21 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.benchmark.tasks import Exam, Task
 
 
-def judged(
-    bench: Bench, task_name: str, split: str, model: str, floor: str | None, seeds: Sequence[int], how: ScoreSettings
-) -> Entry:
+def judged(bench: Bench, task_name: str, split: str, model: str, floor: str | None, how: ScoreSettings) -> Entry:
     """Returns a model's line; ``floor`` is None where the floor itself has no answer."""
     task, store = task_named(task_name), Store(bench.store)
-    answers = {seed: store.answer(task.name, split, model, seed) for seed in seeds}
-    floors = {} if floor is None else {seed: store.answer(task.name, split, floor, seed) for seed in seeds}
-    papers = [paper for seed in seeds for paper in _papers(bench, task, split, seed, answers[seed], floors.get(seed))]
+    answers = {seed: store.answer(task.name, split, model, seed) for seed in bench.seeds}
+    floors = {} if floor is None else {seed: store.answer(task.name, split, floor, seed) for seed in bench.seeds}
+    papers = [
+        paper for seed in bench.seeds for paper in _papers(bench, task, split, seed, answers[seed], floors.get(seed))
+    ]
     tuned = store.tuned(task.tuned_as or task.name, model)
     return entry_of(model, papers, list(answers.values()), tuned, bench.cylinder, how)
 
 
-def denominators(
-    bench: Bench, task: Task, split: str, seeds: Sequence[int], how: ScoreSettings
-) -> tuple[float, Interval | None]:
+def denominators(bench: Bench, task: Task, split: str, how: ScoreSettings) -> tuple[float, Interval | None]:
     """Returns mean |reference| [N] of the test recordings, and how far the label is from true friction, if known."""
-    exams = [exam for seed in seeds for exam in asked_of(bench, task, split, seed).values()]
+    exams = [exam for seed in bench.seeds for exam in asked_of(bench, task, split, seed).values()]
     masks = [exam.recording.usable() for exam in exams]
     references = np.concatenate([exam.reference_n[mask] for exam, mask in zip(exams, masks, strict=True)])
     mean_n = float(np.abs(references).mean())
@@ -66,10 +62,10 @@ def _papers(bench: Bench, task: Task, split: str, seed: int, answer: Answer, flo
     asked = asked_of(bench, task, split, seed)
     papers = []
     for fold in folds_of(bench.sources, task, split, seed):
-        taught = [own[name].recording for name in fold.train]
-        known = TaughtRange.of(taught, inputs_of(task, taught[0]), offline_velocity)
+        inputs = inputs_of(task, own[fold.train[0]].recording)
+        known = taught_range(bench.sources, task, seed, fold.train, inputs, causal=False)
         for name in fold.test:
-            outside = known.leaves(asked[name].recording, offline_velocity)
             floor_n = None if floor is None else floor.estimates[name].friction_n
-            papers.append(Paper(seed, asked[name], answer.estimates[name], floor_n, outside))
+            beyond = outside(known, asked[name].recording)
+            papers.append(Paper(seed, asked[name], answer.estimates[name], floor_n, beyond))
     return papers

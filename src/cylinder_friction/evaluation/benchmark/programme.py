@@ -24,23 +24,15 @@ class Programme:
     Attributes:
         tasks: Names of tasks, all asked on held-out sessions.
         splits: For each other split the tasks that are asked on it.
-        leave_out_seeds: How many of the seeds are asked where a load or a temperature is left out, which takes a fit
-            for each of them.
         models: Names of participants; empty for all.
     """
 
     tasks: tuple[str, ...]
     splits: Mapping[str, tuple[str, ...]]
-    leave_out_seeds: int
     models: tuple[str, ...] = ()
 
 
-def seeds_of(bench: Bench, programme: Programme, split: str) -> tuple[int, ...]:
-    """Returns the seeds that are asked on a split."""
-    return bench.seeds[: programme.leave_out_seeds] if split in (LEAVE_LOAD, LEAVE_TEMPERATURE) else bench.seeds
-
-
-def problem_of(bench: Bench, programme: Programme, task: Task, split: str) -> str:
+def problem_of(bench: Bench, task: Task, split: str) -> str:
     """Returns why a split cannot be asked; empty where it can."""
     cases = list(cases_of(bench.sources, task.campaign, bench.seeds[0]).values())
     if split == UNSEEN_RIG and not bench.sources.simulated:
@@ -50,7 +42,7 @@ def problem_of(bench: Bench, programme: Programme, task: Task, split: str) -> st
     if split == LEAVE_TEMPERATURE and any(TEMPERATURE not in case.recording.table.columns for case in cases):
         return "the oil's temperature was not measured"
     try:
-        for seed in seeds_of(bench, programme, split):
+        for seed in bench.seeds:
             folds_of(bench.sources, task, split, seed)
     except RecordingError as error:
         return str(error)

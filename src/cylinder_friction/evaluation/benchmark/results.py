@@ -44,12 +44,14 @@ class Trust:
     """How far bounds and flags can be relied on.
 
     Attributes:
-        coverage: Share of usable rows whose reference lies in the 90 % bounds, by test; ``""`` for all tests.
+        coverage: Share of usable rows whose label lies in the 90 % bounds, which were calibrated on labels, by test;
+            ``""`` for all tests.
         coverage_after_reversal: The same in the 100 ms after reversals.
         width_n: Mean width of the bounds [N].
         flagged: Share of rows flagged as outside the training range.
         outside: Share of rows where anything measured, seen by the model or not, lies outside of it.
         caught: Share of those rows that are flagged; None where there is none.
+        coverage_of_truth: Share of usable rows whose true friction lies in the bounds; None where nobody knows it.
     """
 
     coverage: Mapping[str, float]
@@ -58,6 +60,7 @@ class Trust:
     flagged: float
     outside: float
     caught: float | None = None
+    coverage_of_truth: float | None = None
 
 
 @dataclass(frozen=True)

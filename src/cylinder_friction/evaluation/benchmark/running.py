@@ -18,7 +18,7 @@ from cylinder_friction.evaluation.benchmark.data import (
     unseen_kind,
 )
 from cylinder_friction.evaluation.benchmark.fitting import Fitted, fitted, making_of
-from cylinder_friction.evaluation.benchmark.flags import TaughtRange, causal_velocity
+from cylinder_friction.evaluation.benchmark.flags import outside, taught_range, with_causal_velocity
 from cylinder_friction.evaluation.benchmark.folds import HELD_OUT, UNSEEN_RIG
 from cylinder_friction.evaluation.benchmark.roster import MODULES, roster
 from cylinder_friction.evaluation.benchmark.storing import Answer, Estimates, Store
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.estimators.training_range import TrainingRange
     from cylinder_friction.evaluation.benchmark.bounds import ErrorBounds
     from cylinder_friction.evaluation.benchmark.data import Sources
     from cylinder_friction.evaluation.benchmark.folds import Fold
@@ -135,8 +136,9 @@ def _answer(bench: Bench, store: Store, question: Question) -> Answer:
     for fold in folds_of(bench.sources, task, question.split, seed):
         taught = _fit(bench, store, entry, task, fold, seed, choice)
         estimator = taught.estimator
-        lessons = _lessons(bench, entry, task, fold, seed)
-        known = TaughtRange.of(lessons, inputs_of(task, asked[fold.test[0]].recording), causal_velocity)
+        names = () if entry.teacher == "twin" else fold.train
+        inputs = inputs_of(task, asked[fold.test[0]].recording)
+        known = taught_range(bench.sources, task, seed, names, inputs, causal=True)
         validation = [own[name].recording for name in fold.validation]
         bounds = calibrated(validation, [estimator.estimate(recording) for recording in validation])
         for name in fold.test:
@@ -174,14 +176,14 @@ def _lessons(bench: Bench, entry: RosterEntry, task: Task, fold: Fold, seed: int
 
 
 def _estimates(
-    estimator: FrictionEstimator, recording: Recording, bounds: ErrorBounds, known: TaughtRange
+    estimator: FrictionEstimator, recording: Recording, bounds: ErrorBounds, known: TrainingRange
 ) -> Estimates:
     friction_n = estimator.estimate(recording)
     if not np.isfinite(friction_n).all():
         row = int(np.argmin(np.isfinite(friction_n)))
         raise ValueError(f"estimate is {friction_n[row]} in row {row + 1} of recording {recording.name!r}")
     lower_n, upper_n = bounds.around(recording, friction_n)
-    return Estimates(friction_n, lower_n, upper_n, known.leaves(recording, causal_velocity))
+    return Estimates(friction_n, lower_n, upper_n, outside(known, with_causal_velocity(recording)))
 
 
 def _percent(estimator: FrictionEstimator, exams: Sequence[Exam]) -> float:

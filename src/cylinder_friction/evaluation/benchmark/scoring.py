@@ -176,12 +176,15 @@ def _below_floor(papers: Sequence[Paper], draws: Array, rows_a_block: int, setti
 def _trust(papers: Sequence[Paper], tests: Sequence[str], limits: StrataLimits) -> Trust:
     held: dict[str, list[NDArray[np.bool_]]] = {test: [] for test in tests}
     after: list[NDArray[np.bool_]] = []
+    of_truth: list[NDArray[np.bool_]] = []
     widths: list[Array] = []
     for paper in papers:
         exam, estimate = paper.exam, paper.estimate
         usable = exam.recording.usable()
-        inside = (exam.reference_n >= estimate.lower_n) & (exam.reference_n <= estimate.upper_n)
+        inside = estimate.hold(exam.label_n)
         held[exam.recording.metadata.test].append(inside[usable])
+        if exam.true_friction_n is not None:
+            of_truth.append(estimate.hold(exam.true_friction_n)[usable])
         masks = strata_masks(exam.velocity_m_s, exam.recording.sample_time_s, limits)
         after.append(inside[usable & masks["after_reversal"]])
         widths.append((estimate.upper_n - estimate.lower_n)[usable])
@@ -193,6 +196,7 @@ def _trust(papers: Sequence[Paper], tests: Sequence[str], limits: StrataLimits) 
     return Trust(
         coverage=coverage,
         coverage_after_reversal=float(reversals.mean()) if len(reversals) else coverage[""],
+        coverage_of_truth=float(np.concatenate(of_truth).mean()) if of_truth else None,
         width_n=float(np.concatenate(widths).mean()),
         flagged=float(flagged.mean()),
         outside=float(outside.mean()),

@@ -28,6 +28,10 @@ class Estimates:
     upper_n: Array
     outside: NDArray[np.bool_]
 
+    def hold(self, values_n: Array) -> NDArray[np.bool_]:
+        """Returns where the bounds hold these values [N], shape ``(n,)``."""
+        return np.asarray((values_n >= self.lower_n) & (values_n <= self.upper_n))
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:

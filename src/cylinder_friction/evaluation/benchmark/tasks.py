@@ -29,6 +29,8 @@ OFFSET_PA = 1.25e5
 """Largest offset of a transmitter: ±0.5 % of a span of 250 bar, as in the data sheet."""
 DRIFT_PA_S = 1e3
 """Largest drift of that offset: 0.3 bar within half a minute."""
+SENSOR_DRAWS = 4
+"""How many pairs of sensors each recording that chooses or is asked was made with: one pair tells little of others."""
 
 
 @dataclass(frozen=True)
@@ -166,13 +168,14 @@ def task_named(name: str) -> Task:
     raise ValueError(f"no task {name!r}; expected one of {', '.join(task.name for task in TASKS)}")
 
 
-def exam_of(task: Task, case: Case, seed: int) -> Exam:
+def exam_of(task: Task, case: Case, seed: int, draw: int = 0) -> Exam:
     """Returns a recording as the task puts it.
 
     Args:
         task: Which.
         case: From a campaign.
         seed: Of the sensors' offsets and drifts, drawn anew for each recording.
+        draw: Which pair of sensors it was made with, from 0.
     """
     recording, truth_n = case.recording, case.true_friction_n
     shift = round(task.ahead_s / recording.sample_time_s)
@@ -181,7 +184,7 @@ def exam_of(task: Task, case: Case, seed: int) -> Exam:
     usable = recording.usable() & recording.usable()[ahead] & (np.arange(rows) + shift < rows)
     label_n = recording.column("friction_n")[ahead]
     raw_pa = recording.samples(SAMPLE_COLUMNS)[:, :2]
-    pressures_pa = raw_pa + (_sensor_errors(recording, seed) if task.drifts else 0.0)
+    pressures_pa = raw_pa + (_sensor_errors(recording, seed, draw) if task.drifts else 0.0)
     temperature_c = recording.column(TEMPERATURE) if TEMPERATURE in recording.table.columns else None
     known_truth_n = None if truth_n is None else truth_n[ahead]
     reference_n = label_n
@@ -230,9 +233,10 @@ def _level(pressure_pa: Array, sample_time_s: float) -> Array:
     return np.ascontiguousarray(low_pass.advance(LowPassState(), pressure_pa[:, None])[:, 0])
 
 
-def _sensor_errors(recording: Recording, seed: int) -> Array:
-    """Returns what each sensor reads too much [Pa], shape ``(n, 2)``; other draws for every recording."""
-    digest = hashlib.sha256(f"{seed}/{recording.name}".encode()).digest()
+def _sensor_errors(recording: Recording, seed: int, draw: int) -> Array:
+    """Returns what each sensor reads too much [Pa], shape ``(n, 2)``; other sensors for every recording and draw."""
+    pair = f"{recording.name}/{draw}" if draw else recording.name
+    digest = hashlib.sha256(f"{seed}/{pair}".encode()).digest()
     generator = np.random.default_rng(int.from_bytes(digest[:8], "big"))
     offset_pa = generator.uniform(-OFFSET_PA, OFFSET_PA, 2)
     rate_pa_s = generator.uniform(-DRIFT_PA_S, DRIFT_PA_S, 2)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass
 
-from plotly.offline import get_plotlyjs
-
 from cylinder_friction.evaluation.report.page import Page
 
 _CSS = """
@@ -86,7 +84,10 @@ window.addEventListener('beforeprint', function () {
 
 @dataclass
 class BenchmarkPage(Page):
-    """The report's page, which here draws nothing with plotly: its figures print, and the file stays small."""
+    """The report's page, which draws nothing with plotly: its figures print, and the file stays small."""
+
+    interactive: bool = False
+    head: str = f"<style>{_CSS}</style><script>{_SCRIPT}</script>"
 
     def part(self, words: str, anchor: str) -> None:
         """Begins a section that links lead to by ``anchor``."""
@@ -106,10 +107,6 @@ class BenchmarkPage(Page):
     def figures(self, *figures: tuple[str, str]) -> None:
         """Adds SVG pictures with their captions; two stand side by side where there is room."""
         self._body.append(figures_html(*figures))
-
-    def html(self) -> str:
-        page = super().html().replace(f"<script>{get_plotlyjs()}</script>", "", 1)
-        return page.replace("</head>", f"<style>{_CSS}</style><script>{_SCRIPT}</script></head>", 1)
 
 
 def figures_html(*figures: tuple[str, str]) -> str:

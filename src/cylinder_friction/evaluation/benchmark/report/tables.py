@@ -116,8 +116,8 @@ def against_floor(percent: float, floor: float) -> float | None:
 def cost_table(result: TaskResult, names: Names) -> str:
     """What a step and training cost, and how far bounds and flags can be trusted."""
     head = ["Model", "multiply-adds a step", "time a step [µs]", "training", "coverage of the 90 % bounds"]
-    head += ["coverage just after reversals", "mean width of bounds [N]", "rows flagged", "rows out of range"]
-    head += ["of those, flagged"]
+    head += ["coverage just after reversals", "coverage of true friction", "mean width of bounds [N]", "rows flagged"]
+    head += ["rows out of range", "of those, flagged"]
     rows = []
     for entry in result.entries:
         trust = entry.trust
@@ -128,18 +128,19 @@ def cost_table(result: TaskResult, names: Names) -> str:
             number(entry.training_s, seconds),
         ]
         if trust is None:
-            cells += [EMPTY] * 6
+            cells += [EMPTY] * 7
         else:
             cells += [
                 _coverage(trust.coverage.get("", math.nan)),
                 _coverage(trust.coverage_after_reversal),
+                number(math.nan if trust.coverage_of_truth is None else trust.coverage_of_truth, share),
                 number(trust.width_n),
                 number(trust.flagged, share),
                 number(trust.outside, share),
                 number(math.nan if trust.caught is None else trust.caught, share),
             ]
         rows.append(cells)
-    return table([Cell(words) for words in head], rows, [("", 1), ("cost", 3), ("trust", 6)])
+    return table([Cell(words) for words in head], rows, [("", 1), ("cost", 3), ("trust", 7)])
 
 
 def _coverage(value: float) -> Cell:

@@ -82,8 +82,8 @@ def _split(page: BenchmarkPage, result: TaskResult, names: Names, folded: bool) 
         further.append(
             (
                 coverage(result, names),
-                "How many rows lie within their 90 % bounds. Black strokes: all tests together. The green band, 87 "
-                "to 93 %, is where marks are meant to be.",
+                "How many labels lie within the 90 % bounds, which were calibrated on labels. Black strokes: all tests "
+                "together. The green band, 87 to 93 %, is where marks are meant to be.",
             )
         )
     if further:
