@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 MEMORY_LAGS_S = (0.005, 0.05, 0.1, 0.5, 1.0)
 """Lags at which the residuals' autocorrelation is told [s]."""
+MOST_DIAGNOSED = 36
+"""Lag and residuals are told from at most so many recordings, evenly taken: they are means that more would not move."""
 
 
 @dataclass(frozen=True)
@@ -79,17 +82,16 @@ def entry_of(
         cylinder: For the force balance that loads are taken from.
         settings: How to judge.
     """
-    references = [paper.exam.reference_n for paper in papers]
-    estimates = [paper.estimate.friction_n for paper in papers]
-    masks = [paper.exam.recording.usable() for paper in papers]
+    references, estimates, masks = _columns(papers)
     sample_time_s = papers[0].exam.recording.sample_time_s
+    diagnosed = papers[:: math.ceil(len(papers) / MOST_DIAGNOSED)]
     rows_a_block = max(1, round(settings.bootstrap_block_s / sample_time_s))
     draws = bootstrap_percent(block_sums(references, estimates, masks, rows_a_block), settings.bootstrap_repeats, 0)
     tests = sorted({paper.exam.recording.metadata.test for paper in papers})
     steps = [answer.step_us for answer in answers if answer.step_us is not None]
     return Entry(
         model=model,
-        score=_score(references, estimates, masks, sample_time_s, interval(draws), settings),
+        score=_score(references, estimates, masks, interval(draws), _lag_s(diagnosed, sample_time_s, settings)),
         seeds={
             str(seed): _percent([paper for paper in papers if paper.seed == seed])
             for seed in sorted({paper.seed for paper in papers})
@@ -98,7 +100,7 @@ def entry_of(
         strata=_strata(papers, settings.limits),
         below_floor=_below_floor(papers, draws, rows_a_block, settings),
         trust=_trust(papers, tests, settings.limits),
-        residuals=_residuals(papers, references, estimates, masks, sample_time_s),
+        residuals=_residuals(diagnosed, sample_time_s),
         multiply_adds=answers[0].multiply_adds,
         step_us=float(np.median(steps)) if steps else 0.0,
         training_s=float(np.median([answer.training_s for answer in answers])),
@@ -107,27 +109,40 @@ def entry_of(
     )
 
 
+def _columns(papers: Sequence[Paper]) -> tuple[list[Array], list[Array], list[Mask]]:
+    """Returns references and estimates [N] and usable rows, one array a recording each."""
+    return (
+        [paper.exam.reference_n for paper in papers],
+        [paper.estimate.friction_n for paper in papers],
+        [paper.exam.recording.usable() for paper in papers],
+    )
+
+
 def _score(
     references: list[Array],
     estimates: list[Array],
     masks: list[Mask],
-    sample_time_s: float,
     percent_interval: tuple[float, float],
-    settings: ScoreSettings,
+    late_s: float,
 ) -> Score:
-    gap = round(settings.maximum_lag_s / sample_time_s) + 1
-    reference, usable = with_gaps(references, masks, gap)
-    estimate, _ = with_gaps(estimates, masks, gap)
-    total = errors(reference, estimate, usable)
-    lag = lag_s(reference, estimate, usable, sample_time_s, settings.maximum_lag_s)
+    total = errors(np.concatenate(references), np.concatenate(estimates), np.concatenate(masks))
     return Score(
         percent=Interval(total.percent, *percent_interval),
         mae_n=total.mae_n,
         rmse_n=total.rmse_n,
         p95_n=total.p95_n,
         bias_n=total.bias_n,
-        lag_s=lag if np.isfinite(lag) else 0.0,
+        lag_s=late_s,
     )
+
+
+def _lag_s(papers: Sequence[Paper], sample_time_s: float, settings: ScoreSettings) -> float:
+    """Returns how late the estimate is [s]; 0 where nothing varies."""
+    references, estimates, masks = _columns(papers)
+    gap = round(settings.maximum_lag_s / sample_time_s) + 1
+    reference, usable = with_gaps(references, masks, gap)
+    estimate, _ = with_gaps(estimates, masks, gap)
+    return _or_zero(lag_s(reference, estimate, usable, sample_time_s, settings.maximum_lag_s))
 
 
 def _percent(papers: Sequence[Paper]) -> float:
@@ -204,13 +219,8 @@ def _trust(papers: Sequence[Paper], tests: Sequence[str], limits: StrataLimits) 
     )
 
 
-def _residuals(
-    papers: Sequence[Paper],
-    references: list[Array],
-    estimates: list[Array],
-    masks: list[Mask],
-    sample_time_s: float,
-) -> Residuals:
+def _residuals(papers: Sequence[Paper], sample_time_s: float) -> Residuals:
+    references, estimates, masks = _columns(papers)
     lags = [max(1, round(lag / sample_time_s)) for lag in MEMORY_LAGS_S]
     left = [reference - estimate for reference, estimate in zip(references, estimates, strict=True)]
     residual, usable = with_gaps(left, masks, max(lags) + 1)
