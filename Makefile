@@ -38,14 +38,14 @@ test: install-dev ## run the tests
 	pytest -n 2 --dist loadgroup
 
 lint: install-dev ## check style, types and import rules
-	ruff format --check src tests benchmarks docs
-	ruff check src tests benchmarks docs
+	ruff format --check src tests performance docs
+	ruff check src tests performance docs
 	mypy
 	lint-imports
 
 format: install-dev ## rewrite style
-	ruff format src tests benchmarks docs
-	ruff check --fix src tests benchmarks docs
+	ruff format src tests performance docs
+	ruff check --fix src tests performance docs
 
 params: install ## compose conf/ into params.yaml, for example ARGS="experiment=smoke"
 	cylinder-friction params $(ARGS)
@@ -60,12 +60,12 @@ track: install ## log every finished stage to MLflow, without duplicates
 	cylinder-friction track
 
 bench: install ## measure speeds against peers in the same run
-	python benchmarks/rig_speed.py
-	python benchmarks/lugre_best_possible.py
-	python benchmarks/ingest_throughput.py --hours 2
+	python performance/rig_speed.py
+	python performance/lugre_best_possible.py
+	python performance/ingest_throughput.py --hours 2
 
 seeds: install ## the comparison for three campaign seeds (about half an hour)
-	python benchmarks/campaign_seeds.py $(or $(ARGS),1 2 3)
+	python performance/campaign_seeds.py $(or $(ARGS),1 2 3)
 
 readme: install ## put the pipeline's latest table and picture into README.md
 	cylinder-friction readme

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.evaluation.figures.style import draw, panels, png_bytes
-from cylinder_friction.rig import CampaignPlan, RigRecording, campaign
+from cylinder_friction.reporting.figures.style import draw, panels, png_bytes
+from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.labelling import LoadPlan, StrokePoints, stroke_points
+from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.strokes import StrokePoints, stroke_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

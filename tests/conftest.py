@@ -13,8 +13,10 @@ import pytest
 import yaml
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators import Architecture, ForestPlan, HybridEstimator, TrainingPlan
-from cylinder_friction.recordings import Recording, RecordingMetadata, write_recording
+from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 from cylinder_friction.tracking.versions import dvc_hash

@@ -6,17 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.friction_models import (
-    CoulombStribeckParameters,
-    DahlParameters,
-    FilmLugreParameters,
-    LugreParameters,
-    MaxwellSlipParameters,
-    ModelParameters,
-)
+from cylinder_friction.friction_models.coulomb_stribeck import CoulombStribeckParameters
+from cylinder_friction.friction_models.dahl import DahlParameters
+from cylinder_friction.friction_models.film_lugre import FilmLugreParameters
+from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from cylinder_friction.friction_models.parameters import ModelParameters
 
 CURVE = {"coulomb_n": 240.0, "static_n": 360.0, "stribeck_velocity_m_s": 8e-3, "stribeck_exponent": 1.5}
 ODD: dict[str, ModelParameters] = {

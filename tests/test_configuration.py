@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import yaml
 
-from cylinder_friction.cli import main
-from cylinder_friction.composition import compose_params, write_params
-from cylinder_friction.params import ParamsError, check_params, load_params
+from cylinder_friction.commands.cli import main
+from cylinder_friction.commands.params import compose_params, write_params
+from cylinder_friction.params.checking import ParamsError, check_params, load_params
 
 PROJECT = Path(__file__).parents[1]
 CONF = PROJECT / "conf"

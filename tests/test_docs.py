@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cylinder_friction.cli import _parser
-from cylinder_friction.estimators import FrictionEstimator
+from cylinder_friction.commands.cli import _parser
+from cylinder_friction.estimators.base import FrictionEstimator
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))

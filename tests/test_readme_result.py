@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.readme import BEGIN, END, PICTURES, update_readme
+from cylinder_friction.commands.readme import BEGIN, END, PICTURES, update_readme
 
 if TYPE_CHECKING:
     from pathlib import Path

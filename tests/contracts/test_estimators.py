@@ -11,29 +11,23 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.estimators import (
-    Architecture,
-    ForceBalanceEstimator,
-    ForestEstimator,
-    ForestPlan,
-    FrictionEstimator,
-    HybridEstimator,
-    LowPassForceBalanceEstimator,
-    NotFittedError,
-    RidgeEstimator,
-    TrainingPlan,
-)
+from cylinder_friction.estimators.base import FrictionEstimator, NotFittedError
+from cylinder_friction.estimators.forest_alone import ForestEstimator
+from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
-from cylinder_friction.evaluation.benchmark.roster import roster
-from cylinder_friction.evaluation.benchmark.roster.entry import Making
-from cylinder_friction.recordings import SAMPLE_COLUMNS, Recording, RecordingError
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording, RecordingError
+from friction_benchmark.roster import roster
+from friction_benchmark.roster.entry import Making
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.evaluation.benchmark.roster.entry import RosterEntry
+    from friction_benchmark.roster.entry import RosterEntry
 
 PLAN = TrainingPlan(epochs=1, patience=1, sequence_length=200, burn_in=20, batch_size=4)
 FOREST = ForestPlan(trees=4, depth=4, rows=2000, leaf=5)
@@ -144,7 +138,7 @@ def test_two_streams_do_not_touch_each_other(estimator: FrictionEstimator, recor
 
 def test_save_and_load_round_trip(estimator: FrictionEstimator, recording: Recording, tmp_path: Path) -> None:
     estimator.save(tmp_path / "model")
-    loaded = FrictionEstimator.load(tmp_path / "model")
+    loaded = load_estimator(tmp_path / "model")
     np.testing.assert_array_equal(loaded.estimate(recording), estimator.estimate(recording))
     assert loaded.multiply_adds() == estimator.multiply_adds() > 0
     assert loaded.training_range == estimator.training_range

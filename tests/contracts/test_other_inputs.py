@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators import FrictionEstimator
-from cylinder_friction.evaluation.benchmark.roster import roster
-from cylinder_friction.evaluation.benchmark.roster.entry import Making
+from cylinder_friction.estimators.loading import load_estimator
+from friction_benchmark.roster import roster
+from friction_benchmark.roster.entry import Making
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 INPUTS = {
     "pressure_free": ("position_m", "oil_temperature_c"),
@@ -70,6 +71,6 @@ def test_cutting_the_input_into_pieces_changes_nothing(
 
 def test_save_and_load_round_trip(estimator: FrictionEstimator, recordings: list[Recording], tmp_path: Path) -> None:
     estimator.save(tmp_path / "model")
-    loaded = FrictionEstimator.load(tmp_path / "model")
+    loaded = load_estimator(tmp_path / "model")
     assert loaded.inputs == estimator.inputs
     np.testing.assert_array_equal(loaded.estimate(recordings[0]), estimator.estimate(recordings[0]))

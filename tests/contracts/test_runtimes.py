@@ -10,17 +10,17 @@ import pytest
 
 from contracts.runtimes import all_runtimes, run
 from contracts.tolerances import TOLERANCES_N
-from cylinder_friction.estimators import FrictionEstimator
-from cylinder_friction.estimators.realtime.flags import Flag
-from cylinder_friction.estimators.realtime.from_hybrid import step_model
-from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER, read_trajectories
-from cylinder_friction.estimators.realtime.reference import ReferenceStream
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.realtime.reference import ReferenceStream
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from contracts.runtimes import Stream
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 TRAJECTORIES = read_trajectories(GOLDEN)
@@ -30,7 +30,7 @@ STEPPING = sorted(name for name, runtime in RUNTIMES.items() if getattr(runtime,
 
 @pytest.fixture(scope="module")
 def model() -> StepModel:
-    return step_model(FrictionEstimator.load(GOLDEN / MODEL_FOLDER))
+    return step_model(load_estimator(GOLDEN / MODEL_FOLDER))
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from cylinder_friction.tracking.versions import origin_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 
 @pytest.fixture(scope="session")

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from cylinder_friction.deployment.distil import DistilReport, compare, distil
-from cylinder_friction.estimators import HybridEstimator, TrainingPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.training_plan import TrainingPlan
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 PLAN = TrainingPlan(epochs=12, patience=12, sequence_length=200, burn_in=20, batch_size=2)
 

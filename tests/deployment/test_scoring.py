@@ -13,14 +13,15 @@ from hypothesis import strategies as st
 
 from cylinder_friction.deployment.onnx_estimator import load_onnx
 from cylinder_friction.deployment.scoring import ScoringError, score
-from cylinder_friction.estimators import ForceBalanceEstimator, FrictionEstimator
-from cylinder_friction.recordings import SAMPLE_COLUMNS, Recording
+from cylinder_friction.estimators.linear import ForceBalanceEstimator
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators import HybridEstimator
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 AGREEMENT_N = 0.5
 

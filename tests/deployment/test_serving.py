@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.deployment.serve import CHAMPION, curl, served_model
-from cylinder_friction.recordings import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import example_rows
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from cylinder_friction.estimators import HybridEstimator
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 pytestmark = pytest.mark.slow
 

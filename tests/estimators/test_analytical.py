@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators import FrictionEstimator
 from cylinder_friction.estimators.analytical import AnalyticalEstimator, scaled_effort
-from cylinder_friction.evaluation.benchmark.roster.analytical import ENTRIES
-from cylinder_friction.evaluation.benchmark.roster.entry import Making
-from cylinder_friction.friction_models import Dahl, LuGre, model_named
-from cylinder_friction.recordings import SAMPLE_COLUMNS, Recording, RecordingError
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.friction_models.catalogue import model_named
+from cylinder_friction.friction_models.dahl import Dahl
+from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording, RecordingError
+from friction_benchmark.roster.analytical import ENTRIES
+from friction_benchmark.roster.entry import Making
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -97,7 +99,7 @@ def test_saving_and_loading_changes_no_bit_and_keeps_units_and_intervals(
 ) -> None:
     estimator = fitted[name]
     estimator.save(tmp_path)
-    loaded = FrictionEstimator.load(tmp_path)
+    loaded = load_estimator(tmp_path)
     assert isinstance(loaded, AnalyticalEstimator)
     assert loaded.model.name == name
     np.testing.assert_array_equal(loaded.estimate(labelled_recordings[0]), estimator.estimate(labelled_recordings[0]))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.estimators.early_stopping import KEPT_SESSIONS, held_out_for_stopping
-from cylinder_friction.recordings import Recording, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 
 def recorded(test: str, session: str, take: int = 1) -> Recording:

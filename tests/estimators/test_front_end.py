@@ -9,7 +9,7 @@ import pytest
 
 from cylinder_friction.estimators.features import FeatureBlock, fit_features
 from cylinder_friction.estimators.front_end import Design, FeatureMaker, FrontEndBlock, fit_front_end
-from cylinder_friction.recordings import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

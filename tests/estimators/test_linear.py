@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators import FrictionEstimator
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 
 def error_n(estimator: FrictionEstimator, recordings: list[Recording]) -> float:

@@ -6,15 +6,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator, scaling_pressure
-from cylinder_friction.friction_models import LUGRE_UNITS, SearchEffort
-from cylinder_friction.recordings import Recording, RecordingError
+from cylinder_friction.friction_models.identification.procedure import SearchEffort
+from cylinder_friction.friction_models.lugre import LUGRE_UNITS
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import FrictionEstimator
 
 KINDS = (LugreEstimator, PressureLugreEstimator)
 
@@ -89,7 +91,7 @@ def test_saving_and_loading_changes_no_bit(
 ) -> None:
     estimator = fitted[kind]
     estimator.save(tmp_path)
-    loaded = FrictionEstimator.load(tmp_path)
+    loaded = load_estimator(tmp_path)
     assert type(loaded) is type(estimator)
     np.testing.assert_array_equal(loaded.estimate(labelled_recordings[0]), estimator.estimate(labelled_recordings[0]))
     assert loaded.intervals == estimator.intervals

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators import Architecture, Checkpoint, TrainingPlan
+from cylinder_friction.estimators.checkpoint import Checkpoint
 from cylinder_friction.estimators.network_training import train_network
-from cylinder_friction.estimators.training_plan import SequenceData
+from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,11 +8,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.estimators import TrainingRange
-from cylinder_friction.estimators.training_range import TRAINED_MARGIN
+from cylinder_friction.estimators.training_range import TRAINED_MARGIN, TrainingRange
 
 if TYPE_CHECKING:
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 RANGE = TrainingRange(("position_m", "velocity_m_s"), (0.0, -0.1), (0.2, 0.3))
 

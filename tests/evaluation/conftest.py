@@ -12,7 +12,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.evaluation.comparison import Comparison, ComparisonSettings, compare
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.evaluation.views import LearningCurve
-from cylinder_friction.recordings import Recording, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -7,7 +7,7 @@ import pytest
 
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare, with_gaps
 from cylinder_friction.evaluation.metric_tree import flat_metrics, metric_tree
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 
 
 def test_scores_by_hand(compared, strokes):

@@ -6,27 +6,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.friction_models import (
-    Identification,
-    LuGre,
-    LugreParameters,
-    SearchEffort,
-    identify,
-    new_bristle,
-    simulate,
-    steady_points,
-)
-from cylinder_friction.friction_models.identification import (
-    Coordinates,
-    Motion,
-    Motions,
+from cylinder_friction.friction_models.identification.coordinates import Coordinates
+from cylinder_friction.friction_models.identification.intervals import confidence_intervals
+from cylinder_friction.friction_models.identification.motion import Motion, Motions, with_dead_band
+from cylinder_friction.friction_models.identification.presliding import (
     bristle_damping,
     bristle_stiffness,
-    confidence_intervals,
     damping_velocity,
-    with_dead_band,
 )
-from cylinder_friction.recordings import Recording, RecordingMetadata
+from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
+from cylinder_friction.friction_models.identification.steady_points import steady_points
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters, new_bristle, simulate
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

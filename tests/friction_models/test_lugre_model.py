@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from cylinder_friction.friction_models import LugreParameters, new_bristle, simulate
+from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, simulate
 
 PLAIN = LugreParameters(
     coulomb_n=240.0,

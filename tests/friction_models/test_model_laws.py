@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.friction_models import (
-    MODELS,
-    FilmLugreParameters,
-    MaxwellSlipParameters,
-    ModelParameters,
-    StribeckCurve,
-    model_named,
-)
+from cylinder_friction.friction_models.catalogue import MODELS, model_named
+from cylinder_friction.friction_models.film_lugre import FilmLugreParameters
+from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
+from cylinder_friction.friction_models.stribeck import StribeckCurve
 from friction_samples import ODD
+
+if TYPE_CHECKING:
+    from cylinder_friction.friction_models.parameters import ModelParameters
 
 STEP_S = 5e-3
 NAMES = sorted(ODD)

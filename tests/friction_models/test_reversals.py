@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cylinder_friction.friction_models import LugreParameters, new_bristle, simulate
-from cylinder_friction.friction_models.identification import PreslidingStiffness, presliding_stiffness
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.friction_models.identification.reversals import PreslidingStiffness, presliding_stiffness
+from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, simulate
+from cylinder_friction.recordings.recording import RecordingError
 
 Array = NDArray[np.float64]
 STEP_S = 1e-3

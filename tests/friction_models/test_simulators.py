@@ -12,14 +12,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cylinder_friction.friction_models import (
-    CoulombStribeckParameters,
-    DahlParameters,
-    FilmLugreParameters,
-    LugreParameters,
-    MaxwellSlipParameters,
-    model_named,
-)
+from cylinder_friction.friction_models.catalogue import model_named
+from cylinder_friction.friction_models.film_lugre import FilmLugreParameters
 from friction_samples import ODD, held_path
 
 if TYPE_CHECKING:
@@ -27,7 +21,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.friction_models import ModelParameters
+    from cylinder_friction.friction_models.coulomb_stribeck import CoulombStribeckParameters
+    from cylinder_friction.friction_models.dahl import DahlParameters
+    from cylinder_friction.friction_models.lugre import LugreParameters
+    from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
+    from cylinder_friction.friction_models.parameters import ModelParameters
 
     Array = NDArray[np.float64]
 

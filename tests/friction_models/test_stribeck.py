@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.friction_models import StribeckCurve, fit_stribeck
+from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
 
 CURVE = StribeckCurve(240.0, 360.0, 8e-3, 1.5, 1500.0, 1.2)
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.labelling import Audit, AuditRow
+from cylinder_friction.labelling.audit import Audit, AuditRow
 
 VELOCITY = np.repeat([0.0, 0.1], 100)
 TRUTH = np.repeat([-100.0, 300.0], 100)

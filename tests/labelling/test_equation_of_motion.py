@@ -7,13 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.labelling import Stiffness, StiffnessMode, friction_label
-from cylinder_friction.labelling.equation_of_motion import last_direction, paper_stiffness, trapped_oil_stiffness
+from cylinder_friction.labelling.equation_of_motion import (
+    Stiffness,
+    StiffnessMode,
+    friction_label,
+    last_direction,
+    paper_stiffness,
+    trapped_oil_stiffness,
+)
 from cylinder_friction.signals.smooth import SmoothSignals
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 MIDDLE_M = 0.125
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.labelling import event_masks
+from cylinder_friction.labelling.events import event_masks
 
 
 def velocity(*stretches: tuple[float, int]) -> np.ndarray:

@@ -8,14 +8,18 @@ import pandas as pd
 import pytest
 
 from boom import STEP_S, boom_load, motion
-from cylinder_friction.labelling import Audit, Labeller, LoadPlan, SessionPoints, Stiffness
-from cylinder_friction.recordings import Recording, RecordingError, RecordingMetadata, SensorUncertainty
+from cylinder_friction.labelling.audit import Audit
+from cylinder_friction.labelling.equation_of_motion import Stiffness
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.session import SessionPoints
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
 from cylinder_friction.signals.recorded import smooth_columns
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling import SessionFound
+    from cylinder_friction.labelling.session import SessionFound
 
 FILTER = SavitzkyGolay()
 COULOMB_N, VISCOUS_N_S_M = 300.0, 1500.0

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from boom import STEP_S, boom_load, boom_points
-from cylinder_friction.labelling import LoadPlan, SessionPoints, identify_load, stroke_points
-from cylinder_friction.recordings import RecordingError
-from cylinder_friction.rig import CampaignPlan, RigRecording, campaign
+from cylinder_friction.labelling.load import LoadPlan, identify_load
+from cylinder_friction.labelling.session import SessionPoints
+from cylinder_friction.labelling.strokes import stroke_points
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.labelling import usable_rows
-from cylinder_friction.labelling.masks import spread
+from cylinder_friction.labelling.masks import spread, usable_rows
 from cylinder_friction.signals.smooth import Reach
 
 

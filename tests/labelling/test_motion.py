@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cylinder_friction.labelling import (
-    LoadPlan,
+from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.motion import (
     MotionIdentification,
     MotionPlan,
     MotionPoints,
-    SessionPoints,
     identify_motion,
     motion_points,
 )
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.labelling.session import SessionPoints
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.labelling import StrokePoints, stroke_points
+from cylinder_friction.labelling.strokes import StrokePoints, stroke_points
 
 STEP_S = 0.01
 

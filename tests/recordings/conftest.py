@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.rig import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import CampaignPlan, campaign
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

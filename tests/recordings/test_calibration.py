@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings import ChannelMapping, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.calibration import (
     NoZero,
     ZeroReading,
@@ -16,6 +15,8 @@ from cylinder_friction.recordings.calibration import (
     find_zero,
     session_zero,
 )
+from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
 from cylinder_friction.recordings.sensor import SensorScale
 
 RATE_HZ = 200

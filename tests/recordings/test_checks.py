@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import CheckLimits, RecordingError, RecordingMetadata, check_recording
-from cylinder_friction.recordings.checks import inspect_recording
+from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.checks import check_recording, inspect_recording
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -18,16 +18,13 @@ import pandas as pd
 import pytest
 
 import format_writers
-from cylinder_friction.recordings import (
-    ChannelMapping,
-    CheckLimits,
-    NameRules,
-    Recipe,
-    Source,
-    ingest_folder,
-    read_json,
-    read_recordings,
-)
+from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.ingesting import Source, ingest_folder
+from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.names import NameRules
+from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 
 if TYPE_CHECKING:
@@ -35,7 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
     Damage = Callable[[pd.DataFrame, Path], None]
 

@@ -7,22 +7,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings import (
-    ChannelMapping,
-    CheckLimits,
-    NameRules,
-    Recipe,
-    RecordingError,
-    Source,
-    ingest_folder,
-    read_json,
-    read_recordings,
-)
+from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.ingesting import Source, ingest_folder
+from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.names import NameRules
+from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import read_recordings
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.recordings import Ingested, Recording
+    from cylinder_friction.recordings.ingesting import Ingested
+    from cylinder_friction.recordings.recording import Recording
 
 LIMITS = CheckLimits(stroke_m=0.25)
 

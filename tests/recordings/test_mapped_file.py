@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import ChannelMapping, LoggedTable, RecordingError
-from cylinder_friction.recordings.mapping import map_signals
+from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.mapping import ChannelMapping, map_signals
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.sensor import SensorScale
 
 MAPPING = {

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cylinder_friction.recordings import ChannelMapping, RecordingError
-from cylinder_friction.recordings.mapping import check_mapping, wanted_channels
+from cylinder_friction.recordings.mapping import ChannelMapping, check_mapping, wanted_channels
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.sensor import SensorScale
 
 MAPPING = {

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import RecordingError
 from cylinder_friction.recordings.names import NameRules, PathNames, compile_name_pattern, names_from_path
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.sensor import SensorLimits
 from cylinder_friction.recordings.signal import Signal

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import RecordingError
 from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.sensor import SensorScale, sensor_limits, sensor_uncertainty
 
 CURRENT = SensorScale(range=(0.0, 250.0), unit="bar", signal=(4.0, 20.0))

@@ -10,11 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import (
-    Recording,
-    RecordingError,
-    RecordingMetadata,
-    SensorUncertainty,
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
+from cylinder_friction.recordings.storage import (
     iterate_recordings,
     read_metadata,
     read_recording,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.units import (
     COLUMN_UNITS,
     COMMON,

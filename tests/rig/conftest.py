@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.rig import THROTTLE_GAINS, RigParameters, balanced_state, default_rig, programme, simulate
+from cylinder_friction.rig.parameters import THROTTLE_GAINS, RigParameters, default_rig
+from cylinder_friction.rig.programmes import programme
+from cylinder_friction.rig.simulate import balanced_state, simulate
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,15 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.rig import (
-    LOAD_COLUMN,
-    LOGGER_COLUMNS,
-    TRUTH_COLUMNS,
-    CampaignPlan,
-    RigRecording,
-    campaign,
-    default_rig,
-)
+from cylinder_friction.rig.campaign import TRUTH_COLUMNS, CampaignPlan, RigRecording, campaign
+from cylinder_friction.rig.parameters import default_rig
+from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 from cylinder_friction.rig.variation import draw_rig, draw_session
 
 if TYPE_CHECKING:

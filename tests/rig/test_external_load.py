@@ -11,12 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.rig import ExternalLoad, RigParameters, balanced_state, simulate, varied_load
-from cylinder_friction.rig.external_load import LARGEST_N, boom_n, load_at, spring_n
+from cylinder_friction.rig.external_load import LARGEST_N, ExternalLoad, boom_n, load_at, spring_n, varied_load
 from cylinder_friction.rig.reference import solve_reference
+from cylinder_friction.rig.simulate import balanced_state, simulate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from cylinder_friction.rig.parameters import RigParameters
 
 STROKE_M = 0.25
 

@@ -5,10 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.rig import FAULTS, RigParameters, balanced_state, measure, simulate, with_fault
+from cylinder_friction.rig.faults import FAULTS, with_fault
+from cylinder_friction.rig.sensors import measure
+from cylinder_friction.rig.simulate import balanced_state, simulate
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from cylinder_friction.rig.parameters import RigParameters
 
 
 def stroke(rig: RigParameters, level: float = 0.35, seconds: float = 4.0) -> pd.DataFrame:

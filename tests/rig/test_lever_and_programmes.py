@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.rig import RigParameters, balanced_state, programme, simulate
 from cylinder_friction.rig.lever import (
     APPROACH,
     CHAINED,
@@ -16,10 +15,13 @@ from cylinder_friction.rig.lever import (
     new_hand,
     ornstein_uhlenbeck,
 )
-from cylinder_friction.rig.programmes import lever_for_speed
+from cylinder_friction.rig.programmes import lever_for_speed, programme
+from cylinder_friction.rig.simulate import balanced_state, simulate
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from cylinder_friction.rig.parameters import RigParameters
 
 MIDDLE_M, OVERLAP = 0.125, 0.1
 

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import read_logged_file
-from cylinder_friction.rig import LOAD_COLUMN, LOGGER_COLUMNS, SensorParameters, as_written, measure
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.rig.parameters import SensorParameters
+from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS, as_written, measure
 from cylinder_friction.stages.record import write_logger_csv
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.rig import PUMP_FLOWS_M3_S, RigParameters, balanced_state, default_rig, simulate
 from cylinder_friction.rig.hydraulics import bulk_modulus
-from cylinder_friction.rig.parameters import hydraulic_constants
+from cylinder_friction.rig.parameters import PUMP_FLOWS_M3_S, RigParameters, default_rig, hydraulic_constants
 from cylinder_friction.rig.reference import solve_reference
+from cylinder_friction.rig.simulate import balanced_state, simulate
 
 if TYPE_CHECKING:
     import pandas as pd

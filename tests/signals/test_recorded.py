@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.recorded import signals_of, smooth_columns, smooth_recording
 from cylinder_friction.signals.rts import RtsSmoother

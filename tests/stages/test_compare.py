@@ -10,20 +10,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimators import (
-    ForceBalanceEstimator,
-    FrictionEstimator,
-    LowPassForceBalanceEstimator,
-    RidgeEstimator,
-)
-from cylinder_friction.params import CompareParams, HybridParams, IngestParams, Params, SearchParams, TrainParams
-from cylinder_friction.recordings import RecordingError, write_json, write_recording
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.params.checking import Params
+from cylinder_friction.params.ingest import IngestParams
+from cylinder_friction.params.learning import CompareParams, HybridParams, SearchParams, TrainParams
+from cylinder_friction.recordings.files import write_json
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.stages import compare
 from cylinder_friction.stages._stage import hash_of
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 SETTINGS = CompareParams(
     figure_duration_s=2.0,
@@ -117,7 +118,7 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(workplace, lab
     ]
     assert set(metrics) == set(compare.load_estimators())
     held_out = labelled_recordings[1]
-    estimate = FrictionEstimator.load(Path("models/hybrid")).estimate(held_out)
+    estimate = load_estimator(Path("models/hybrid")).estimate(held_out)
     error = np.abs(estimate - held_out.column("friction_n"))
     expected = 100 * error.mean() / np.abs(held_out.column("friction_n")).mean()
     assert metrics["hybrid"]["1"]["label_percent"] == pytest.approx(expected)

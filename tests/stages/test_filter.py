@@ -9,8 +9,10 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from cylinder_friction.params import FilterParams, Params
-from cylinder_friction.recordings import Recording, read_recordings, write_recording
+from cylinder_friction.params.checking import Params
+from cylinder_friction.params.data import FilterParams
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.storage import read_recordings, write_recording
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER
 

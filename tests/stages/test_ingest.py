@@ -8,9 +8,12 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from cylinder_friction.composition import compose_params
-from cylinder_friction.params import IngestParams, Params, check_params
-from cylinder_friction.recordings import Recording, RecordingError, read_json, read_recordings
+from cylinder_friction.commands.params import compose_params
+from cylinder_friction.params.checking import Params, check_params
+from cylinder_friction.params.ingest import IngestParams
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
 

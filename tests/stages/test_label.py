@@ -8,12 +8,15 @@ import pandas as pd
 import pytest
 import yaml
 
-from cylinder_friction.labelling import Labeller, Stiffness
-from cylinder_friction.params import CylinderParams, FilterParams, IngestParams, LabelParams, LugreParams, Params
-from cylinder_friction.recordings import (
-    Recording,
-    RecordingError,
-    read_json,
+from cylinder_friction.labelling.equation_of_motion import Stiffness
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.params.checking import Params
+from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams
+from cylinder_friction.params.ingest import IngestParams
+from cylinder_friction.params.learning import LugreParams
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.storage import (
     read_metadata,
     read_recording,
     read_recordings,

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.composition import compose_params
-from cylinder_friction.params import Params, check_params
-from cylinder_friction.recordings import read_json, read_recordings
+from cylinder_friction.commands.params import compose_params
+from cylinder_friction.params.checking import Params, check_params
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
 

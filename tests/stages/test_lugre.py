@@ -6,15 +6,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.params import CylinderParams, LugreParams, Params
-from cylinder_friction.recordings import RecordingError, write_recording
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.params.checking import Params
+from cylinder_friction.params.data import CylinderParams
+from cylinder_friction.params.learning import LugreParams
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.stages import lugre
 from cylinder_friction.stages._stage import LUGRE_FOLDER, hash_of
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.tracking.run_record import RunRecord
 
 
@@ -47,7 +50,7 @@ def run_once(cylinder: Cylinder) -> tuple[RunRecord, str]:
 def test_the_stage_leaves_both_estimators_and_the_points(workplace: Path, cylinder: Cylinder) -> None:
     record, _ = run_once(cylinder)
     for kind in ("lugre", "pressure_lugre"):
-        assert FrictionEstimator.load(LUGRE_FOLDER / kind).kind == kind
+        assert load_estimator(LUGRE_FOLDER / kind).kind == kind
         assert 0.0 < record.metrics[f"{kind}.train_mae_percent"] < 10.0
         assert record.metrics[f"{kind}.coulomb_n.lower"] < record.metrics[f"{kind}.coulomb_n.upper"]
         assert len(record.curves[f"{kind}.search_error_n"]) >= 1

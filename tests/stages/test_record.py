@@ -6,8 +6,9 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from cylinder_friction.params import CylinderParams, Params, RecordParams
-from cylinder_friction.rig import TRUTH_COLUMNS
+from cylinder_friction.params.checking import Params
+from cylinder_friction.params.data import CylinderParams, RecordParams
+from cylinder_friction.rig.campaign import TRUTH_COLUMNS
 from cylinder_friction.stages import record
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, hash_of
 

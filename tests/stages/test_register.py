@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mlflow import MlflowClient
 
-from cylinder_friction.params import RegisterParams
+from cylinder_friction.params.learning import RegisterParams
 from cylinder_friction.stages import register
 from cylinder_friction.tracking.errors import LineageError, TrackingError
 from cylinder_friction.tracking.store import tracking_uri
@@ -22,8 +22,8 @@ from cylinder_friction.tracking.store import tracking_uri
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators import HybridEstimator
-    from cylinder_friction.params import Params
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.params.checking import Params
 
 NAME = "friction-estimator"
 

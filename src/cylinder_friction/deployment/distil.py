@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators import Architecture, HybridEstimator, TrainingPlan
 from cylinder_friction.estimators.front_end import FrontEndBlock
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.onnx_files import network_to_onnx
-from cylinder_friction.estimators.realtime.guard import largest_friction_n
-from cylinder_friction.estimators.training_plan import LearningCurve, SequenceData
-from cylinder_friction.recordings import read_recordings
+from cylinder_friction.estimators.training_plan import Architecture, LearningCurve, SequenceData, TrainingPlan
+from cylinder_friction.realtime.guard import largest_friction_n
+from cylinder_friction.recordings.storage import read_recordings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators import FrictionEstimator
+    from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.hybrid import HybridParts
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import onnxruntime
 
-from cylinder_friction.estimators import FrictionEstimator, HybridEstimator
-from cylinder_friction.estimators.forest import Forest, forest_from_onnx
-from cylinder_friction.estimators.lstm import Lstm, LstmState
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.onnx_files import network_from_onnx
+from cylinder_friction.realtime.forest import Forest, forest_from_onnx
+from cylinder_friction.realtime.lstm import Lstm, LstmState
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import onnx
     from numpy.typing import NDArray
 
+    from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.hybrid import HybridParts
 
     Single = NDArray[np.float32]
@@ -39,7 +41,7 @@ def load_onnx(folder: Path) -> FrictionEstimator:
         FileNotFoundError: The folder holds no saved estimator.
         ValueError: The kind is not known.
     """
-    stored = FrictionEstimator.load(folder)
+    stored = load_estimator(folder)
     if not isinstance(stored, HybridEstimator):
         return stored
     assert stored.parts is not None

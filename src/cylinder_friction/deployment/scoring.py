@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.recordings import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators import FrictionEstimator
+    from cylinder_friction.estimators.base import FrictionEstimator
 
 RECORDING_COLUMN = "recording"
 FRICTION_COLUMN = "friction_n"

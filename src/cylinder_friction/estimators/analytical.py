@@ -9,17 +9,11 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.motion_sense import MotionBlock, MotionSense, MotionState
-from cylinder_friction.friction_models import (
-    INTERVAL_METHOD,
-    FrictionModel,
-    Identification,
-    ModelParameters,
-    SearchEffort,
-    identify,
-    model_named,
-)
-from cylinder_friction.recordings import SAMPLE_COLUMNS, RecordingError
+from cylinder_friction.friction_models.catalogue import model_named
+from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
+from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, RecordingError
+from cylinder_friction.signals.causal_velocity import MotionBlock, MotionSense, MotionState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -27,7 +21,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.friction_models.model import FrictionModel
+    from cylinder_friction.friction_models.parameters import ModelParameters
+    from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
 

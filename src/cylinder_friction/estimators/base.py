@@ -8,18 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from cylinder_friction.estimators.realtime.bounds import calibrate_bounds
-from cylinder_friction.estimators.realtime.guard import guard_from
-from cylinder_friction.estimators.realtime.model import Bounds, Guard
 from cylinder_friction.estimators.training_range import TrainingRange
-from cylinder_friction.recordings import (
-    SAMPLE_COLUMNS,
-    Recording,
-    RecordingError,
-    read_json,
-    refuse_not_finite,
-    write_json,
-)
+from cylinder_friction.realtime.bounds import calibrate_bounds
+from cylinder_friction.realtime.guard import guard_from
+from cylinder_friction.realtime.model import Bounds, Guard
+from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording, RecordingError, refuse_not_finite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -21,15 +21,15 @@ from cylinder_friction.estimators.front_end import (
     standardisation,
     unscaled_front_end,
 )
-from cylinder_friction.estimators.play import AGE, DIRECTION, new_play, push
-from cylinder_friction.recordings import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.signals.backlash import AGE, DIRECTION, new_play, push
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
 PLAY_M = 4e-5

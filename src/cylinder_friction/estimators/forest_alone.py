@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import onnx
 
-from cylinder_friction.estimators.forest import fit_forest, forest_from_onnx
 from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
-from cylinder_friction.estimators.realtime.estimator import RealTimeEstimator
+from cylinder_friction.realtime.estimator import RealTimeEstimator
+from cylinder_friction.realtime.forest import fit_forest, forest_from_onnx
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
     from cylinder_friction.estimators.hybrid import ForestPlan
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 FOREST_FILE = "forest.onnx"
 

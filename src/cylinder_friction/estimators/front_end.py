@@ -13,7 +13,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows
-from cylinder_friction.recordings import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
     FirFilter,
     FirState,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cylinder_friction.estimators.base import Array
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 Design = Literal["force_balance", "paper"]
 

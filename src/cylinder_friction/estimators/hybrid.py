@@ -14,12 +14,8 @@ import numpy as np
 import onnx
 
 from cylinder_friction.estimators.early_stopping import held_out_for_stopping
-from cylinder_friction.estimators.forest import Forest, fit_forest, forest_from_onnx
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
-from cylinder_friction.estimators.lstm import Lstm, LstmState
 from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
-from cylinder_friction.estimators.realtime.estimator import RealTimeEstimator
-from cylinder_friction.estimators.realtime.guard import largest_friction_n
 from cylinder_friction.estimators.training_plan import (
     Architecture,
     EpochReport,
@@ -27,6 +23,10 @@ from cylinder_friction.estimators.training_plan import (
     SequenceData,
     TrainingPlan,
 )
+from cylinder_friction.realtime.estimator import RealTimeEstimator
+from cylinder_friction.realtime.forest import Forest, fit_forest, forest_from_onnx
+from cylinder_friction.realtime.guard import largest_friction_n
+from cylinder_friction.realtime.lstm import Lstm, LstmState
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
     from cylinder_friction.estimators.checkpoint import Checkpoint
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 NETWORK_FILE = "network.onnx"
 FOREST_FILE = "forest.onnx"

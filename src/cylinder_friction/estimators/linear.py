@@ -15,7 +15,7 @@ from sklearn.linear_model import Ridge
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.recordings import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
     ExponentialLowPass,
     FirFilter,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.estimators.base import Array
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 PAPER_WINDOW = 10
 PAPER_ACCELERATION_WINDOW = 30

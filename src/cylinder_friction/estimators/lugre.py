@@ -8,20 +8,16 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator, AnalyticalState
-from cylinder_friction.friction_models import (
-    LUGRE_STEP_MULTIPLY_ADDS,
-    LuGre,
-    LugreParameters,
-    ModelParameters,
-    SearchEffort,
-)
+from cylinder_friction.friction_models.identification.procedure import SearchEffort
+from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS, LuGre, LugreParameters
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.motion_sense import MotionSense
+    from cylinder_friction.friction_models.parameters import ModelParameters
+    from cylinder_friction.signals.causal_velocity import MotionSense
 
     Array = NDArray[np.float64]
 

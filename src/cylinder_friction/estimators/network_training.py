@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from cylinder_friction.estimators.lstm import LstmWeights
 from cylinder_friction.estimators.training_plan import LearningCurve
+from cylinder_friction.realtime.lstm import LstmWeights
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

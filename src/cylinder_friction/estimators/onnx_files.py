@@ -13,7 +13,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from cylinder_friction.estimators.lstm import LstmWeights
+from cylinder_friction.realtime.lstm import LstmWeights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
 from cylinder_friction.evaluation.metrics import Errors, errors, lag_s
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]

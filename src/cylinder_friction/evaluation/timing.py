@@ -10,7 +10,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from cylinder_friction.recordings import DRIVE_FORCE, RecordingError
+from cylinder_friction.recordings.recording import DRIVE_FORCE, RecordingError
 from cylinder_friction.signals.smooth import SmoothDrive
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import numpy as np
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
 from cylinder_friction.labelling.masks import usable_rows
 from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty
-from cylinder_friction.recordings import LoadMode, RecordingError
+from cylinder_friction.recordings.plausibility import LoadMode
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.recorded import LOAD_FORCE, SMOOTH_LOAD, signals_of, smooth_load, smooth_recording
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.labelling.audit import Audit
     from cylinder_friction.labelling.session import SessionFound, SessionPoints
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth import Reach, SignalFilter, SmoothDrive, SmoothSignals
 
     Array = NDArray[np.float64]

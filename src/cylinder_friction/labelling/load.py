@@ -27,7 +27,7 @@ from cylinder_friction.labelling.robust import (
     refuse_no_probability,
     robust_fit,
 )
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

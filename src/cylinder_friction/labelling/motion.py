@@ -22,7 +22,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from cylinder_friction.labelling.robust import clustered_half_widths, refuse_no_probability, robust_fit
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings import DRIVE_FORCE
+from cylinder_friction.recordings.recording import DRIVE_FORCE
 from cylinder_friction.signals.recorded import LOAD_FORCE, has_pressures
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
 

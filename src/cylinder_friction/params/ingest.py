@@ -7,13 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from cylinder_friction.params.section import Fraction, NotNegative, Positive, Section
-from cylinder_friction.recordings import (
-    ChannelMapping,
-    CsvOptions,
-    ZeroRules,
-    check_mapping,
-    compile_name_pattern,
-)
+from cylinder_friction.recordings.calibration import ZeroRules
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.mapping import ChannelMapping, check_mapping
+from cylinder_friction.recordings.names import compile_name_pattern
 
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 

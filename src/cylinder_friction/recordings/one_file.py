@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cylinder_friction.recordings.aligning import align
 from cylinder_friction.recordings.calibration import NoZero, ZeroReading, apply_zero, find_zero
 from cylinder_friction.recordings.checks import check_recording
-from cylinder_friction.recordings.formats import read_logged_file
+from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping import map_signals, wanted_channels
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.screening import screen_signals

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from cylinder_friction.recordings.calibration import ZeroRules
-from cylinder_friction.recordings.formats import CsvOptions
+from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.screening import ScreenRules
 from cylinder_friction.recordings.time_rules import TimeRules
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cylinder_friction.recordings import RecordingMetadata
+from cylinder_friction.recordings.recording import RecordingMetadata
 from cylinder_friction.rig.external_load import varied_load
 from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig

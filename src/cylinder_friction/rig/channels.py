@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cylinder_friction.recordings import ChannelMapping, SensorScale
+from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.sensor import SensorScale
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 
 NAME_PATTERN = r"(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_[^/]*\.csv$"

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings import DRIVE_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.signals.smooth import SmoothDrive, SmoothSignals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth import SignalFilter
 
 LOAD_FORCE = "load_force_n"

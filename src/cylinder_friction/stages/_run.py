@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
-from cylinder_friction.params import Params, ParamsError, load_params
-from cylinder_friction.recordings import write_json
+from cylinder_friction.params.checking import Params, ParamsError, load_params
+from cylinder_friction.recordings.files import write_json
 from cylinder_friction.stages._stage import RUNS_FOLDER
 from cylinder_friction.tracking.log_run import track_or_warn
 from cylinder_friction.tracking.replay import PIPELINE_ORDER

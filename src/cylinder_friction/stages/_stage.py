@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 
 if TYPE_CHECKING:
-    from cylinder_friction.params import CylinderParams
+    from cylinder_friction.params.data import CylinderParams
     from cylinder_friction.tracking.run_record import Scalar
 
 from cylinder_friction.cylinder import Cylinder

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from cylinder_friction.estimators import Architecture, ForestPlan, TrainingPlan
+from cylinder_friction.estimators.hybrid import ForestPlan
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 
 if TYPE_CHECKING:
-    from cylinder_friction.params import HybridParams, TrainingParams
+    from cylinder_friction.params.learning import HybridParams, TrainingParams
 
 
 def training_plan(params: TrainingParams) -> TrainingPlan:

@@ -10,25 +10,22 @@ from tqdm import tqdm
 
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
 from cylinder_friction.estimators.base import DESCRIPTION_FILE, FrictionEstimator
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
-from cylinder_friction.evaluation.figures import all_figures, png_bytes
 from cylinder_friction.evaluation.findings import Findings, look_into
 from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
-from cylinder_friction.evaluation.plot_data import plot_tables
-from cylinder_friction.evaluation.report import ReportInputs, report_html
 from cylinder_friction.evaluation.strata import StrataLimits
-from cylinder_friction.evaluation.summary import summary
-from cylinder_friction.evaluation.tables import markdown_tables
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
-from cylinder_friction.recordings import (
-    read_json,
-    read_recordings,
-    read_truth,
-    whole_folder,
-    write_json,
-    write_text,
-)
+from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
+from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.truth import read_truth
+from cylinder_friction.reporting.figures.all_figures import all_figures
+from cylinder_friction.reporting.figures.style import png_bytes
+from cylinder_friction.reporting.plot_data import plot_tables
+from cylinder_friction.reporting.report.report import ReportInputs, report_html
+from cylinder_friction.reporting.summary import summary
+from cylinder_friction.reporting.tables import markdown_tables
 from cylinder_friction.stages._stage import (
     AUDIT_FOLDER,
     BASELINES_FOLDER,
@@ -49,8 +46,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.params import CompareParams, Params
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.learning import CompareParams
+    from cylinder_friction.recordings.recording import Recording
 
 METRICS_FILE = REPORTS_FOLDER / "metrics.json"
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
@@ -119,7 +117,7 @@ def load_estimators() -> dict[str, FrictionEstimator]:
     folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre")}
     folders |= {name: BASELINES_FOLDER / name for name in sorted(known, key=_place)}
     folders |= {folder.name: folder for folder in (PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
-    return {name: FrictionEstimator.load(folder) for name, folder in folders.items()}
+    return {name: load_estimator(folder) for name, folder in folders.items()}
 
 
 _ORDER = (

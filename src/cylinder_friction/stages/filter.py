@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from cylinder_friction.recordings import iterate_recordings, recording_paths, whole_folder, write_recording
+from cylinder_friction.recordings.files import whole_folder
+from cylinder_friction.recordings.storage import iterate_recordings, recording_paths, write_recording
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.signals.recorded import smooth_columns
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
-    from cylinder_friction.params import Params
+    from cylinder_friction.params.checking import Params
 
 
 def run(params: Params) -> RunRecord:

@@ -8,28 +8,25 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings import (
-    ChannelMapping,
-    CheckLimits,
-    CsvOptions,
-    Ingested,
-    NameRules,
-    Recipe,
-    RecordingError,
-    ScreenRules,
-    Source,
-    TimeRules,
-    ZeroRules,
-    ingest_folder,
-)
+from cylinder_friction.recordings.calibration import ZeroRules
+from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
+from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.names import NameRules
+from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.screening import ScreenRules
+from cylinder_friction.recordings.time_rules import TimeRules
 from cylinder_friction.signals.recorded import LOAD_FORCE
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.params import IngestParams, Params
-    from cylinder_friction.recordings import LoadMode
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.ingest import IngestParams
+    from cylinder_friction.recordings.plausibility import LoadMode
 
 QUARANTINE_FILE = Path("data/interim/quarantine.json")
 """Every file, or piece of one, that did not become a recording, and why."""

@@ -10,28 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from cylinder_friction.evaluation.splits import split_sessions
-from cylinder_friction.labelling import (
-    Audit,
-    AuditRow,
-    Labeller,
-    LoadPlan,
-    MotionPlan,
-    SessionFound,
-    SessionPoints,
-    Stiffness,
-)
-from cylinder_friction.recordings import (
-    RecordingError,
-    read_metadata,
-    read_recording,
-    read_truth,
-    recording_paths,
-    whole_folder,
-    write_json,
-    write_recording,
-    write_text,
-)
+from cylinder_friction.labelling.audit import Audit, AuditRow
+from cylinder_friction.labelling.equation_of_motion import Stiffness
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.motion import MotionPlan
+from cylinder_friction.labelling.session import SessionFound, SessionPoints
+from cylinder_friction.recordings.files import whole_folder, write_json, write_text
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.splits import split_sessions
+from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
+from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages._stage import (
     AUDIT_FOLDER,
@@ -47,8 +36,9 @@ from cylinder_friction.tracking.run_record import RunRecord
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from cylinder_friction.params import LabelParams, Params
-    from cylinder_friction.recordings import Recording, RecordingMetadata
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.data import LabelParams
+    from cylinder_friction.recordings.recording import Recording, RecordingMetadata
     from cylinder_friction.signals.smooth import SignalFilter
 
 IDENTIFIED_FILE = Path("data/processed/identified.json")

@@ -7,22 +7,17 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
-from cylinder_friction.recordings import (
-    RecordingError,
-    read_metadata,
-    read_recording,
-    recording_paths,
-    whole_folder,
-    write_json,
-)
+from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths
 from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.friction_models import Identification
-    from cylinder_friction.params import Params
+    from cylinder_friction.friction_models.identification.procedure import Identification
+    from cylinder_friction.params.checking import Params
 
 STRIBECK_FILE = "stribeck_points.json"
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from cylinder_friction.recordings import whole_folder, write_text
+from cylinder_friction.recordings.files import whole_folder, write_text
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.rig.sensors import DECIMALS
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat, hash_of
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cylinder_friction.params import Params
+    from cylinder_friction.params.checking import Params
 
 EMPTY_FILE = "README.txt"
 EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_test is 0.\n"

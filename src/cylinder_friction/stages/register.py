@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators import FrictionEstimator
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.metrics import errors
-from cylinder_friction.recordings import SAMPLE_COLUMNS, iterate_recordings, read_json, recording_paths, write_json
-from cylinder_friction.recordings.storage import read_recording
+from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
     PAPER_HYBRID_FOLDER,
@@ -26,7 +27,7 @@ from cylinder_friction.tracking.run_record import RunRecord
 from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
-    from cylinder_friction.params import Params
+    from cylinder_friction.params.checking import Params
 
 METRICS_FILE = REPORTS_FOLDER / "metrics.json"
 EXAMPLE_ROWS = 5
@@ -71,7 +72,7 @@ def run(params: Params) -> RunRecord:
 
 def measured_errors(folder: Path) -> dict[str, float]:
     """Returns the error a test [percent of mean |label|] of the estimator in ``folder`` on the held-out recordings."""
-    estimator = FrictionEstimator.load(folder)
+    estimator = load_estimator(folder)
     labels: dict[str, list[np.ndarray]] = {}
     estimates: dict[str, list[np.ndarray]] = {}
     for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.estimators import Architecture, ForestPlan, HybridEstimator, lstm_multiply_adds
 from cylinder_friction.estimators.front_end import feature_count
-from cylinder_friction.estimators.search import SearchPlan, SearchSpace, Trial, best_trial, run_search
-from cylinder_friction.evaluation.search_figures import write_search_page
+from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.training_plan import Architecture
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
-from cylinder_friction.recordings import read_recordings, whole_folder, write_json
+from cylinder_friction.realtime.lstm import lstm_multiply_adds
+from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.stages._stage import (
     PROCESSED_FOLDERS,
     SEARCH_FOLDER,
@@ -24,10 +26,12 @@ from cylinder_friction.stages._stage import (
 )
 from cylinder_friction.stages._training import device_from, training_plan
 from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.tuning.search import SearchPlan, SearchSpace, Trial, best_trial, run_search
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.search import Report, Value
-    from cylinder_friction.params import Params, SearchParams
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.learning import SearchParams
+    from cylinder_friction.tuning.search import Report, Value
 
 BEST_FILE = SEARCH_FOLDER / "best.json"
 

@@ -6,20 +6,15 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.estimators import (
-    Checkpoint,
-    ForceBalanceEstimator,
-    ForestEstimator,
-    FrictionEstimator,
-    HybridEstimator,
-    LearningCurve,
-    LowPassForceBalanceEstimator,
-    RidgeEstimator,
-)
-from cylinder_friction.estimators.realtime.guard import largest_friction_n
+from cylinder_friction.estimators.checkpoint import Checkpoint
+from cylinder_friction.estimators.forest_alone import ForestEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
-from cylinder_friction.params import HybridParams, TrainingParams
-from cylinder_friction.recordings import read_json, read_recordings, whole_folder, write_json
+from cylinder_friction.params.learning import HybridParams, TrainingParams
+from cylinder_friction.realtime.guard import largest_friction_n
+from cylinder_friction.recordings.files import read_json, whole_folder, write_json
+from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages._stage import (
     BASELINES_FOLDER,
     HYBRID_FOLDER,
@@ -39,9 +34,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.front_end import Design
-    from cylinder_friction.params import Params
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.estimators.training_plan import LearningCurve
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.recordings.recording import Recording
 
 RIDGE_LAGS = 20
 REAL_TIME_BASELINES = ("random_forest", "lstm", "paper_lstm")

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.deployment.c_export import export_model
 from cylinder_friction.deployment.c_export.compiled import (
     CompiledEstimator,
     CompiledStream,
     NoCompilerError,
     find_compiler,
 )
+from cylinder_friction.deployment.c_export.export import export_model
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.deployment.c_export import Precision
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.deployment.c_export.export import Precision
+    from cylinder_friction.realtime.model import StepModel
 
 
 class _Stream(CompiledStream):

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.deployment.fmu import export_model_fmu
+from cylinder_friction.deployment.fmu.exporting import export_model_fmu
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from contracts.runtimes import Output, Stream
     from cylinder_friction.deployment.fmu.model_description import FmiVersion
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
     from fmu_host import FmuInstance
 
 

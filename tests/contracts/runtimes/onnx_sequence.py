@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.deployment.onnx_graphs import OnnxSequence, export_model, open_sequence
+from cylinder_friction.deployment.onnx_graphs.export import export_model
+from cylinder_friction.deployment.onnx_graphs.stream import OnnxSequence, open_sequence
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 
 class OnnxRecordings:

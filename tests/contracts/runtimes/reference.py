@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.estimators.realtime.reference import ReferenceStream
+from cylinder_friction.realtime.reference import ReferenceStream
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 
 class _Stream(ReferenceStream):

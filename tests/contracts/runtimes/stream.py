@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators.realtime.stream import RealTimeStream
+from cylinder_friction.realtime.stream import RealTimeStream
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 
 class _Stream(RealTimeStream):

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.deployment.c_export import export_model, part_of
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.estimators import FrictionEstimator
-from cylinder_friction.estimators.forest import Forest
-from cylinder_friction.estimators.lstm import LstmWeights
-from cylinder_friction.estimators.realtime.from_hybrid import step_model
-from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.deployment.c_export.export import export_model
+from cylinder_friction.deployment.c_export.models import part_of
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.realtime.forest import Forest
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.realtime.lstm import LstmWeights
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from cylinder_friction.deployment.c_export import Precision
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.deployment.c_export.export import Precision
+    from cylinder_friction.realtime.model import StepModel
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 COMPILERS = ("gcc", "clang")
@@ -102,7 +103,7 @@ SHAPES = _shapes()
 
 @pytest.fixture(scope="session")
 def golden_model() -> StepModel:
-    return step_model(FrictionEstimator.load(GOLDEN / MODEL_FOLDER))
+    return step_model(load_estimator(GOLDEN / MODEL_FOLDER))
 
 
 @pytest.fixture(scope="session")

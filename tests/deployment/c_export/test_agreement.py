@@ -9,20 +9,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.deployment.c_export import export_c
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.estimators import (
-    ForceBalanceEstimator,
-    ForestEstimator,
-    ForestPlan,
-    LowPassForceBalanceEstimator,
-    LugreEstimator,
-    PressureLugreEstimator,
-    RidgeEstimator,
-)
-from cylinder_friction.estimators.realtime.flags import Flag
-from cylinder_friction.estimators.realtime.reference import ReferenceStream
-from cylinder_friction.estimators.realtime.stream import RealTimeStream
+from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.estimators.forest_alone import ForestEstimator
+from cylinder_friction.estimators.hybrid import ForestPlan
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.realtime.stream import RealTimeStream
 from deployment.c_export.conftest import SHAPES
 
 if TYPE_CHECKING:
@@ -30,9 +25,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators import FrictionEstimator, HybridEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
 
 DOUBLE_N = 1e-9
 FLOAT_N = 0.5

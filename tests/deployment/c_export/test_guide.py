@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.cli import main
-from cylinder_friction.estimators.realtime.flags import Flag
-from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER
-from cylinder_friction.estimators.realtime.stream import RealTimeStream
+from cylinder_friction.commands.cli import main
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.golden import MODEL_FOLDER
+from cylinder_friction.realtime.stream import RealTimeStream
 from deployment.c_export.conftest import GOLDEN
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators import HybridEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 GUIDE = Path(__file__).parents[3] / "docs/c.md"
 PROGRAM = re.compile(r"^```c complete file=main\.c\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -10,20 +10,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.deployment.c_export import export_c, export_model, fingerprint, part_of
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
+from cylinder_friction.deployment.c_export.export import export_c, export_model, fingerprint
 from cylinder_friction.deployment.c_export.forest import ordered
 from cylinder_friction.deployment.c_export.literals import filled, number
-from cylinder_friction.estimators import RidgeEstimator
-from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.deployment.c_export.models import part_of
+from cylinder_friction.estimators.linear import RidgeEstimator
+from cylinder_friction.realtime.flags import Flag
 from deployment.c_export.conftest import COMPILERS, SHAPES
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.deployment.c_export import ExportedC
-    from cylinder_friction.estimators import HybridEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.deployment.c_export.export import ExportedC
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 STRICT = "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wdouble-promotion -Wundef"
 STRICTER = "-Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition -Wcast-qual -Wcast-align -Wvla -Werror"

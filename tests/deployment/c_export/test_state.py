@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.realtime.flags import Flag
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from cylinder_friction.deployment.c_export.compiled import CompiledEstimator, CompiledStream
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 
 def floats_of(stream: CompiledStream, model: StepModel) -> np.ndarray:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cylinder_friction.deployment.c_export.models import model_of
-from cylinder_friction.deployment.fmu import ExportedFmu, export_fmu
+from cylinder_friction.deployment.fmu.exporting import ExportedFmu, export_fmu
 from fmu_host import ExtractedFmu
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cylinder_friction.estimators import HybridEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
     from fmu_host import FmuInstance
 
 

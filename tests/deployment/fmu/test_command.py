@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import pytest
 from fmpy import read_model_description
 
-from cylinder_friction.cli import main
+from cylinder_friction.commands.cli import main
 from cylinder_friction.deployment.fmu import building
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators import HybridEstimator
+    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 
 @pytest.fixture

@@ -12,16 +12,16 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.build import build_platform_binary
 from fmpy.validation import validate_fmu
 
-from cylinder_friction.deployment.fmu import building, export_fmu
+from cylinder_friction.deployment.fmu import building
 from cylinder_friction.deployment.fmu.compiling import CompilerError, compile_library, find_compiler
-from cylinder_friction.deployment.fmu.exporting import model_identifier
+from cylinder_friction.deployment.fmu.exporting import export_fmu, model_identifier
 from cylinder_friction.deployment.fmu.sources import INTERFACE_FILES
 from fmu_host import ExtractedFmu
 
 if TYPE_CHECKING:
-    from cylinder_friction.deployment.fmu import ExportedFmu
-    from cylinder_friction.estimators import HybridEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.deployment.fmu.exporting import ExportedFmu
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 STRICT = (
     "-Wall",

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from cylinder_friction.estimators.realtime.flags import Flag
-from cylinder_friction.estimators.realtime.reference import ReferenceStream
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.reference import ReferenceStream
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
     from fmu_host import ExtractedFmu, FmuInstance
 
     Samples = list[tuple[float, float, float]]

@@ -7,23 +7,25 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.estimators import FrictionEstimator, HybridEstimator, LugreEstimator
-from cylinder_friction.estimators.realtime.from_hybrid import step_model
-from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
 
 if TYPE_CHECKING:
     import numpy as np
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.realtime.model import StepModel
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 
 
 @pytest.fixture(scope="session")
 def hybrid() -> HybridEstimator:
-    estimator = FrictionEstimator.load(GOLDEN / MODEL_FOLDER)
+    estimator = load_estimator(GOLDEN / MODEL_FOLDER)
     assert isinstance(estimator, HybridEstimator)
     return estimator
 

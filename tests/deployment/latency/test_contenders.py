@@ -11,14 +11,15 @@ import pytest
 from cylinder_friction.deployment.latency.lugre_numpy import LugreInNumpy
 from cylinder_friction.deployment.latency.rebuilt import scikit_learn_forest
 from cylinder_friction.deployment.latency.window import WINDOW, OnnxWindow, TorchWindow
-from cylinder_friction.estimators import PressureLugreEstimator
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import forest_input
-from cylinder_friction.estimators.lstm import Lstm
+from cylinder_friction.estimators.lugre import PressureLugreEstimator
+from cylinder_friction.realtime.lstm import Lstm
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators import HybridEstimator, LugreEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.estimators.lugre import LugreEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 
 def windowed(hybrid: HybridEstimator, model: StepModel, samples: np.ndarray) -> np.ndarray:

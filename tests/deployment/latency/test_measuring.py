@@ -13,27 +13,22 @@ import numpy as np
 import pytest
 import torch
 
-from cylinder_friction.deployment.latency import (
-    Effort,
-    Measured,
-    as_dict,
-    measure,
-    metrics_of,
-    table,
-    verdicts_on,
-)
 from cylinder_friction.deployment.latency.floor import FloorKernels, Work, work_of
 from cylinder_friction.deployment.latency.instructions import instructions_per_step
 from cylinder_friction.deployment.latency.line_up import line_up
 from cylinder_friction.deployment.latency.machine import Quiet
+from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
+from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
 from cylinder_friction.deployment.latency.spin import Spin
-from cylinder_friction.estimators import RidgeEstimator
+from cylinder_friction.deployment.latency.verdicts import verdicts_on
+from cylinder_friction.estimators.linear import RidgeEstimator
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators import HybridEstimator, LugreEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.estimators.lugre import LugreEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler")
 STEPS = 50

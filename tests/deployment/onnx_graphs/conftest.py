@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators import FrictionEstimator
-from cylinder_friction.estimators.forest import fit_forest, forest_from_onnx
-from cylinder_friction.estimators.lstm import LstmWeights
-from cylinder_friction.estimators.realtime.from_hybrid import step_model
-from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.realtime.forest import fit_forest, forest_from_onnx
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.realtime.lstm import LstmWeights
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 SHAPES = ("hybrid", "lstm", "three_layers", "forest_on_hidden", "forest_alone", "linear")
@@ -24,7 +24,7 @@ SHAPES = ("hybrid", "lstm", "three_layers", "forest_on_hidden", "forest_alone", 
 
 @pytest.fixture(scope="session")
 def golden_model() -> StepModel:
-    return step_model(FrictionEstimator.load(GOLDEN / MODEL_FOLDER))
+    return step_model(load_estimator(GOLDEN / MODEL_FOLDER))
 
 
 def network(inputs: int, layers: int, nodes: int) -> LstmWeights:

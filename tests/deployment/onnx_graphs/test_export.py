@@ -14,16 +14,17 @@ import onnx
 import onnxruntime
 import pytest
 
-from cylinder_friction.cli import main
-from cylinder_friction.deployment.onnx_graphs import export_model, export_onnx, open_sequence, open_step
+from cylinder_friction.commands.cli import main
+from cylinder_friction.deployment.onnx_graphs.export import export_model, export_onnx
+from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_step
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.estimators.realtime.golden import MODEL_FOLDER
+from cylinder_friction.realtime.golden import MODEL_FOLDER
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.deployment.onnx_graphs import ExportedOnnx
-    from cylinder_friction.estimators.realtime.model import StepModel
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.deployment.onnx_graphs.export import ExportedOnnx
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
 
 ROOT = Path(__file__).parents[3]
 FILES = ("step", "sequence")

@@ -12,19 +12,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from contracts.tolerances import TOLERANCES_N
-from cylinder_friction.deployment.onnx_graphs import (
-    OnnxStepStream,
-    open_sequence,
-    open_step,
-    sequence_graph,
-    step_graph,
-)
-from cylinder_friction.deployment.onnx_graphs.stream import open_session
-from cylinder_friction.estimators.realtime.flags import Flag
-from cylinder_friction.estimators.realtime.reference import ReferenceStream
+from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.onnx_graphs.step import step_graph
+from cylinder_friction.deployment.onnx_graphs.stream import OnnxStepStream, open_sequence, open_session, open_step
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.reference import ReferenceStream
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 
 def rolled(stream: OnnxStepStream | ReferenceStream, samples: np.ndarray) -> np.ndarray:

@@ -18,17 +18,20 @@ import scipy.io
 from asammdf import MDF, Signal
 
 import format_writers
-from cylinder_friction.recordings import LoggedTable, RecordingError
-from cylinder_friction.recordings.formats import apart, read_logged_file
+from cylinder_friction.recordings.formats import apart
 from cylinder_friction.recordings.formats.hdf5 import read_hdf5
 from cylinder_friction.recordings.formats.matlab import read_matlab
 from cylinder_friction.recordings.formats.matlab73 import read_matlab73
 from cylinder_friction.recordings.formats.mdf import read_mdf
+from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.formats.source import FileSource, open_source
 from cylinder_friction.recordings.formats.tdms import read_tdms
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from cylinder_friction.recordings.logged import LoggedTable
 
 ROWS = np.arange(6.0)
 DIMENSIONS = b"\x05\0\0\0\x08\0\0\0\x01"

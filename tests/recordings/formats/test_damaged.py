@@ -10,8 +10,12 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import format_writers
-from cylinder_friction.recordings import LoggedTable, RecordingError
-from cylinder_friction.recordings.formats import FORMATS, CsvOptions, apart, read_logged_file
+from cylinder_friction.recordings.formats import apart
+from cylinder_friction.recordings.formats.detect import FORMATS
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,11 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings import LoggedTable, RecordingError
-from cylinder_friction.recordings.formats import CsvOptions, read_logged_file
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from cylinder_friction.recordings.logged import LoggedTable
 
 
 @pytest.fixture

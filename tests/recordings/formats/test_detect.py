@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.recordings import RecordingError
-from cylinder_friction.recordings.formats import detect_format, read_logged_file
+from cylinder_friction.recordings.formats.detect import detect_format
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from cylinder_friction.recordings import RecordingError
-from cylinder_friction.recordings.formats import read_logged_file
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

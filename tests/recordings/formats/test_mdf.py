@@ -8,8 +8,8 @@ from asammdf import MDF, Signal
 from asammdf.blocks.conversion_utils import from_dict
 
 import format_writers
-from cylinder_friction.recordings import RecordingError
-from cylinder_friction.recordings.formats import read_logged_file
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,8 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from cylinder_friction.recordings import RecordingError
-from cylinder_friction.recordings.formats import read_logged_file
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cylinder_friction.recordings.formats import detect_format, read_logged_file
+from cylinder_friction.recordings.formats.detect import detect_format
+from cylinder_friction.recordings.formats.reading import read_logged_file
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import format_writers
-from cylinder_friction.recordings import RecordingError
-from cylinder_friction.recordings.formats import FORMATS, detect_format, read_logged_file
+from cylinder_friction.recordings.formats.detect import FORMATS, detect_format
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from nptdms import ChannelObject, TdmsWriter
 
-from cylinder_friction.recordings.formats import read_logged_file
+from cylinder_friction.recordings.formats.reading import read_logged_file
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,7 +15,7 @@ from cylinder_friction.deployment.c_export.network import network_operations, ne
 if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.filters import FilterBank
     from cylinder_friction.deployment.c_export.literals import Type
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 Role = Literal["real", "float", "uint32_t", "int32_t"]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators.realtime.flags import Estimate
+from cylinder_friction.realtime.flags import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,15 +18,15 @@ from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_block,
 from cylinder_friction.deployment.c_export.models import model_of, part_of
 from cylinder_friction.deployment.c_export.step import GUARD_OPERATIONS, PRELUDE, STEP, guard_fields, step_values
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.recordings import write_text
+from cylinder_friction.recordings.files import write_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.deployment.c_export.literals import Type
     from cylinder_friction.deployment.c_export.models import Part
-    from cylinder_friction.estimators import FrictionEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 Precision = Literal["double", "float"]
 

@@ -19,7 +19,7 @@ from cylinder_friction.deployment.c_export.literals import wrapped
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.forest import Forest
+    from cylinder_friction.realtime.forest import Forest
 
 SIDE_BY_SIDE = 8
 LARGEST_STEP = 65_535

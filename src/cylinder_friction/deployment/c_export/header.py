@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.deployment.c_export.block import StateField
     from cylinder_friction.deployment.c_export.literals import Type
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4}
 

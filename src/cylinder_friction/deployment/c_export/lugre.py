@@ -10,19 +10,19 @@ import numpy as np
 
 from cylinder_friction.deployment.c_export.block import EstimateBlock, StateField
 from cylinder_friction.deployment.c_export.literals import filled, number
-from cylinder_friction.estimators import NotFittedError
+from cylinder_friction.estimators.base import NotFittedError
 from cylinder_friction.estimators.lugre import LUGRE_STEP_MULTIPLY_ADDS
-from cylinder_friction.estimators.realtime.bounds import unknown_bounds, velocity_taps
-from cylinder_friction.estimators.realtime.guard import guard_from
-from cylinder_friction.estimators.realtime.model import StepModel
+from cylinder_friction.realtime.bounds import unknown_bounds, velocity_taps
+from cylinder_friction.realtime.guard import guard_from
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.filters import FilterBank
     from cylinder_friction.deployment.c_export.literals import Type
     from cylinder_friction.estimators.lugre import LugreEstimator
-    from cylinder_friction.estimators.motion_sense import MotionSense
-    from cylinder_friction.friction_models import LugreParameters
+    from cylinder_friction.friction_models.lugre import LugreParameters
+    from cylinder_friction.signals.causal_velocity import MotionSense
 
 POSITION = 2
 

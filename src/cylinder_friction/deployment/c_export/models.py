@@ -8,23 +8,19 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from cylinder_friction.estimators import (
-    ForceBalanceEstimator,
-    ForestEstimator,
-    HybridEstimator,
-    LowPassForceBalanceEstimator,
-    NotFittedError,
-    RidgeEstimator,
-)
-from cylinder_friction.estimators.realtime.bounds import unknown_bounds, velocity_taps
-from cylinder_friction.estimators.realtime.from_hybrid import step_model
-from cylinder_friction.estimators.realtime.guard import guard_from
-from cylinder_friction.estimators.realtime.model import StepModel
+from cylinder_friction.estimators.base import NotFittedError
+from cylinder_friction.estimators.forest_alone import ForestEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.realtime.bounds import unknown_bounds, velocity_taps
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.realtime.guard import guard_from
+from cylinder_friction.realtime.model import StepModel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators import FrictionEstimator
+    from cylinder_friction.estimators.base import FrictionEstimator
 
     Array = NDArray[np.float64]
 

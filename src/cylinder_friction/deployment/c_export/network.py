@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.deployment.c_export.literals import number, numbers
-from cylinder_friction.estimators.activation import TANH_DENOMINATOR, TANH_LIMIT, TANH_NUMERATOR
-from cylinder_friction.estimators.lstm import TINY
+from cylinder_friction.realtime.activation import TANH_DENOMINATOR, TANH_LIMIT, TANH_NUMERATOR
+from cylinder_friction.realtime.lstm import TINY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.lstm import LstmWeights
+    from cylinder_friction.realtime.lstm import LstmWeights
 
 AT_ONCE = 8
 """Sources added in one pass."""

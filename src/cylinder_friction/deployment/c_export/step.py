@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.block import EstimateBlock
     from cylinder_friction.deployment.c_export.filters import FilterBank
     from cylinder_friction.deployment.c_export.literals import Type
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 GUARD_OPERATIONS = 40
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cylinder_friction.deployment.fmu.model_description import FmiVersion
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 HEADER = "fmu_model.h"
 NAME = re.compile(r"(?!fm[iu])[a-z][a-z0-9_]*")

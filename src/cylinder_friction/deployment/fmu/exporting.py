@@ -12,13 +12,13 @@ from cylinder_friction.deployment.c_export.export import export_model
 from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_model
 from cylinder_friction.deployment.c_export.models import model_of
 from cylinder_friction.deployment.fmu.building import EstimatorInC, build_fmu
-from cylinder_friction.estimators import LugreEstimator
+from cylinder_friction.estimators.lugre import LugreEstimator
 
 if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.export import Precision
     from cylinder_friction.deployment.fmu.model_description import FmiVersion
-    from cylinder_friction.estimators import FrictionEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.realtime.flags import Flag
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.realtime.flags import Flag
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "input", "output", "parameter", "calculatedParameter"]

@@ -13,7 +13,7 @@ from cylinder_friction.deployment.latency.native import compile_shared
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 OPTIONS = ("-std=gnu99", "-O3", "-march=native", "-ffp-contract=fast")
 NODE_BYTES = 8

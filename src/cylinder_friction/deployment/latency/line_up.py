@@ -13,10 +13,12 @@ from cylinder_friction.deployment.latency.lugre_numpy import LugreInNumpy
 from cylinder_friction.deployment.latency.native import NativeContender
 from cylinder_friction.deployment.latency.spin import Spin
 from cylinder_friction.deployment.latency.window import OnnxWindow, TorchWindow
-from cylinder_friction.deployment.onnx_graphs import open_step, step_graph
-from cylinder_friction.estimators import HybridEstimator, LugreEstimator
-from cylinder_friction.estimators.realtime.from_hybrid import step_model
-from cylinder_friction.estimators.realtime.stream import RealTimeStream
+from cylinder_friction.deployment.onnx_graphs.step import step_graph
+from cylinder_friction.deployment.onnx_graphs.stream import open_step
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.realtime.stream import RealTimeStream
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.export import ExportedC
     from cylinder_friction.deployment.latency.contender import Contender
     from cylinder_friction.deployment.latency.floor import Work
-    from cylinder_friction.estimators import FrictionEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import StepModel
 
     Array = NDArray[np.float64]
 

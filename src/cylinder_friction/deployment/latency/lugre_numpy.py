@@ -9,7 +9,7 @@ import numpy as np
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators import LugreEstimator
+    from cylinder_friction.estimators.lugre import LugreEstimator
 
 
 class LugreInNumpy:

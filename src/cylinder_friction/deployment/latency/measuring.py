@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.deployment.latency.contender import Contender
-    from cylinder_friction.estimators import FrictionEstimator
+    from cylinder_friction.estimators.base import FrictionEstimator
 
     Array = NDArray[np.float64]
     Times = NDArray[np.int64]

@@ -11,8 +11,8 @@ from sklearn.ensemble import RandomForestRegressor
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.forest import Forest
-    from cylinder_friction.estimators.lstm import LstmWeights
+    from cylinder_friction.realtime.forest import Forest
+    from cylinder_friction.realtime.lstm import LstmWeights
 
     Single = NDArray[np.float32]
 

@@ -16,7 +16,7 @@ from cylinder_friction.deployment.latency.window_graph import window_session
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
     Single = NDArray[np.float32]
 

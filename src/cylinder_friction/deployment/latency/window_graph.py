@@ -10,9 +10,9 @@ import onnxruntime
 from onnx import TensorProto, helper, numpy_helper
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.forest import Forest
-    from cylinder_friction.estimators.lstm import LstmWeights
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.forest import Forest
+    from cylinder_friction.realtime.lstm import LstmWeights
+    from cylinder_friction.realtime.model import StepModel
 
 OPSETS = (("", 17), ("ai.onnx.ml", 3))
 IR_VERSION = 8

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import onnxruntime
 
-from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.realtime.flags import Flag
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 INPUTS = "raw sample: pressure 1 [Pa, gauge, piston side], pressure 2 [Pa, gauge, rod side], position [m]"
 OUTPUTS = {

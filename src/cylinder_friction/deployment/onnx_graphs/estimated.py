@@ -12,8 +12,8 @@ from cylinder_friction.deployment.onnx_graphs.trees import forest_attributes
 if TYPE_CHECKING:
     from cylinder_friction.deployment.onnx_graphs.graph import Graph
     from cylinder_friction.deployment.onnx_graphs.rows import Rows
-    from cylinder_friction.estimators.lstm import LstmWeights
-    from cylinder_friction.estimators.realtime.model import Bounds, StepModel
+    from cylinder_friction.realtime.lstm import LstmWeights
+    from cylinder_friction.realtime.model import Bounds, StepModel
 
 DENORMAL = 1e-30
 """Smaller states become zero: arithmetic on denormal numbers is slow."""

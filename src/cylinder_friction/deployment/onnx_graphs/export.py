@@ -13,8 +13,8 @@ from cylinder_friction.deployment.onnx_graphs.step import step_graph
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.estimators import FrictionEstimator
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 STEP_FILE = "step.onnx"
 SEQUENCE_FILE = "sequence.onnx"

@@ -9,12 +9,12 @@ import numpy as np
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, HAPPENED_AT
-from cylinder_friction.estimators.realtime.flags import Flag
+from cylinder_friction.realtime.flags import Flag
 
 if TYPE_CHECKING:
     from cylinder_friction.deployment.onnx_graphs.graph import Graph
     from cylinder_friction.deployment.onnx_graphs.rows import Rows
-    from cylinder_friction.estimators.realtime.model import Bounds, Guard, StepModel
+    from cylinder_friction.realtime.model import Bounds, Guard, StepModel
 
 INVALID = (Flag.INVALID_PRESSURE_1, Flag.INVALID_PRESSURE_2, Flag.INVALID_POSITION)
 REVERSAL = 3

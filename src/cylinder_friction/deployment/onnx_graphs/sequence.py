@@ -16,7 +16,7 @@ from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO
 if TYPE_CHECKING:
     import onnx
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 MEANING = "Friction of a hydraulic cylinder from a recording's raw samples, as if stepped through from a fresh start."
 LAST = np.iinfo(np.int64).max

@@ -16,7 +16,7 @@ from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION,
 if TYPE_CHECKING:
     import onnx
 
-    from cylinder_friction.estimators.realtime.model import StepModel
+    from cylinder_friction.realtime.model import StepModel
 
 MEANING = (
     "Friction of a hydraulic cylinder from one raw sample. Feed memory_out and network_out back as memory and network "

@@ -9,7 +9,7 @@ import onnx
 import onnxruntime
 
 from cylinder_friction.deployment.onnx_graphs.description import MODEL_HASH, session_options
-from cylinder_friction.estimators.realtime.flags import Estimate
+from cylinder_friction.realtime.flags import Estimate
 
 if TYPE_CHECKING:
     from pathlib import Path

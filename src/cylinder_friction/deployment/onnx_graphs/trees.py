@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.forest import Forest
+    from cylinder_friction.realtime.forest import Forest
 
 
 def forest_attributes(forest: Forest) -> dict[str, Any]:

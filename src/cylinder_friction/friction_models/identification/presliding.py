@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.friction_models.model import FrictionModel
     from cylinder_friction.friction_models.parameters import ModelParameters
-    from cylinder_friction.recordings import Recording
+    from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from scipy.special import stdtrit
 
-from cylinder_friction.recordings import RecordingError
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,0 +1,64 @@
+"""The comparison for several campaign seeds: each is recorded, searched, trained and compared from scratch.
+
+    python performance/campaign_seeds.py 1 2 3
+
+Prints, for each seed and test, the default hybrid's error beside the estimators it has to beat, in percent of mean
+|friction|, against the label and against true friction, and whether it beats them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+PUBLISHED_BEST_PERCENT = 5.57
+LABEL_RIVALS = ("force_balance_low_pass", "ridge", "lugre", "pressure_lugre")
+TRUTH_RIVALS = ("force_balance_unfiltered", "force_balance_paper")
+STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare")
+
+
+def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[str, dict[str, float]]]:
+    """Runs the pipeline up to ``compare`` in an empty folder with this seed; returns its metrics."""
+    shutil.copytree("conf", folder / "conf")
+    command = [sys.executable, "-m", "cylinder_friction.commands.cli"]
+    environment = {**os.environ, "MLFLOW_TRACKING_URI": f"sqlite:///{folder / 'mlflow.db'}"}
+    subprocess.run([*command, "params", *overrides, f"record.seed={seed}"], cwd=folder, check=True, env=environment)
+    for stage in STAGES:
+        subprocess.run([*command, "stage", stage], cwd=folder, check=True, env=environment)
+    return json.loads((folder / "reports/metrics.json").read_text(encoding="utf-8"))
+
+
+def main(arguments: list[str]) -> int:
+    """Prints the table; returns 1 if any claim fails. Arguments are seeds, and Hydra overrides for all of them."""
+    seeds = [int(argument) for argument in arguments if argument.isdecimal()] or [1, 2, 3]
+    overrides = [argument for argument in arguments if not argument.isdecimal()]
+    failed = []
+    lines = []
+    for seed in seeds:
+        with tempfile.TemporaryDirectory() as folder:
+            metrics = campaign(seed, overrides, Path(folder))
+        for against, rivals, bound in (
+            ("label", LABEL_RIVALS, PUBLISHED_BEST_PERCENT),
+            ("truth", TRUTH_RIVALS, float("inf")),
+        ):
+            for test in sorted(metrics["hybrid"]):
+                own = metrics["hybrid"][test][f"{against}_percent"]
+                others = {name: metrics[name][test][f"{against}_percent"] for name in rivals}
+                holds = own < min(bound, *others.values())
+                if not holds:
+                    failed.append((seed, against, test))
+                words = "  ".join(f"{name} {value:.2f}" for name, value in others.items())
+                verdict = "below all" if holds else "NOT below all"
+                lines.append(f"seed {seed}  {against}  {test}  hybrid {own:.2f}  {words}  {verdict}")
+    sys.stdout.write("MAE, % of mean |friction| on held-out recordings\n" + "\n".join(lines) + "\n")
+    sys.stdout.write(f"{len(lines) - len(failed)} of {len(lines)} claims hold\n")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

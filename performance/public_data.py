@@ -1,0 +1,127 @@
+"""Four public measurements through the project's own door: ingest, filter, force balance and identification."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.equation_of_motion import Stiffness
+from cylinder_friction.labelling.label import InertiaMode, Labeller
+from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.motion import MotionPlan
+from cylinder_friction.labelling.session import SessionFound, SessionPoints
+from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.ingesting import Source, ingest_folder
+from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.names import NameRules
+from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.screening import ScreenRules
+from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.time_rules import TimeRules
+from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings.plausibility import LoadMode
+
+MAPPINGS: dict[str, dict[str, dict[str, Any]]] = {
+    "emps": {
+        "time_s": {"channel": "t", "unit": "s"},
+        "position_m": {"channel": "qm", "unit": "m", "offset": -0.005},
+        # The file's own drive gain, 35.15065188 N/V, over the amplifier's 10 V.
+        "drive_force_n": {
+            "channel": "vir",
+            "unit": "V",
+            "sensor": {"range": [-351.5065188, 351.5065188], "unit": "N", "signal": [-10.0, 10.0]},
+        },
+    },
+    "crane": {
+        "time_s": {"channel": "t_s", "unit": "s"},
+        "pressure_1_pa": {"channel": "jib_pA_cyl_bar", "unit": "bar"},
+        "pressure_2_pa": {"channel": "jib_pB_cyl_bar", "unit": "bar"},
+        "position_m": {"channel": "jib_x_m", "unit": "m"},
+    },
+    "pneumatic-seals": {
+        "time_s": {"channel": "column_1", "unit": "ms"},
+        "position_m": {"channel": "column_5", "unit": "mm", "offset": -5.0},
+        "drive_force_n": {"channel": "column_7", "unit": "N"},
+    },
+    "tribometer": {
+        "time_s": {"channel": "Time [s]", "unit": "s"},
+        "position_m": {"channel": "Position [mm]", "unit": "mm", "offset": -110.1},
+        # Friction is logged as what the sample feels; the drive feels its opposite.
+        "drive_force_n": {"channel": "Friction [uN]", "unit": "uN", "sign": -1},
+    },
+}
+
+CYLINDERS = {
+    "emps": Cylinder("EMPS", 0.02, 0.01, 0.26, 1.0),
+    "crane": Cylinder("HMF 2020-K jib", 0.150, 0.100, 0.85, 100.0),
+    "pneumatic-seals": Cylinder("printed piston 25 mm", 0.025, 0.010, 0.05, 0.1),
+    "tribometer": Cylinder("tribometer", 0.02, 0.01, 0.001, 0.1),
+}
+"""Bore and rod matter to the crane alone: the others measure force. The masses are of no account, but for EMPS's,
+which is identified."""
+
+FILTERS = {
+    "emps": SavitzkyGolay(21, 2, 21, 2, 21, 2),
+    "crane": SavitzkyGolay(),
+    "pneumatic-seals": SavitzkyGolay(),
+    "tribometer": SavitzkyGolay(5, 2, 5, 2, 5, 2),
+}
+"""At 1 kHz and half a micrometre of resolution 21 ms are enough, alike for force, velocity and acceleration."""
+
+LOADS: dict[str, LoadMode] = {"emps": "none", "crane": "position", "pneumatic-seals": "position", "tribometer": "none"}
+
+
+def recipe_of(rig: str) -> Recipe:
+    """Returns how a rig's files become recordings: its mapping, and otherwise what is usual."""
+    cylinder = CYLINDERS[rig]
+    areas = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
+    return Recipe(
+        names=NameRules(r"(?P<session>(?P<test>[^_/]+)_[^./]+)\."),
+        channels={column: ChannelMapping.from_dict(entry) for column, entry in MAPPINGS[rig].items()},
+        cylinder=cylinder.name,
+        limits=CheckLimits(cylinder.stroke_m, *areas, LOADS[rig]),
+        screen=ScreenRules(stroke_m=cylinder.stroke_m),
+        time=TimeRules(),
+    )
+
+
+def recordings_of(path: Path, rig: str) -> list[Recording]:
+    """Returns a file's recordings, one session, as ingest writes them.
+
+    Raises:
+        RecordingError: Ingest made nothing of the file.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "recordings"
+        ingested = ingest_folder(Source(path.parent, path.name, recipe_of(rig)), folder, Path(place) / "out.json")
+        if not ingested.recordings:
+            raise RecordingError(f"{path.name}: {ingested.quarantined}")
+        return read_recordings(folder)
+
+
+def labelled(
+    recordings: list[Recording],
+    rig: str,
+    load: LoadMode = "none",
+    inertia: InertiaMode = "given",
+    plan: LoadPlan | None = None,
+) -> tuple[list[Recording], SessionFound]:
+    """Returns one session's recordings with labels, and what the session tells of load and mass."""
+    cylinder, chosen = CYLINDERS[rig], FILTERS[rig]
+    labeller = Labeller(cylinder, Stiffness(), 0.0, load, inertia)
+    points = SessionPoints(
+        cylinder.moving_mass_kg,
+        (plan or LoadPlan()) if load == "position" else None,
+        MotionPlan() if inertia == "identified" else None,
+    )
+    filtered = [recording.with_columns(**smooth_columns(recording, chosen)) for recording in recordings]
+    for recording in filtered:
+        labeller.collect(recording, chosen.reach(recording.sample_time_s), points)
+    found = points.found()
+    return [labeller.label(recording, chosen.reach(recording.sample_time_s), found) for recording in filtered], found

@@ -1,0 +1,136 @@
+"""Is the hybrid taught by the twin closer to true friction than the off-line label is, on rigs it has never seen?
+
+    python performance/twin_unseen_rig.py 6 64
+
+Six unseen rigs, after teaching by 64 others; a third number, in (0, 1], is the effort of training. Every unseen rig is
+drawn from the whole range of rigs of this size, with four sessions in each of the four tests. The hybrid taught by the
+twin has seen none of it. The tuned low-pass and the default hybrid are taught by the labels of its first two sessions.
+All are scored on the other two, against true friction: MAE in percent of mean |friction|, block-bootstrap intervals of
+95 %. The off-line label looks into the future (zero-phase Savitzky-Golay); the others do not.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.rig.campaign import CampaignPlan
+from friction_benchmark.campaigns import labelled_campaign
+from friction_benchmark.roster.entry import Making
+from friction_benchmark.roster.twin import ENTRIES
+from friction_benchmark.twin import TwinPlan, teaching_recordings
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.evaluation.bootstrap import Array, Mask
+    from friction_benchmark.campaigns import LabelledRecording
+
+FIRST_SEED = 2_000
+TAUGHT_SESSIONS, SESSIONS = 2, 4
+BLOCK_SAMPLES, REPEATS = 400, 2_000
+LABEL, TWIN = "off-line label", "taught by the twin"
+
+Piece = tuple["Array", "Array", "Mask"]
+"""True friction, estimate and mask of one recording."""
+
+
+def twin_taught(cylinder: Cylinder, rigs: int, effort: float) -> FrictionEstimator:
+    """Returns the hybrid taught by so many simulated rigs, as the benchmark makes it before any tuning."""
+    entry = next(one for one in ENTRIES if one.teacher == "twin")
+    estimator = entry.make(Making(cylinder, SAMPLE_COLUMNS, 0, effort, entry.first))
+    estimator.fit([lesson.recording for lesson in teaching_recordings(TwinPlan(rigs=rigs), cylinder)])
+    return estimator
+
+
+def rivals(cylinder: Cylinder, effort: float) -> dict[str, FrictionEstimator]:
+    """Returns those that learn from the unseen rig's own labels; the hybrid with the settings of ``params.yaml``."""
+    return {
+        "tuned low-pass": LowPassForceBalanceEstimator(cylinder),
+        "default hybrid": HybridEstimator(
+            cylinder,
+            "force_balance",
+            Architecture(1, 48, 0.0, 5e-3),
+            TrainingPlan(max(2, round(40 * effort)), 12, 200, 100, 16),
+            ForestPlan(64, 10, 60_000, 20),
+            seed=1,
+        ),
+    }
+
+
+def scored(cylinder: Cylinder, twin: FrictionEstimator, seed: int, effort: float) -> dict[tuple[str, str], list[Piece]]:
+    """Returns an unseen rig's pieces by test and estimator."""
+    plan = CampaignPlan(
+        seed=seed, sessions_per_test=SESSIONS, recordings_per_session=2, duration_s=30.0, specimen="wide"
+    )
+    everything = labelled_campaign(plan, cylinder)
+    taught = [one.recording for one in everything if _session(one) <= TAUGHT_SESSIONS]
+    estimators = rivals(cylinder, effort)
+    for estimator in estimators.values():
+        estimator.fit(taught)
+    pieces: defaultdict[tuple[str, str], list[Piece]] = defaultdict(list)
+    for one in everything:
+        if _session(one) > TAUGHT_SESSIONS:
+            recording, test = one.recording, one.recording.metadata.test
+            found = {name: each.estimate(recording) for name, each in {TWIN: twin, **estimators}.items()}
+            for name, estimate in {LABEL: recording.column("friction_n"), **found}.items():
+                pieces[test, name].append((one.true_friction_n, estimate, recording.usable()))
+    return dict(pieces)
+
+
+def _session(one: LabelledRecording) -> int:
+    return int(one.recording.metadata.session[-2:])
+
+
+def draws_of(pieces: list[Piece]) -> tuple[float, Array]:
+    """Returns the percentage and its bootstrap draws; equal recordings give equal blocks, so that draws pair."""
+    truths, estimates = [truth for truth, _, _ in pieces], [estimate for _, estimate, _ in pieces]
+    sums = block_sums(truths, estimates, [usable for _, _, usable in pieces], BLOCK_SAMPLES)
+    percent = 100.0 * sums.abs_error_n.sum() / sums.abs_friction_n.sum()
+    return float(percent), bootstrap_percent(sums, REPEATS, seed=0)
+
+
+def line(title: str, by_name: dict[str, list[Piece]]) -> tuple[str, float]:
+    """Returns one line of the table, and the lower end of how far the twin's hybrid is below the label [%]."""
+    found = {name: draws_of(pieces) for name, pieces in by_name.items()}
+    words = []
+    for name, (percent, draws) in found.items():
+        low, high = interval(draws)
+        words.append(f"{name} {percent:5.2f} [{low:.2f}, {high:.2f}]")
+    low, high = interval(found[LABEL][1] - found[TWIN][1])
+    gain = found[LABEL][0] - found[TWIN][0]
+    return f"{title:22s}{'   '.join(words)}   below the label by {gain:.2f} [{low:.2f}, {high:.2f}]", low
+
+
+def main(arguments: list[str]) -> int:
+    """Prints the table; returns 1 where the hybrid is not below the label outside the interval, over all rigs."""
+    given = [*arguments, *("6", "64", "1.0")[len(arguments) :]]
+    rigs, teaching, effort = int(given[0]), int(given[1]), float(given[2])
+    cylinder = Cylinder(**yaml.safe_load(Path("params.yaml").read_text(encoding="utf-8"))["cylinder"])
+    twin = twin_taught(cylinder, teaching, effort)
+    pooled: defaultdict[str, defaultdict[str, list[Piece]]] = defaultdict(lambda: defaultdict(list))
+    for number in range(rigs):
+        for (test, name), pieces in scored(cylinder, twin, FIRST_SEED + number, effort).items():
+            for title in (f"rig {number + 1}", f"test {test}, all rigs", "all"):
+                pooled[title][name] += pieces
+        sys.stdout.write(line(f"rig {number + 1}", pooled[f"rig {number + 1}"])[0] + "\n")
+        sys.stdout.flush()
+    for title in sorted(pooled):
+        if title.startswith("test"):
+            sys.stdout.write(line(title, pooled[title])[0] + "\n")
+    words, low = line("all", pooled["all"])
+    sys.stdout.write(words + "\n")
+    return 0 if low > 0.0 else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

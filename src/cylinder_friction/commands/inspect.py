@@ -1,0 +1,88 @@
+"""Not a stage, but beside ``ingest``: the same files by the same rules, looked at instead of written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.session import SessionPoints
+from cylinder_friction.recordings.findings import Finding
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.reporting.inspection.choice import held
+from cylinder_friction.reporting.inspection.files import inspect_files
+from cylinder_friction.reporting.inspection.page import write_page
+from cylinder_friction.reporting.inspection.text import text_report
+from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.stages._stage import cylinder_from
+from cylinder_friction.stages.ingest import recipe_from
+from cylinder_friction.stages.label import labeller_from
+
+if TYPE_CHECKING:
+    from cylinder_friction.labelling.label import Labeller
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.reporting.inspection.subject import Inspected
+    from cylinder_friction.signals.smooth import SignalFilter
+
+
+def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
+    """Writes the page of a file, or of the files of a folder; returns the report and whether anything was refused.
+
+    Files of a folder are those that ``ingest.pattern`` matches. Memory holds the recordings that are drawn, no more.
+
+    Raises:
+        RecordingError: The folder holds no such file.
+        FileNotFoundError: There is neither file nor folder.
+    """
+    files = _files(path, params)
+    filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
+    labeller, chosen = labeller_from(params), filters[params.filter.method]
+    recipe = recipe_from(params, Path(params.ingest.source))
+    subjects = held(_with_load(subject, labeller, chosen, params) for subject in inspect_files(files, recipe))
+    write_page(
+        page, subjects, cylinder_from(params.cylinder), filters, params.filter.method, params.label.end_stop_margin_m
+    )
+    return text_report(subjects).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
+
+
+def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter, params: Params) -> Inspected:
+    """Returns a subject whose recording has the load that its own strokes tell, where position decides it.
+
+    ``label`` asks whole sessions; here each recording speaks for itself. What is refused is not asked.
+    """
+    if subject.recording is None or subject.outcome == "refused" or labeller.load != "position":
+        return subject
+    recording = subject.recording
+    points = SessionPoints(labeller.cylinder.moving_mass_kg, LoadPlan(**params.label.identify.model_dump()), None)
+    try:
+        smooth = recording.with_columns(**smooth_columns(recording, used_filter))
+        labeller.collect(smooth, used_filter.reach(recording.sample_time_s), points)
+        load = points.found().load
+    except ValueError as error:  # shorter than the filter, or strokes that tell no load
+        return replace(subject, findings=[*subject.findings, Finding("load", "noted", str(error))])
+    assert load is not None
+    with_load = recording.with_columns(load_force_n=load.load_n(recording.column("position_m")))
+    return replace(subject, recording=with_load, findings=[*subject.findings, Finding("load", "ok", load.sentence())])
+
+
+def _files(path: Path, params: Params) -> dict[str, Path]:
+    if path.is_file():
+        return {_shown(path, Path(params.ingest.source)): path}
+    if not path.is_dir():
+        raise FileNotFoundError(f"{path}: neither a file nor a folder")
+    files = sorted(entry for entry in path.glob(params.ingest.pattern) if entry.is_file())
+    if not files:
+        raise RecordingError(
+            f"{path}: no file matches {params.ingest.pattern!r}; name another folder or ingest.pattern"
+        )
+    return {_shown(entry, Path(params.ingest.source), path): entry for entry in files}
+
+
+def _shown(path: Path, *folders: Path) -> str:
+    """Returns a file's path below the first of the folders that it lies in, its name where it lies in none."""
+    for folder in folders:
+        if path.resolve().is_relative_to(folder.resolve()):
+            return path.resolve().relative_to(folder.resolve()).as_posix()
+    return path.name

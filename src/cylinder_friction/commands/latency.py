@@ -1,0 +1,92 @@
+"""Not a stage: what one estimate costs in every runtime, measured by an explicit command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
+from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
+from cylinder_friction.deployment.latency.verdicts import verdicts_on
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.recordings.files import write_json
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.stages._stage import (
+    HYBRID_FOLDER,
+    LUGRE_FOLDER,
+    PAPER_HYBRID_FOLDER,
+    PROCESSED_FOLDERS,
+    REPORTS_FOLDER,
+    RUNS_FOLDER,
+    artifacts,
+    hash_of,
+)
+from cylinder_friction.tracking.log_run import track_or_warn
+from cylinder_friction.tracking.run_record import RunRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+LATENCY_FILE = REPORTS_FOLDER / "latency.json"
+RUN_FILE = RUNS_FOLDER / "latency.json"
+FOLDERS = (HYBRID_FOLDER, PAPER_HYBRID_FOLDER, LUGRE_FOLDER / "lugre")
+RECORDINGS = 4
+"""Test recordings whose samples the estimators are given."""
+
+
+def bench(folders: Sequence[Path], effort: Effort) -> str:
+    """Measures models, writes ``reports/latency.json`` and its run, tells MLflow, and returns the tables.
+
+    Args:
+        folders: Of hybrids and LuGre; none for the pipeline's own.
+        effort: How much is measured.
+
+    Raises:
+        FileNotFoundError: A model or the test recordings are not there.
+        NoCompilerError: There is no C compiler.
+        ValueError: A model is of a kind that has no such step.
+    """
+    chosen = list(folders) or list(FOLDERS)
+    recordings = read_recordings(PROCESSED_FOLDERS["test"])[:RECORDINGS]
+    if not recordings:
+        raise RecordingError(f"{PROCESSED_FOLDERS['test']}: holds no recording to step through; run `dvc repro label`")
+    samples = np.concatenate([recording.samples() for recording in recordings])
+    measured = measure({name: load_estimator(path) for name, path in _named(chosen).items()}, samples, effort)
+    write_json(LATENCY_FILE, as_dict(measured))
+    record = run_record(measured)
+    write_json(RUN_FILE, record.to_dict())
+    track_or_warn(record, Path.cwd())
+    return f"{table(measured)}\n\nfigures  {LATENCY_FILE}"
+
+
+def run_record(measured: Measured) -> RunRecord:
+    """Returns what MLflow is told; ``reports/latency.json`` and the test recordings must be there."""
+    effort, quiet = measured.effort, measured.quiet
+    return RunRecord(
+        name="latency",
+        params={
+            "steps": effort.steps,
+            "rounds": effort.rounds,
+            "seconds": effort.seconds,
+            "processor": str(measured.machine["processor"]),
+            "compiler": str(measured.machine["compiler"]),
+            "scheduling": str(measured.machine["scheduling"]),
+            **{f"{name}.size": model.size for name, model in measured.models.items()},
+        },
+        metrics=metrics_of(measured),
+        tags={
+            "verdicts": "\n".join(verdict.line() for verdict in verdicts_on(measured)),
+            "quiet": "unknown" if quiet.is_quiet is None else str(quiet.is_quiet).lower(),
+        },
+        artifacts=artifacts(LATENCY_FILE),
+        datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
+    )
+
+
+def _named(folders: Sequence[Path]) -> dict[str, Path]:
+    """Returns each folder by its name; by its whole path where two have one name."""
+    names = [folder.name for folder in folders]
+    return {folder.name if names.count(folder.name) == 1 else folder.as_posix(): folder for folder in folders}

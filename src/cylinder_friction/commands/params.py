@@ -1,0 +1,44 @@
+"""``conf/`` composed by Hydra into ``params.yaml``, checked before it is written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, check_params
+from cylinder_friction.recordings.files import write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+HEADER = "# Composed from conf/ by `make params`; change it there, or here for one run.\n"
+
+
+def compose_params(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Returns the configuration that ``conf`` and Hydra overrides (``experiment=smoke``, ``search.trials=5``) make.
+
+    Raises:
+        ParamsError: Hydra knows no such group or key, or the result is refused.
+    """
+    GlobalHydra.instance().clear()
+    try:
+        with initialize_config_dir(config_dir=str(conf.resolve()), version_base="1.3"):
+            content = OmegaConf.to_container(compose("config", list(overrides)), resolve=True)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ParamsError(f"{conf}: {error}") from error
+    check_params(content, f"{conf} with {list(overrides)}" if overrides else str(conf))
+    assert isinstance(content, dict)
+    return {str(key): value for key, value in content.items()}
+
+
+def write_params(conf: Path, overrides: Sequence[str] = (), path: Path = PARAMS_FILE) -> None:
+    """Composes, checks and writes ``params.yaml``; a refused configuration leaves the file as it was."""
+    content = compose_params(conf, overrides)
+    write_text(path, HEADER + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))

@@ -1,0 +1,34 @@
+"""The README's result, made by the pipeline: its table and its picture."""
+
+from __future__ import annotations
+
+import shutil
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.files import write_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
+PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.png"}
+
+
+def update_readme(readme: Path, reports: Path) -> None:
+    """Puts ``reports/table.md`` between the markers and the pictures into ``docs/images``.
+
+    Raises:
+        FileNotFoundError: The pipeline has not run.
+        ValueError: The README has lost its markers.
+    """
+    table = reports / "table.md"
+    if not table.is_file():
+        raise FileNotFoundError(f"{table}: not there; run `make reproduce` first")
+    text = readme.read_text(encoding="utf-8")
+    if BEGIN not in text or END not in text:
+        raise ValueError(f"{readme}: the markers {BEGIN!r} and {END!r} are not both there; put them back")
+    for source, target in PICTURES.items():
+        (readme.parent / target).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(reports / "figures" / source, readme.parent / target)
+    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    write_text(readme, f"{before}{BEGIN}\n\n{table.read_text(encoding='utf-8').strip()}\n\n{END}{after}")

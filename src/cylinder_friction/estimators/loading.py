@@ -1,0 +1,37 @@
+"""Loading of a saved estimator of whichever kind."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.estimators.analytical import AnalyticalEstimator
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.forest_alone import ForestEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+KINDS = (
+    AnalyticalEstimator,
+    ForceBalanceEstimator,
+    ForestEstimator,
+    HybridEstimator,
+    LowPassForceBalanceEstimator,
+    LugreEstimator,
+    PressureLugreEstimator,
+    RidgeEstimator,
+)
+"""Every kind of estimator of this package; importing a class makes its kind known to ``FrictionEstimator.load``."""
+
+
+def load_estimator(folder: Path) -> FrictionEstimator:
+    """Return the estimator saved in ``folder``, of whichever kind it is.
+
+    Raises:
+        FileNotFoundError: The folder holds no saved estimator.
+        ValueError: The kind is not known.
+    """
+    return FrictionEstimator.load(folder)

@@ -1,0 +1,176 @@
+"""The LSTM at run time: weights as plain arrays, one step after the other, state carried.
+
+Cell (Hochreiter and Schmidhuber 1997, with forget gate of Gers et al. 2000), gates in ONNX order i, o, f, c:
+
+    i, o, f = sigmoid(W x + R h + b);  g = tanh(W x + R h + b);  c = f c + i g;  h = o tanh(c)
+
+A state below 1e-30 becomes 0: a forgotten cell that sinks among the denormal numbers would slow every later step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from cylinder_friction.realtime.activation import sigmoid, tanh
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Single = NDArray[np.float32]
+
+TINY = np.float32(1e-30)
+ZERO = np.float32(0.0)
+
+
+@dataclass(frozen=True)
+class LstmWeights:
+    """Weights of a stack of LSTM layers of equal width, and of the linear head on its last hidden state.
+
+    Attributes:
+        input: Shape ``(layers, widest input, 4 · nodes)``; rows past a layer's inputs are zero and not used.
+        recurrent: Shape ``(layers, nodes, 4 · nodes)``.
+        bias: Shape ``(layers, 4 · nodes)``.
+        head: Shape ``(nodes,)``.
+        head_bias: Added to the head's output.
+        inputs: Number of features that the first layer takes.
+    """
+
+    input: Single
+    recurrent: Single
+    bias: Single
+    head: Single
+    head_bias: float
+    inputs: int
+
+    @property
+    def layers(self) -> int:
+        return int(self.recurrent.shape[0])
+
+    @property
+    def nodes(self) -> int:
+        return int(self.recurrent.shape[1])
+
+    def multiply_adds(self) -> int:
+        """Returns the multiply-adds of one step, the head included."""
+        return lstm_multiply_adds(self.layers, self.nodes, self.inputs)
+
+
+def lstm_multiply_adds(layers: int, nodes: int, inputs: int) -> int:
+    """Returns the multiply-adds of one step of such a stack with a linear head."""
+    first = 4 * nodes * (inputs + nodes)
+    others = (layers - 1) * 4 * nodes * (nodes + nodes)
+    return first + others + layers * 3 * nodes + nodes
+
+
+@dataclass
+class LstmState:
+    """Hidden and cell state, each shape ``(layers, nodes)``; zero before the first sample."""
+
+    hidden: Single
+    cell: Single
+
+
+class Lstm:
+    """Runs ``LstmWeights`` over features; a ``CausalBlock`` with two outputs."""
+
+    def __init__(self, weights: LstmWeights) -> None:
+        self.weights = weights
+
+    def new_state(self) -> LstmState:
+        shape = (self.weights.layers, self.weights.nodes)
+        return LstmState(np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32))
+
+    def advance(self, state: LstmState, features: Single) -> tuple[Single, Single]:
+        """Returns the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
+        w = self.weights
+        hidden = _run(w.input, w.recurrent, w.bias, w.inputs, features, state.hidden, state.cell)
+        return hidden, _head(hidden, w.head, w.head_bias)
+
+
+@numba.njit(cache=True)
+def _run(
+    input_weights: Single, recurrent: Single, bias: Single, inputs: int, features: Single, hidden: Single, cell: Single
+) -> Single:
+    nodes = hidden.shape[1]
+    result = np.empty((features.shape[0], nodes), dtype=np.float32)
+    gates = np.empty(4 * nodes, dtype=np.float32)
+    for row in range(features.shape[0]):
+        lstm_step(input_weights, recurrent, bias, inputs, features[row], hidden, cell, gates)
+        result[row] = hidden[-1]
+    return result
+
+
+@numba.njit(cache=True)
+def lstm_step(
+    input_weights: Single,
+    recurrent: Single,
+    bias: Single,
+    inputs: int,
+    features: Single,
+    hidden: Single,
+    cell: Single,
+    gates: Single,
+) -> None:
+    """Takes one step of the whole stack: changes ``hidden`` and ``cell``; ``gates`` is room for ``4 nodes`` numbers."""
+    layers, nodes = hidden.shape
+    for layer in range(layers):
+        for gate in range(4 * nodes):
+            gates[gate] = bias[layer, gate]
+        if layer == 0:
+            add_product(gates, input_weights[0], features, inputs)
+        else:
+            add_product(gates, input_weights[layer], hidden[layer - 1], nodes)
+        add_product(gates, recurrent[layer], hidden[layer], nodes)
+        _cell_step(gates, hidden[layer], cell[layer])
+
+
+@numba.njit(cache=True)
+def add_product(gates: Single, weights: Single, values: Single, count: int) -> None:
+    """Adds ``weights[source] * values[source]`` to the gates, source after source, four at a time for speed."""
+    fours = count - count % 4
+    for source in range(0, fours, 4):
+        one, two, three, four = values[source], values[source + 1], values[source + 2], values[source + 3]
+        for gate in range(gates.shape[0]):
+            total = gates[gate] + weights[source, gate] * one
+            total += weights[source + 1, gate] * two
+            total += weights[source + 2, gate] * three
+            gates[gate] = total + weights[source + 3, gate] * four
+    for source in range(fours, count):
+        value = values[source]
+        for gate in range(gates.shape[0]):
+            gates[gate] += weights[source, gate] * value
+
+
+@numba.njit(cache=True)
+def _cell_step(gates: Single, hidden: Single, cell: Single) -> None:
+    nodes = hidden.shape[0]
+    for gate in range(3 * nodes):
+        gates[gate] = sigmoid(gates[gate])
+    for gate in range(3 * nodes, 4 * nodes):
+        gates[gate] = tanh(gates[gate])
+    for node in range(nodes):
+        new = gates[2 * nodes + node] * cell[node] + gates[node] * gates[3 * nodes + node]
+        cell[node] = new if abs(new) >= TINY else ZERO
+        out = gates[nodes + node] * tanh(cell[node])
+        hidden[node] = out if abs(out) >= TINY else ZERO
+
+
+@numba.njit(cache=True)
+def _head(hidden: Single, head: Single, bias: float) -> Single:
+    result = np.empty(hidden.shape[0], dtype=np.float32)
+    for row in range(hidden.shape[0]):
+        result[row] = head_of(hidden[row], head, bias)
+    return result
+
+
+@numba.njit(cache=True)
+def head_of(hidden: Single, head: Single, bias: float) -> np.float32:
+    """Returns the linear head's output for one hidden state."""
+    total = np.float32(bias)
+    for node in range(hidden.shape[0]):
+        total += hidden[node] * head[node]
+    return total

@@ -1,0 +1,115 @@
+"""Everything that one step of an estimator needs, as plain arrays: what every runtime is built from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from cylinder_friction.realtime.forest import Forest
+    from cylinder_friction.realtime.lstm import LstmWeights
+
+    Array = NDArray[np.float64]
+
+ForestSees = Literal["nothing", "hidden", "hidden_head_features", "features"]
+
+
+@dataclass(frozen=True)
+class Guard:
+    """What a sample must be, and what happens where it is not.
+
+    Attributes:
+        accept_lower, accept_upper: A value outside is no reading of a working sensor: pressure 1 [Pa], pressure 2 [Pa],
+            position [m].
+        trained_lower, trained_upper: Outside, the estimate goes on and says so.
+        freeze_travel_m: A pressure that stays exactly constant over more travel than this is frozen [m].
+        freeze_samples: A position that stays exactly constant longer is frozen, if the force is too large to hold.
+        freeze_force_n: More than the piston can hold at rest [N].
+        warm_up_samples: Steps after a reset in which the estimate is not yet to be trusted.
+        recovery_samples: The same after the last bad sample.
+    """
+
+    accept_lower: tuple[float, float, float]
+    accept_upper: tuple[float, float, float]
+    trained_lower: tuple[float, float, float]
+    trained_upper: tuple[float, float, float]
+    freeze_travel_m: float
+    freeze_samples: int
+    freeze_force_n: float
+    warm_up_samples: int
+    recovery_samples: int
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        known: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in values.items()
+        }
+        return cls(**known)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Lower and upper bound around an estimate, by regime: standstill, creep, sliding, just after a reversal or start.
+
+    Attributes:
+        lower_n: Added to the estimate [N], one a regime, shape ``(4,)``.
+        upper_n: The same above [N].
+        standstill_m_s: Below, the piston stands [m/s].
+        creep_m_s: Below, it creeps [m/s].
+        reversal_samples: How long a reversal or start lasts.
+        probability: That the label lies between, on recordings like those of the calibration.
+    """
+
+    lower_n: tuple[float, float, float, float]
+    upper_n: tuple[float, float, float, float]
+    standstill_m_s: float
+    creep_m_s: float
+    reversal_samples: int
+    probability: float
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        known: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in values.items()
+        }
+        return cls(**known)
+
+
+@dataclass(frozen=True)
+class StepModel:
+    """One estimator, ready for any runtime.
+
+    Attributes:
+        sample_time_s: Between two samples [s]; an LSTM cannot take another.
+        feature_taps: FIR filters on raw samples, shape ``(features, 3, lags)``.
+        feature_limits: Where positive, a filtered value y becomes ``y / (|y| + limit)``, shape ``(features,)``.
+        feature_mean, feature_scale: Taken off, then divided by, shape ``(features,)``.
+        base_taps: The force that is corrected [N], shape ``(3, lags)``; zeros where there is none.
+        velocity_taps: The causal velocity that bounds go by [m/s], shape ``(3, lags)``.
+        network: None for a model without LSTM.
+        forest: None for a model without forest.
+        forest_sees: Which inputs the forest takes, in this order: hidden state, head, features.
+        head_counts: Whether the network's head is part of the estimate.
+        target_mean_n, target_scale_n: What the network's and the forest's outputs mean [N].
+        guard: What a sample must be.
+        bounds: What the estimate's error may be.
+    """
+
+    sample_time_s: float
+    feature_taps: Array
+    feature_limits: Array
+    feature_mean: Array
+    feature_scale: Array
+    base_taps: Array
+    velocity_taps: Array
+    network: LstmWeights | None
+    forest: Forest | None
+    forest_sees: ForestSees
+    head_counts: bool
+    target_mean_n: float
+    target_scale_n: float
+    guard: Guard
+    bounds: Bounds

@@ -1,0 +1,181 @@
+"""A ``StepModel`` and its state laid out for the compiled step: few arrays, contiguous, nothing to look up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cylinder_friction.realtime.lstm import LstmWeights
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.realtime.forest import Forest
+    from cylinder_friction.realtime.model import StepModel
+
+    Array = NDArray[np.float64]
+    Single = NDArray[np.float32]
+    Whole = NDArray[np.int64]
+
+# Places in ``PackedModel.settings``; the first four are one a channel, LOWER and UPPER one a regime.
+ACCEPT_LOWER, ACCEPT_UPPER, TRAINED_LOWER, TRAINED_UPPER = 0, 3, 6, 9
+FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP = range(12, 18)
+LOWER, UPPER = 18, 22
+# Places in ``PackedModel.counts``.
+FREEZE_SAMPLES, WARM_UP, RECOVERY, REVERSAL, FEATURES, HEAD_COUNTS, SEEN_FROM, DEPTH = range(8)
+# Places in ``PackedState.memory``.
+HELD, CONSTANT_FROM = 0, 3
+# Places in ``PackedState.counters``; FROZEN is one a pressure.
+READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, FROZEN = range(8)
+
+_NOTHING = np.zeros((0, 0, 0), dtype=np.float32)
+NO_NETWORK = LstmWeights(_NOTHING, _NOTHING, _NOTHING.reshape(0, 0), _NOTHING.ravel(), 0.0, 0)
+
+
+@dataclass(frozen=True)
+class PackedModel:
+    """Constants of the compiled step.
+
+    Attributes:
+        taps: Shape ``(3, lags, features + 2)``: the features, then the base force, then the velocity.
+        scaling: Limits, means and scales of the features, shape ``(3, features)``.
+        settings: Numbers of guard, target and bounds, see the places above.
+        counts: Whole numbers of guard, bounds and shape, see the places above.
+        input, recurrent, bias, head: The network's weights; without network no layer and no node.
+        head_bias: Added to the head, shape ``(1,)``.
+        nodes: Each node's feature, left and right child, and a fourth column that ``splits`` reads, shape ``(n, 4)``;
+            a leaf is its own child, so that each tree takes the same number of steps.
+        splits: The same memory as float32: column 3 is the threshold, or a leaf's value.
+        roots: Each tree's first node.
+    """
+
+    taps: Array
+    scaling: Array
+    settings: Array
+    counts: Whole
+    input: Single
+    recurrent: Single
+    bias: Single
+    head: Single
+    head_bias: Single
+    nodes: NDArray[np.int32]
+    splits: Single
+    roots: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, model: StepModel) -> PackedModel:
+        """Lays a model out."""
+        banks = [*model.feature_taps, model.base_taps, model.velocity_taps]
+        lags = max(bank.shape[1] for bank in banks)
+        taps = np.stack([np.pad(bank, ((0, 0), (0, lags - bank.shape[1]))) for bank in banks], axis=2)
+        features = len(model.feature_taps)
+        network = NO_NETWORK if model.network is None else model.network
+        seen_from = {"nothing": 0, "hidden": 0, "hidden_head_features": 0, "features": network.nodes + 1}[
+            model.forest_sees
+        ]
+        guard, bounds = model.guard, model.bounds
+        packed_nodes, roots, depth = _packed_forest(model.forest)
+        return cls(
+            taps=np.ascontiguousarray(taps, dtype=np.float64),
+            scaling=np.ascontiguousarray([model.feature_limits, model.feature_mean, model.feature_scale]),
+            settings=np.array(
+                [
+                    *(*guard.accept_lower, *guard.accept_upper, *guard.trained_lower, *guard.trained_upper),
+                    *(guard.freeze_travel_m, guard.freeze_force_n, model.target_mean_n, model.target_scale_n),
+                    *(bounds.standstill_m_s, bounds.creep_m_s, *bounds.lower_n, *bounds.upper_n),
+                ],
+                dtype=np.float64,
+            ),
+            counts=np.array(
+                [
+                    *(guard.freeze_samples, guard.warm_up_samples, guard.recovery_samples, bounds.reversal_samples),
+                    *(features, int(model.head_counts), seen_from, depth),
+                ],
+                dtype=np.int64,
+            ),
+            input=np.ascontiguousarray(network.input),
+            recurrent=np.ascontiguousarray(network.recurrent),
+            bias=np.ascontiguousarray(network.bias),
+            head=np.ascontiguousarray(network.head),
+            head_bias=np.array([network.head_bias], dtype=np.float32),
+            nodes=packed_nodes,
+            splits=packed_nodes.view(np.float32),
+            roots=roots,
+        )
+
+    def arrays(self) -> tuple[Any, ...]:
+        """Returns the arrays in the order in which the compiled step takes them."""
+        return (
+            *(self.taps, self.scaling, self.settings, self.counts),
+            *(self.input, self.recurrent, self.bias, self.head, self.head_bias),
+            *(self.nodes, self.splits, self.roots),
+        )
+
+
+@dataclass(frozen=True)
+class PackedState:
+    """What the compiled step changes.
+
+    Attributes:
+        history: Each channel's last samples, written twice, ``lags`` apart, so that from the newest on they always lie
+            in a row, newest first, shape ``(3, 2 lags)``.
+        memory: See the places above.
+        counters: See the places above.
+        lstm: Hidden and cell state, shape ``(2, layers, nodes)``.
+        outputs: Room for the filters' outputs, shape ``(features + 2,)``.
+        seen: Room for hidden state, head and features, shape ``(nodes + 1 + features,)``.
+        gates: Room for the gates, shape ``(4 nodes,)``.
+        places: Room for where each tree is, shape ``(trees,)``.
+    """
+
+    history: Array
+    memory: Array
+    counters: Whole
+    lstm: Single
+    outputs: Array
+    seen: Single
+    gates: Single
+    places: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, model: PackedModel) -> PackedState:
+        """Returns a state before the first sample."""
+        lags, outputs = model.taps.shape[1], model.taps.shape[2]
+        layers, nodes = len(model.bias), len(model.head)
+        return cls(
+            history=np.zeros((3, 2 * lags)),
+            memory=np.zeros(CONSTANT_FROM + 2),
+            counters=np.zeros(FROZEN + 2, dtype=np.int64),
+            lstm=np.zeros((2, layers, nodes), dtype=np.float32),
+            outputs=np.zeros(outputs),
+            seen=np.zeros(nodes + 1 + outputs - 2, dtype=np.float32),
+            gates=np.zeros(4 * nodes, dtype=np.float32),
+            places=np.zeros(len(model.roots), dtype=np.int32),
+        )
+
+    def reset(self) -> None:
+        """Forgets everything."""
+        self.counters[:] = 0
+        self.lstm[:] = 0.0
+
+    def arrays(self) -> tuple[Any, ...]:
+        """Returns the arrays in the order in which the compiled step takes them."""
+        return (
+            *(self.history, self.memory, self.counters, self.lstm),
+            *(self.outputs, self.seen, self.gates, self.places),
+        )
+
+
+def _packed_forest(forest: Forest | None) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
+    if forest is None:
+        return np.zeros((0, 4), dtype=np.int32), np.zeros(0, dtype=np.int32), 0
+    leaf = forest.feature < 0
+    own = np.arange(len(leaf))
+    nodes = np.zeros((len(leaf), 4), dtype=np.int32)
+    nodes[:, 0] = np.where(leaf, 0, forest.feature)
+    nodes[:, 1] = np.where(leaf, own, forest.left)
+    nodes[:, 2] = np.where(leaf, own, forest.right)
+    nodes.view(np.float32)[:, 3] = np.where(leaf, forest.value, forest.threshold)
+    return nodes, forest.roots.astype(np.int32), forest.depth

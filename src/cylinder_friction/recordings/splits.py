@@ -1,0 +1,81 @@
+"""Which sessions teach, which choose and which judge: whole sessions, in every test, drawn by a hash."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.recordings.recording import RecordingMetadata
+
+ROLES = ("train", "validation", "test")
+
+
+def split_sessions(
+    metadata: Sequence[RecordingMetadata], test_sessions: int, validation_sessions: int, seed: int
+) -> dict[str, tuple[str, ...]]:
+    """Returns the names of the recordings of each role, sorted; every test is in every role.
+
+    In each test sessions are put in the order of a hash of seed, test and session; the first ``test_sessions`` are
+    held out for the comparison, the next ``validation_sessions`` for choosing, the rest teach. The draw looks at
+    nothing but these names, so a recording more in a session moves no other one.
+
+    Args:
+        metadata: Of every recording, in any order.
+        test_sessions: Sessions held out in each test, at least 1.
+        validation_sessions: Sessions for validation in each test, at least 1.
+        seed: Another seed draws other sessions.
+
+    Raises:
+        RecordingError: There is no recording, a name occurs twice, a session spans two tests, or a test has too few
+            sessions.
+    """
+    if test_sessions < 1 or validation_sessions < 1:
+        raise ValueError(
+            f"expected at least 1 test and 1 validation session, but got {test_sessions} and {validation_sessions}"
+        )
+    sessions = _sessions_of_tests(metadata)
+    roles: dict[str, str] = {}
+    for test, names in sessions.items():
+        needed = test_sessions + validation_sessions + 1
+        if len(names) < needed:
+            raise RecordingError(
+                f"test {test!r} has {len(names)} session{'s' if len(names) != 1 else ''} ({', '.join(sorted(names))}), "
+                f"but {needed} are needed: {test_sessions} for test, {validation_sessions} for validation and at least "
+                "1 for training; record more sessions, lower label.split, or make ingest.name_pattern tell sessions "
+                "apart"
+            )
+        drawn = sorted(names, key=lambda session: (_draw(seed, test, session), session))
+        for place, session in enumerate(drawn):
+            held_out = place < test_sessions
+            validates = place < test_sessions + validation_sessions
+            roles[session] = "test" if held_out else "validation" if validates else "train"
+    return {role: tuple(sorted(entry.name for entry in metadata if roles[entry.session] == role)) for role in ROLES}
+
+
+def _sessions_of_tests(metadata: Sequence[RecordingMetadata]) -> dict[str, set[str]]:
+    if not metadata:
+        raise RecordingError("nothing to split, got no recording; expected at least one session a role and test")
+    twice = [name for name, count in Counter(entry.name for entry in metadata).items() if count > 1]
+    if twice:
+        raise RecordingError(f"recording {min(twice)!r} occurs twice; expected unique names")
+    tests: dict[str, str] = {}
+    sessions: dict[str, set[str]] = {}
+    for entry in sorted(metadata, key=lambda entry: entry.name):
+        test = tests.setdefault(entry.session, entry.test)
+        if test != entry.test:
+            raise RecordingError(
+                f"session {entry.session!r} occurs in test {test!r} and in test {entry.test!r} (recording "
+                f"{entry.name!r}); expected one test a session; make ingest.name_pattern's session contain the test"
+            )
+        sessions.setdefault(entry.test, set()).add(entry.session)
+    return dict(sorted(sessions.items()))
+
+
+def _draw(seed: int, test: str, session: str) -> bytes:
+    return hashlib.sha256(f"{seed}/{test}/{session}".encode()).digest()

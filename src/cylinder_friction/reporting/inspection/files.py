@@ -1,0 +1,88 @@
+"""Files as ``ingest`` would take them, with every finding kept instead of the first refusal alone."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from cylinder_friction.recordings.aligning import align
+from cylinder_friction.recordings.checks import inspect_recording
+from cylinder_friction.recordings.findings import Finding
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.mapping import map_signals, wanted_channels
+from cylinder_friction.recordings.names import PathNames, name_of
+from cylinder_friction.recordings.one_file import metadata_of, pieces_of, zeroed
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.reporting.inspection.subject import Inspected
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from cylinder_friction.recordings.recipe import Recipe
+    from cylinder_friction.recordings.recording import RecordingMetadata
+    from cylinder_friction.recordings.signal import Piece
+
+
+def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
+    """Yields what was found in each file, in their order; a file that comes apart gives one entry a piece.
+
+    Args:
+        files: By the name that is shown, which is the path below the source where that is known.
+        recipe: How a file becomes recordings.
+    """
+    for name, path in tqdm(files.items(), desc="inspect", unit="file", disable=None):
+        yield from inspect_file(name, path, recipe)
+
+
+def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
+    """Returns what was found in one file. A path that tells no session is noted, for it may lie elsewhere later.
+
+    What is refused has its recording all the same wherever the signals can be read.
+    """
+    findings = []
+    try:
+        names = recipe.names.names(name)
+    except RecordingError as error:
+        findings.append(Finding("names", "noted", str(error)))
+        names = PathNames(name_of(name), "", "", "")
+    try:
+        pieces = pieces_of(path, recipe)
+    except (RecordingError, OSError) as error:
+        findings.append(Finding("file", "refused", str(error)))
+        pieces = _as_logged(path, recipe)
+        if not pieces:
+            return [Inspected(name, findings)]
+    found = []
+    for number, piece in enumerate(pieces, start=1):
+        metadata = metadata_of(piece, names, number, len(pieces), name, "", recipe.cylinder)
+        found.append(_inspected(name, piece, metadata, recipe, findings))
+    return found
+
+
+def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
+    """Returns the pieces of a refused file with its bad samples in it, to be looked at; none where it is unreadable."""
+    with suppress(RecordingError, OSError):
+        tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
+        return align(map_signals(tables, recipe.channels).signals, recipe.time)
+    return []
+
+
+def _inspected(
+    name: str, piece: Piece, metadata: RecordingMetadata, recipe: Recipe, before: Sequence[Finding]
+) -> Inspected:
+    findings = list(before)
+    try:
+        table, metadata = zeroed(piece, metadata, recipe)
+    except RecordingError as error:
+        findings.append(Finding("zero", "refused", str(error)))
+        table = piece.table
+    findings += inspect_recording(table, recipe.limits, piece.sample_time_s)
+    try:
+        recording = Recording(replace(metadata, sample_time_s=piece.sample_time_s), table)
+    except RecordingError:  # the findings say so already
+        return Inspected(name, findings, None, piece.repairs)
+    return Inspected(name, findings, recording, piece.repairs)

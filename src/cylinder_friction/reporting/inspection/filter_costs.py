@@ -1,0 +1,209 @@
+"""What every filter costs: how late it is, what it lets through, and how much noise is left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.recordings.recording import DRIVE_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.reporting.inspection.spectra import spectrum
+from cylinder_friction.reporting.inspection.standstill import LEAST_STANDSTILL_S, noise_rms, standstill_rows
+from cylinder_friction.signals.causal_chain import (
+    MovingAverage,
+    SteadyKalman,
+    run_causal,
+    run_causal_force,
+    run_causal_motion,
+)
+from cylinder_friction.signals.recorded import has_pressures
+from cylinder_friction.signals.rts import RtsSmoother, quantisation_step
+from cylinder_friction.signals.smooth import POSITION, PRESSURE_1
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.signals.smooth import Reach, SignalFilter, SmoothSignals
+
+    Array = NDArray[np.float64]
+
+HALF_POWER = 0.5**0.5
+"""The gain of a filter at its -3 dB bandwidth."""
+
+LEAST_GAIN = 0.1
+"""Where less than this is left, how late it is no longer matters."""
+
+MOTION_HZ = 3.0
+"""A filter that is exact for slow motion may still be late, or early, for motion as quick as this."""
+
+FREQUENCIES = 200
+"""Points of a drawn response."""
+
+
+@dataclass(frozen=True)
+class RunningKalman:
+    """The Kalman filter of an ``RtsSmoother``, as it runs in real time: the smoother without its look ahead."""
+
+    smoother: RtsSmoother
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        return run_causal(self.block(sample_time_s), samples)
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        return run_causal_force(self.block(sample_time_s), force_n)
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        return run_causal_motion(self.block(sample_time_s), position_m)
+
+    def block(self, sample_time_s: float) -> SteadyKalman:
+        return self.smoother.block(sample_time_s)
+
+    def reach(self, sample_time_s: float) -> Reach:
+        both = self.smoother.reach(sample_time_s)
+        return type(both)(both.before, 0)
+
+
+@dataclass(frozen=True)
+class FilterCost:
+    """What one filter does at one sample rate.
+
+    Attributes:
+        name: Of the filter.
+        causal: Whether it can run in real time; the others look ahead.
+        pressure_delay_s, velocity_delay_s, acceleration_delay_s: How late slow changes come out [s].
+        velocity_delay_in_motion_s: How late velocity comes out at ``MOTION_HZ``, brisk motion of a hand or valve [s].
+        pressure_bandwidth_hz, velocity_bandwidth_hz: Where half the power is left [Hz]; infinite if that is never.
+        velocity_noise_m_s: Root mean square of the velocity at this recording's standstill [m/s]; NaN without one.
+        velocity_noise_from_floor_m_s: What the position sensor's noise floor, taken as white, would make of it [m/s].
+        frequency_hz: Where the response was taken, shape ``(k,)`` [Hz].
+        velocity_gain: Velocity out over velocity in, shape ``(k,)``.
+        velocity_lag_s: Its phase delay, shape ``(k,)`` [s]; NaN from where less than ``LEAST_GAIN`` is left.
+    """
+
+    name: str
+    causal: bool
+    pressure_delay_s: float
+    velocity_delay_s: float
+    acceleration_delay_s: float
+    velocity_delay_in_motion_s: float
+    pressure_bandwidth_hz: float
+    velocity_bandwidth_hz: float
+    velocity_noise_m_s: float
+    velocity_noise_from_floor_m_s: float
+    frequency_hz: Array
+    velocity_gain: Array
+    velocity_lag_s: Array
+
+
+def with_causal_twins(filters: Mapping[str, SignalFilter]) -> dict[str, tuple[SignalFilter, bool]]:
+    """Returns every filter and, behind those that have one, its twin for real time; True marks what is causal."""
+    found: dict[str, tuple[SignalFilter, bool]] = {}
+    for name, method in filters.items():
+        found[name] = (method, isinstance(method, MovingAverage))
+        if isinstance(method, SavitzkyGolay):
+            found[f"{name}, one-sided"] = (method.twin(), True)
+        if isinstance(method, RtsSmoother):
+            found[f"{name}, Kalman filter"] = (RunningKalman(method), True)
+    return found
+
+
+def filter_costs(filters: Mapping[str, SignalFilter], recording: Recording) -> tuple[list[FilterCost], list[str]]:
+    """Returns the cost of every filter and of its causal twin, and why those that are left out are."""
+    costs, left_out = [], []
+    for name, (method, causal) in with_causal_twins(filters).items():
+        try:
+            costs.append(_cost(name, causal, method, recording))
+        except ValueError as error:
+            left_out.append(f"{name}: {error}")
+    return costs, left_out
+
+
+def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -> FilterCost:
+    sample_time_s, position_m = recording.sample_time_s, recording.column("position_m")
+    velocity_m_s, _ = method.motion(position_m, sample_time_s)
+    position_noise_m = spectrum(position_m, sample_time_s).floor * math.sqrt(0.5 / sample_time_s)
+    pressure, velocity, acceleration = pulse_responses(method, recording)
+    frequency_hz = np.geomspace(0.05, 0.5 / sample_time_s, FREQUENCIES)
+    pressure_gain = np.abs(_response(pressure, 0, frequency_hz, sample_time_s))
+    response = _response(velocity, 1, frequency_hz, sample_time_s)
+    gain = np.abs(response)
+    left = np.minimum.accumulate(gain) > LEAST_GAIN
+    lag_s = np.where(left, -np.unwrap(np.angle(response)) / (2.0 * math.pi * frequency_hz), np.nan)
+    return FilterCost(
+        name=name,
+        causal=causal,
+        pressure_delay_s=_delay_s(pressure, 0, sample_time_s),
+        velocity_delay_s=_delay_s(velocity, 1, sample_time_s),
+        acceleration_delay_s=_delay_s(acceleration, 2, sample_time_s),
+        velocity_delay_in_motion_s=float(np.interp(MOTION_HZ, frequency_hz, lag_s)),
+        pressure_bandwidth_hz=_bandwidth_hz(frequency_hz, pressure_gain),
+        velocity_bandwidth_hz=_bandwidth_hz(frequency_hz, gain),
+        velocity_noise_m_s=_standstill_noise(velocity_m_s, position_m, method.reach(sample_time_s), sample_time_s),
+        velocity_noise_from_floor_m_s=position_noise_m * float(np.sqrt(np.sum(velocity**2))),
+        frequency_hz=frequency_hz,
+        velocity_gain=gain,
+        velocity_lag_s=lag_s,
+    )
+
+
+def pulse_responses(method: SignalFilter, recording: Recording) -> tuple[Array, Array, Array]:
+    """Returns what one sample of 1 becomes, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
+
+    In this order: pressure from pressure, velocity from position [1/s], acceleration from position [1/s²]. The pulse
+    is as high as the recording's own smallest step, for a smoother that takes its noise from that step
+    (``RtsSmoother``) then behaves as it does on the recording.
+    """
+    columns = SAMPLE_COLUMNS if has_pressures(recording) else (DRIVE_FORCE, DRIVE_FORCE, "position_m")
+    steps = np.array([quantisation_step(recording.column(column)) or 1.0 for column in columns])
+    reach = method.reach(recording.sample_time_s)
+    middle = 4 * max(reach.before, reach.after, 8)
+    pulse = np.zeros((2 * middle + 1, 3))
+    pulse[middle] = steps
+    smooth = method.smooth(pulse, recording.sample_time_s)
+    return (
+        smooth.pressure_1_smooth_pa / steps[PRESSURE_1],
+        smooth.velocity_m_s / steps[POSITION],
+        smooth.acceleration_m_s2 / steps[POSITION],
+    )
+
+
+def _delay_s(pulse_response: Array, derivative: int, sample_time_s: float) -> float:
+    """Returns how late a slow change of the ``derivative``-th derivative comes out [s].
+
+    A ramp of that derivative, t^(k+1)/(k+1)!, comes out as the ramp less its delay; at t = 0 the ramp is 0.
+    """
+    lag_s = sample_time_s * (np.arange(len(pulse_response)) - len(pulse_response) // 2)
+    order = derivative + 1
+    ramp = float(np.sum(pulse_response * (-lag_s) ** order)) / math.factorial(order)
+    constant = float(np.sum(pulse_response * (-lag_s) ** derivative)) / math.factorial(derivative)
+    return -ramp / constant
+
+
+def _response(
+    pulse_response: Array, derivative: int, frequency_hz: Array, sample_time_s: float
+) -> NDArray[np.complex128]:
+    """Returns output over the true ``derivative`` of the input at each frequency, shape ``(k,)``."""
+    lag_s = sample_time_s * (np.arange(len(pulse_response)) - len(pulse_response) // 2)
+    turning = 2j * math.pi * frequency_hz
+    return np.asarray(np.exp(-np.outer(turning, lag_s)) @ pulse_response / turning**derivative)
+
+
+def _bandwidth_hz(frequency_hz: Array, gain: Array) -> float:
+    below = np.flatnonzero(gain < HALF_POWER)
+    if len(below) == 0:
+        return math.inf
+    row = int(below[0])
+    if row == 0:
+        return float(frequency_hz[0])
+    return float(np.interp(HALF_POWER, gain[[row, row - 1]], frequency_hz[[row, row - 1]]))
+
+
+def _standstill_noise(velocity_m_s: Array, position_m: Array, reach: Reach, sample_time_s: float) -> float:
+    rest = standstill_rows(position_m, sample_time_s, max(reach.before, reach.after))
+    return noise_rms(velocity_m_s, rest) if rest.sum() * sample_time_s >= LEAST_STANDSTILL_S else math.nan

@@ -1,0 +1,146 @@
+"""Spectra of the signals with their noise floors, and what the filters do at each frequency."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from cylinder_friction.recordings.recording import DRIVE_FORCE
+from cylinder_friction.reporting.inspection.drawing import (
+    EXTENDING,
+    FILTER_COLOURS,
+    INK,
+    MM_PER_M,
+    PA_PER_BAR,
+    PISTON_SIDE,
+    QUIET,
+    ROD_SIDE,
+    finish,
+    single,
+)
+from cylinder_friction.reporting.inspection.spectra import spectrum
+from cylinder_friction.signals.recorded import has_pressures
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.reporting.inspection.filter_costs import FilterCost
+    from cylinder_friction.reporting.inspection.friction_view import FrictionView
+
+    Array = NDArray[np.float64]
+
+SPECTRUM_POINTS = 400
+MS_PER_S = 1e3
+
+
+def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -> go.Figure:
+    """Returns the amplitude densities of pressures, position and velocity.
+
+    Args:
+        recording: Its raw signals.
+        view: Its smooth velocity.
+        cost: Of the filter in use, whose cut-offs are marked; None if they are not known.
+    """
+    figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.11)
+    position_mm = MM_PER_M * recording.column("position_m")
+    raw_velocity = np.diff(position_mm) / recording.sample_time_s
+    if has_pressures(recording):
+        first = [
+            ("P1, piston side", PISTON_SIDE, recording.column("pressure_1_pa") / PA_PER_BAR),
+            ("P2, rod side", ROD_SIDE, recording.column("pressure_2_pa") / PA_PER_BAR),
+        ]
+    else:
+        first = [("drive force", QUIET, recording.column(DRIVE_FORCE))]
+    panels = [
+        (f"{'pressure [bar' if has_pressures(recording) else 'force [N'}/√Hz]", first, True),
+        ("position [mm/√Hz]", [("position", INK, position_mm)], True),
+        (
+            "velocity [mm/s/√Hz]",
+            [
+                ("velocity, differences of raw position", QUIET, raw_velocity),
+                ("velocity, filtered", EXTENDING, MM_PER_M * view.signals.velocity_m_s),
+            ],
+            False,
+        ),
+    ]
+    for column, (axis, signals, has_floor) in enumerate(panels, start=1):
+        cut_off_hz = math.inf
+        if cost is not None:
+            cut_off_hz = cost.pressure_bandwidth_hz if column == 1 else cost.velocity_bandwidth_hz
+        _panel(figure, column, signals, recording.sample_time_s, has_floor, cut_off_hz)
+        figure.update_yaxes(title_text=axis, type="log", exponentformat="power", dtick=1, row=1, col=column)
+        figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, row=1, col=column)
+    return finish(figure, 430, legend_rows=2)
+
+
+def _panel(
+    figure: go.Figure,
+    column: int,
+    signals: Sequence[tuple[str, str, Array]],
+    sample_time_s: float,
+    has_floor: bool,
+    cut_off_hz: float,
+) -> None:
+    lowest, highest = math.inf, 0.0
+    for name, colour, values in signals:
+        found = spectrum(values, sample_time_s)
+        rows = log_spaced(len(found.frequency_hz))
+        frequency, density = found.frequency_hz[rows], np.maximum(found.density[rows], 1e-12)
+        lowest, highest = min(lowest, float(np.min(density))), max(highest, float(np.max(density)))
+        _add(figure, column, name, frequency, density, {"color": colour, "width": 1.3})
+        ends = frequency[[0, -1]]
+        if has_floor and found.floor > 0.0:
+            floor = np.full(2, found.floor)
+            _add(figure, column, "sensor's noise floor", ends, floor, {"color": colour, "dash": "dash"})
+        if has_floor and math.isfinite(found.converter_floor):
+            step = np.full(2, found.converter_floor)
+            _add(figure, column, "converter's step alone", ends, step, {"color": colour, "dash": "dot"})
+    if math.isfinite(cut_off_hz):
+        _add(
+            figure,
+            column,
+            "filter in use, -3 dB",
+            np.full(2, cut_off_hz),
+            np.array([lowest, highest]),
+            {"color": "#CC79A7", "width": 2},
+        )
+
+
+def _add(figure: go.Figure, column: int, name: str, x: Array, y: Array, line: dict[str, object]) -> None:
+    known = any(trace.name == name for trace in figure.data)
+    hover = f"%{{x:.3~g}} Hz, %{{y:.3~g}}<extra>{name}</extra>"
+    trace = go.Scatter(x=single(x), y=single(y), mode="lines", name=name, legendgroup=name, line=line)
+    figure.add_trace(trace.update(showlegend=not known, hovertemplate=hover), row=1, col=column)
+
+
+def log_spaced(count: int) -> NDArray[np.intp]:
+    """Returns at most ``SPECTRUM_POINTS`` of ``count`` rows, evenly spaced on a log scale."""
+    rows = np.geomspace(1, count, min(count, SPECTRUM_POINTS)).round().astype(np.intp) - 1
+    return np.unique(rows)
+
+
+def filter_figure(costs: Sequence[FilterCost]) -> go.Figure:
+    """Returns how much velocity each filter lets through, and how late it is, over frequency."""
+    figure = make_subplots(
+        rows=1,
+        cols=2,
+        horizontal_spacing=0.09,
+        subplot_titles=["velocity out over velocity in", "how late velocity comes out"],
+    )
+    for cost, colour in zip(costs, itertools.cycle(FILTER_COLOURS)):
+        line = {"color": colour, "width": 2, "dash": "solid" if cost.causal else "dot"}
+        name = f"{cost.name} ({'real time' if cost.causal else 'off line'})"
+        for column, values in ((1, cost.velocity_gain), (2, MS_PER_S * cost.velocity_lag_s)):
+            _add(figure, column, name, cost.frequency_hz, values, line)
+    figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1)
+    figure.update_yaxes(title_text="gain", rangemode="tozero", row=1, col=1)
+    figure.update_yaxes(title_text="lag [ms]", row=1, col=2)
+    return finish(figure, 460, legend_rows=2)

@@ -1,0 +1,163 @@
+"""Friction against velocity, the Stribeck curve, and force against position."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from cylinder_friction.reporting.inspection.drawing import (
+    AT_REST,
+    CLOUD_POINTS,
+    EXTENDING,
+    INK,
+    MM_PER_M,
+    RETRACTING,
+    finish,
+    single,
+)
+from cylinder_friction.reporting.inspection.thinning import spread_evenly
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+    from cylinder_friction.friction_models.stribeck import StribeckCurve
+    from cylinder_friction.reporting.inspection.friction_view import FrictionView
+
+    Array = NDArray[np.float64]
+
+CURVE_POINTS = 300
+WIDE_SPAN = 10.0
+"""From this ratio of speeds on, fewer of them are written at the axis."""
+
+
+def against_velocity(view: FrictionView) -> go.Figure:
+    """Returns two panels: every usable row against velocity, and steady sliding against speed on a log scale."""
+    figure = make_subplots(
+        rows=1,
+        cols=2,
+        column_widths=[0.55, 0.45],
+        horizontal_spacing=0.1,
+        subplot_titles=["every usable row, thinned", "steady sliding, both directions"],
+    )
+    velocity = view.signals.velocity_m_s
+    for name, colour, rows in ways(view):
+        rows = spread_evenly(rows, CLOUD_POINTS)
+        figure.add_trace(
+            _cloud(name, colour, MM_PER_M * velocity[rows], view.friction_n[rows]),
+            row=1,
+            col=1,
+        )
+    _points(figure, view.points)
+    if view.curve is not None:
+        _curve(figure, view, view.curve)
+    figure.update_xaxes(title_text="velocity [mm/s]", row=1, col=1)
+    figure.update_xaxes(title_text="speed [mm/s]", type="log", tickvals=_speed_ticks(view), row=1, col=2)
+    figure.update_yaxes(title_text=f"{view.friction_name} [N]", row=1, col=1)
+    figure.update_yaxes(title_text="against the motion [N]", row=1, col=2)
+    return finish(figure, 480, legend_rows=2)
+
+
+def against_position(view: FrictionView, position_m: Array) -> go.Figure:
+    """Returns the force against position: its middle is load, half its width is friction."""
+    figure = go.Figure()
+    for name, colour, rows in ways(view):
+        if name != "standstill":
+            rows = spread_evenly(rows, CLOUD_POINTS)
+            figure.add_trace(_cloud(name, colour, MM_PER_M * position_m[rows], view.force_n[rows]))
+    figure.update_xaxes(title_text="position [mm]")
+    figure.update_yaxes(title_text=f"{view.force_name} [N]")
+    return finish(figure, 360)
+
+
+def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
+    """Returns name, colour and usable rows of standstill, extension and retraction."""
+    velocity = view.signals.velocity_m_s
+    slow = np.abs(velocity) <= view.slowest_m_s
+    return [
+        ("standstill", AT_REST, np.flatnonzero(view.usable & slow)),
+        ("extending", EXTENDING, np.flatnonzero(view.usable & ~slow & (velocity > 0.0))),
+        ("retracting", RETRACTING, np.flatnonzero(view.usable & ~slow & (velocity < 0.0))),
+    ]
+
+
+def _speed_ticks(view: FrictionView) -> list[float]:
+    speeds = [abs(point.velocity_m_s) for point in view.points] or [1.0]
+    steps = (1, 2, 5) if max(speeds) >= WIDE_SPAN * min(speeds) else (1, 2, 3, 4, 5, 6, 8)
+    return [step * 10.0**power for power in range(-3, 5) for step in steps]
+
+
+def _cloud(name: str, colour: str, x: Array, y: Array) -> go.Scatter:
+    return go.Scatter(
+        x=single(x),
+        y=single(y),
+        mode="markers",
+        name=name,
+        legendgroup=name,
+        marker={"color": colour, "size": 3, "opacity": 0.35},
+        hovertemplate="%{x:.4~g}, %{y:.4~g} N<extra>" + name + "</extra>",
+    )
+
+
+def _line(name: str, x: Array, y: Array, in_legend: bool) -> go.Scatter:
+    return go.Scatter(
+        x=single(x),
+        y=single(y),
+        mode="lines",
+        name=name,
+        legendgroup=name,
+        showlegend=in_legend,
+        line={"color": INK, "width": 2},
+        hoverinfo="skip",
+    )
+
+
+def _curve(figure: go.Figure, view: FrictionView, curve: StribeckCurve) -> None:
+    """Adds the curve to both panels, over the speeds that were seen and no further."""
+    for way, dash in ((1.0, "solid"), (-1.0, "dash")):
+        speeds = [abs(point.velocity_m_s) for point in view.points if point.velocity_m_s * way > 0.0]
+        if not speeds:
+            continue
+        seen = np.geomspace(min(speeds), max(speeds), CURVE_POINTS)
+        friction = curve.friction(way * seen)
+        known = any(trace.name == "Stribeck curve" for trace in figure.data)
+        line = _line("Stribeck curve", MM_PER_M * way * seen, friction, not known)
+        figure.add_trace(line, row=1, col=1)
+        line = _line("Stribeck curve", MM_PER_M * seen, way * friction, False)
+        figure.add_trace(line.update(line_dash=dash), row=1, col=2)
+
+
+def _points(figure: go.Figure, points: tuple[SteadyPoint, ...]) -> None:
+    """Adds the steady points with their quartiles to both panels."""
+    for way, colour, symbol in ((1.0, EXTENDING, "circle"), (-1.0, RETRACTING, "square")):
+        chosen = [point for point in points if point.velocity_m_s * way > 0.0]
+        if not chosen:
+            continue
+        velocity = MM_PER_M * np.array([point.velocity_m_s for point in chosen])
+        middle = np.array([point.friction_n for point in chosen])
+        upper = np.array([point.upper_quartile_n for point in chosen]) - middle
+        lower = middle - np.array([point.lower_quartile_n for point in chosen])
+        rows = [point.rows for point in chosen]
+        name = "steady sliding (median, quartiles): " + ("extending" if way > 0.0 else "retracting")
+        for column, (x, y, above, below) in enumerate(
+            ((velocity, middle, upper, lower), (way * velocity, way * middle, *(upper, lower)[:: int(way)])), start=1
+        ):
+            figure.add_trace(
+                go.Scatter(
+                    x=single(x),
+                    y=single(y),
+                    error_y={"type": "data", "symmetric": False, "array": above, "arrayminus": below, "thickness": 1.2},
+                    customdata=rows,
+                    mode="markers",
+                    name=name,
+                    legendgroup=name,
+                    showlegend=column == 1,
+                    marker={"color": colour, "size": 9, "symbol": symbol, "line": {"color": INK, "width": 1}},
+                    hovertemplate="%{x:.4~g} mm/s, %{y:.4~g} N<br>%{customdata} rows<extra></extra>",
+                ),
+                row=1,
+                col=column,
+            )

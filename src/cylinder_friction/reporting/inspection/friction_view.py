@@ -1,0 +1,153 @@
+"""Friction of one recording as the inspection shows it: filtered, balanced, and gathered into a Stribeck curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
+from cylinder_friction.labelling.equation_of_motion import Stiffness, drive_force, friction_label
+from cylinder_friction.labelling.masks import usable_rows
+from cylinder_friction.reporting.inspection.known_curve import known_curve
+from cylinder_friction.reporting.inspection.standstill import noise_rms, standstill_rows
+from cylinder_friction.signals.recorded import has_pressures, smooth_load, smooth_recording
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.friction_models.stribeck import StribeckCurve
+    from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.signals.smooth import SignalFilter, SmoothDrive, SmoothSignals
+
+    Array = NDArray[np.float64]
+
+NOISE_MULTIPLE = 4.0
+"""Slower than so many standard deviations of the velocity's noise is standstill."""
+
+LEAST_SPEED_M_S = 5e-4
+POSITION_BINS = 30
+LEAST_ROWS_A_BIN = 10
+
+LOAD_SHARE = 0.5
+"""A force that does not turn with the direction and is above this share of the one that does is a load."""
+
+PRESSURE_FORCE = "P1·A1 - P2·A2"
+MEASURED_FORCE = "drive force"
+
+
+@dataclass(frozen=True)
+class FrictionView:
+    """What one recording says about friction.
+
+    Attributes:
+        signals: Smooth signals that it comes from.
+        force_name: What ``force_n`` is, in words.
+        friction_name: What ``friction_n`` is, in words: friction, or friction and a load that nobody measured.
+        force_n: P1·A1 - P2·A2, or the measured drive force, smooth, shape ``(n,)`` [N].
+        friction_n: Shape ``(n,)`` [N], positive when it opposes positive velocity.
+        usable: Rows away from end stops and from the recording's edges, shape ``(n,)``.
+        slowest_m_s: Slower rows count as standstill [m/s].
+        points: Steady sliding by speed and direction.
+        curve: Fitted to them; None where they do not tell one, and then ``no_curve`` says why.
+        load_n: Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN where
+            the piston does not pass the same positions in both directions.
+        half_difference_n: Half the difference there: friction whatever the load is [N].
+        no_curve: Why there is no curve.
+        assumed: What the force balance takes for granted, one sentence each.
+    """
+
+    signals: SmoothSignals | SmoothDrive
+    force_name: str
+    friction_name: str
+    force_n: Array
+    friction_n: Array
+    usable: NDArray[np.bool_]
+    slowest_m_s: float
+    points: tuple[SteadyPoint, ...]
+    curve: StribeckCurve | None
+    load_n: float
+    half_difference_n: float
+    no_curve: str
+    assumed: tuple[str, ...]
+
+
+def friction_view(
+    recording: Recording, cylinder: Cylinder, method: SignalFilter, end_stop_margin_m: float
+) -> FrictionView:
+    """Returns a recording's friction by the equation of motion.
+
+    Raises:
+        ValueError: The recording is shorter than the filter.
+    """
+    position_m, sample_time_s = recording.column("position_m"), recording.sample_time_s
+    signals, reach = smooth_recording(recording, method), method.reach(sample_time_s)
+    load_force_n = smooth_load(recording, method)
+    friction_n = friction_label(
+        signals, position_m, 0.0 if load_force_n is None else load_force_n, cylinder, Stiffness()
+    )
+    usable = usable_rows(position_m, cylinder.stroke_m, end_stop_margin_m, reach)
+    rest = standstill_rows(position_m, sample_time_s, max(reach.before, reach.after))
+    slowest_m_s = max(LEAST_SPEED_M_S, NOISE_MULTIPLE * float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest))))
+    labelled = recording.with_columns(friction_n=friction_n, velocity_m_s=signals.velocity_m_s, usable=usable)
+    points = tuple(steady_points([labelled], slowest_m_s))
+    curve, no_curve = known_curve(points)
+    load_n, half_difference_n = up_and_down(position_m, signals.velocity_m_s, friction_n, usable, slowest_m_s)
+    return FrictionView(
+        signals=signals,
+        force_name=PRESSURE_FORCE if has_pressures(recording) else MEASURED_FORCE,
+        friction_name="friction + load" if carries_load(load_n, half_difference_n) else "friction",
+        force_n=drive_force(signals, cylinder),
+        friction_n=friction_n,
+        usable=usable,
+        slowest_m_s=slowest_m_s,
+        points=points,
+        curve=curve,
+        load_n=load_n,
+        half_difference_n=half_difference_n,
+        no_curve=no_curve,
+        assumed=_assumed(recording, cylinder, load_force_n is not None, end_stop_margin_m),
+    )
+
+
+def up_and_down(
+    position_m: Array, velocity_m_s: Array, friction_n: Array, usable: NDArray[np.bool_], slowest_m_s: float
+) -> tuple[float, float]:
+    """Returns half the sum and half the difference of the force up and down at equal positions, medians [N].
+
+    A force that depends on position alone, such as a load's weight, is in the sum and not in the difference.
+    """
+    up, down = usable & (velocity_m_s > slowest_m_s), usable & (velocity_m_s < -slowest_m_s)
+    if not up.any() or not down.any():
+        return float("nan"), float("nan")
+    edges = np.linspace(float(position_m[usable].min()), float(position_m[usable].max()), POSITION_BINS + 1)
+    numbers = np.clip(np.digitize(position_m, edges) - 1, 0, POSITION_BINS - 1)
+    halves = []
+    for number in range(POSITION_BINS):
+        here = numbers == number
+        if min((here & up).sum(), (here & down).sum()) >= LEAST_ROWS_A_BIN:
+            extending, retracting = np.median(friction_n[here & up]), np.median(friction_n[here & down])
+            halves.append((0.5 * (extending + retracting), 0.5 * (extending - retracting)))
+    if not halves:
+        return float("nan"), float("nan")
+    load_n, half_difference_n = np.median(np.array(halves), axis=0)
+    return float(load_n), float(half_difference_n)
+
+
+def carries_load(load_n: float, half_difference_n: float) -> bool:
+    """Returns whether what was called friction holds a load; False where directions cannot be compared."""
+    return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
+
+
+def _assumed(recording: Recording, cylinder: Cylinder, has_load: bool, margin_m: float) -> tuple[str, ...]:
+    force = PRESSURE_FORCE if has_pressures(recording) else "the measured drive force"
+    load = "the load force of the recording" if has_load else "no load (the recording has no load force)"
+    return (
+        f"Friction = {force} - m·a - load, with m = {cylinder.moving_mass_kg:.4g} kg and {load}. "
+        f"A1 = {1e6 * cylinder.piston_area_m2:.5g} mm², A2 = {1e6 * cylinder.annulus_area_m2:.5g} mm² "
+        f"({cylinder.name}).",
+        f"Left out: rows within {1e3 * margin_m:.3g} mm of an end stop (stroke {1e3 * cylinder.stroke_m:.4g} mm), and "
+        "rows whose filter saw them or the edge of the recording.",
+    )

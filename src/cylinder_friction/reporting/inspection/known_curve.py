@@ -1,0 +1,79 @@
+"""A Stribeck curve where the points of steady sliding tell one, and the reason where they do not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+
+LEAST_SPAN = 5.0
+"""Greatest over least speed of steady sliding; below it level and slope of the curve take each other's place."""
+
+BELOW_SEEN = 0.6
+"""Coulomb friction may lie below the least friction seen, for viscous friction is in that, but not below this share."""
+
+OPPOSING = 0.7
+"""Share of points that must oppose the motion."""
+
+
+def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:
+    """Returns the curve through points of steady sliding, or None and why none is stated."""
+    opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
+    if points and len(opposing) < OPPOSING * len(points):
+        return None, (
+            f"only {len(opposing)} of {len(points)} points of steady sliding oppose the motion, as friction must; the "
+            "force carries a load, the position counts the other way, or the pressures are swapped"
+        )
+    try:
+        curve = fit_stribeck(
+            np.array([point.velocity_m_s for point in points]),
+            np.array([point.friction_n for point in points]),
+            np.sqrt(np.array([point.rows for point in points], dtype=np.float64)),
+        )
+    except ValueError as error:
+        return None, str(error)
+    problem = _one_way(points) or _narrow(points) or _beyond_seen(curve, points)
+    return (None, problem) if problem else (curve, "")
+
+
+def is_breakaway_known(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> bool:
+    """Returns whether sliding as slow as the Stribeck velocity was seen; else static friction is extrapolated."""
+    return min(abs(point.velocity_m_s) for point in points) <= curve.stribeck_velocity_m_s
+
+
+def _one_way(points: Sequence[SteadyPoint]) -> str:
+    if len({point.velocity_m_s > 0.0 for point in points}) == 2:
+        return ""
+    way = "extending" if points[0].velocity_m_s > 0.0 else "retracting"
+    return f"steady sliding was seen while {way} alone; record strokes in both directions"
+
+
+def _narrow(points: Sequence[SteadyPoint]) -> str:
+    speeds = [abs(point.velocity_m_s) for point in points]
+    span = max(speeds) / min(speeds)
+    if span >= LEAST_SPAN:
+        return ""
+    return (
+        f"speeds of steady sliding run from {1e3 * min(speeds):.2g} to {1e3 * max(speeds):.2g} mm/s, a factor of "
+        f"{span:.2g}; Coulomb and viscous friction are told apart from a factor of {LEAST_SPAN:.2g}; record slower and "
+        "faster strokes"
+    )
+
+
+def _beyond_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
+    seen = [abs(point.friction_n) for point in points]
+    coulomb = sorted((curve.coulomb_n, curve.retract_ratio * curve.coulomb_n))
+    if coulomb[0] >= BELOW_SEEN * min(seen) and coulomb[1] <= max(seen):
+        return ""
+    return (
+        f"the fit's Coulomb friction, {coulomb[0]:.0f} to {coulomb[1]:.0f} N, lies outside the friction that was seen, "
+        f"{min(seen):.0f} to {max(seen):.0f} N, so its parameters are not determined; record more strokes at constant "
+        "velocity"
+    )

@@ -1,0 +1,121 @@
+"""What is inspected: one file, or one piece of it, with what the checks found."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from cylinder_friction.recordings.findings import Finding
+    from cylinder_friction.recordings.recording import Recording
+
+OUTCOMES = ("ok", "noted", "repaired", "refused")
+"""Of a check, mildest first."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What stays of a recording whose signals are no longer held.
+
+    Attributes:
+        name: Of the recording.
+        rows: How many samples it has.
+        sample_time_s: [s].
+        least_position_m, greatest_position_m: [m].
+        repairs: What was done to it, one sentence each.
+    """
+
+    name: str
+    rows: int
+    sample_time_s: float
+    least_position_m: float
+    greatest_position_m: float
+    repairs: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, recording: Recording) -> Self:
+        position_m = recording.column("position_m")
+        ends = float(position_m.min()), float(position_m.max())
+        return cls(recording.name, len(recording), recording.sample_time_s, *ends, recording.metadata.repairs)
+
+
+@dataclass(frozen=True)
+class Inspected:
+    """One logged file and what became of it; a file that a gap has split gives one of these a piece.
+
+    Attributes:
+        file: Its path, as the user should see it.
+        findings: What every check found.
+        recording: What it holds, wherever that can be read, so that also what is refused can be looked at.
+        repairs: What was done to the file besides what the findings say, one sentence each.
+        extent: Of a recording that is no longer held.
+    """
+
+    file: str
+    findings: Sequence[Finding]
+    recording: Recording | None = None
+    repairs: Sequence[str] = ()
+    extent: Extent | None = None
+
+    @property
+    def seen(self) -> Extent | None:
+        """What is known of its recording, held or not; None where it became none."""
+        return self.extent if self.recording is None else Extent.of(self.recording)
+
+    def without_signals(self) -> Self:
+        """Returns the same without the recording, of which only its extent stays."""
+        return replace(self, recording=None, extent=self.seen)
+
+    @property
+    def outcome(self) -> str:
+        """The worst outcome of any check; a file without a recording is refused whatever the checks say."""
+        if self.recording is None and self.extent is None:
+            return "refused"
+        return worst([*(finding.outcome for finding in self.findings), *("repaired" for _ in self.all_repairs())])
+
+    def all_repairs(self) -> tuple[str, ...]:
+        """Returns every sentence about a repair that no finding says already."""
+        told = {finding.text for finding in self.findings}
+        seen = self.seen
+        of_recording = seen.repairs if seen is not None else ()
+        return tuple(dict.fromkeys(text for text in (*self.repairs, *of_recording) if text not in told))
+
+    def reasons(self) -> list[str]:
+        """Returns, worst outcome first, the texts of the checks that did not simply pass, and the repairs."""
+        told = sorted(
+            (finding for finding in self.findings if finding.outcome != "ok"),
+            key=lambda finding: -OUTCOMES.index(finding.outcome),
+        )
+        return [finding.text for finding in told] + list(self.all_repairs())
+
+
+def worst(outcomes: Iterable[str]) -> str:
+    """Returns the worst of several outcomes, ``ok`` where there is none."""
+    return max(outcomes, key=OUTCOMES.index, default="ok")
+
+
+def titles(subjects: Sequence[Inspected]) -> list[str]:
+    """Returns a title a subject: the file, and for the pieces of one file which it is, or the recording's name."""
+    files = [subject.file for subject in subjects]
+    seen = [subject.seen for subject in subjects]
+    return [
+        f"{file} ({_piece(extent.name)})" if extent is not None and files.count(file) > 1 else file
+        for file, extent in zip(files, seen, strict=True)
+    ]
+
+
+def _piece(name: str) -> str:
+    part = re.search(r"_part(\d+)$", name)
+    return f"part {part[1]}" if part else name
+
+
+def count_outcomes(subjects: Sequence[Inspected]) -> dict[str, int]:
+    """Returns how many files had which outcome; the pieces of one file count once, by the worst of them."""
+    by_file: dict[str, list[str]] = {}
+    for subject in subjects:
+        by_file.setdefault(subject.file, []).append(subject.outcome)
+    found = [worst(outcomes) for outcomes in by_file.values()]
+    return {outcome: found.count(outcome) for outcome in OUTCOMES}

@@ -1,0 +1,35 @@
+"""The checks as plain text, for the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.reporting.inspection.subject import OUTCOMES, count_outcomes, titles
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.reporting.inspection.subject import Inspected
+
+
+def text_report(subjects: Sequence[Inspected]) -> str:
+    """Returns one block a file, one line a check with its outcome, and a last line that counts the files."""
+    blocks = [_block(title, subject) for title, subject in zip(titles(subjects), subjects, strict=True)]
+    return "\n\n".join([*blocks, _summary(subjects)]) + "\n"
+
+
+def _block(title: str, subject: Inspected) -> str:
+    lines = [(finding.outcome, finding.check, finding.text) for finding in subject.findings]
+    lines += [("repaired", "repair", text) for text in subject.all_repairs()]
+    if subject.seen is None and all(outcome != "refused" for outcome, _, _ in lines):
+        lines.append(("refused", "file", "became no recording"))
+    width = max((len(check) for _, check, _ in lines), default=0)
+    told = [f"  {outcome:<8}  {check:<{width}}  {text}".rstrip() for outcome, check, text in lines]
+    return "\n".join([f"{title}: {subject.outcome}", *told])
+
+
+def _summary(subjects: Sequence[Inspected]) -> str:
+    counts = count_outcomes(subjects)
+    total = sum(counts.values())
+    told = ", ".join(f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome])
+    return f"{total} {'file' if total == 1 else 'files'}" + (f": {told}" if told else "")

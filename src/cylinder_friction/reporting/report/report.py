@@ -1,0 +1,226 @@
+"""The report: what the comparison found, for a reader who has not seen the code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.evaluation.names import phrase
+from cylinder_friction.reporting.report import interactive
+from cylinder_friction.reporting.report.audit import audit_table
+from cylinder_friction.reporting.report.page import Page
+from cylinder_friction.reporting.summary import summary
+from cylinder_friction.reporting.tables import (
+    cost_table,
+    data_table,
+    detail_table,
+    error_table,
+    hyperparameter_table,
+    residual_memory_table,
+    residual_shape_table,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cylinder_friction.evaluation.comparison import Scores
+    from cylinder_friction.evaluation.findings import Findings
+    from cylinder_friction.evaluation.timing import StepTime
+
+
+ALL_TESTS = "all"
+"""In the label audit: all tests together."""
+
+
+@dataclass(frozen=True)
+class ReportInputs:
+    """What the report says beside the findings.
+
+    Attributes:
+        times: Measured seconds a step by estimator.
+        searched: Ranges of the hyperparameter search by name.
+        chosen: Hyperparameters of the default hybrid by name.
+        audit: The label audit, as the label stage wrote it: by filter, test and stratum; None where there is none.
+    """
+
+    times: Mapping[str, StepTime]
+    searched: Mapping[str, Any]
+    chosen: Mapping[str, Any]
+    audit: dict[str, Any] | None
+
+
+def report_html(findings: Findings, inputs: ReportInputs) -> str:
+    """Returns the whole page; it loads nothing from outside."""
+    comparison = findings.comparison
+    recordings = len(comparison.traces)
+    minutes = sum(len(trace.time_s) * trace.sample_time_s for trace in comparison.traces) / 60.0
+    page = Page(
+        "Friction estimators compared",
+        f"{len(comparison.estimators)} estimators on {recordings} held-out recordings, {minutes:.1f} minutes in all. "
+        "No estimator has seen them in training or tuning.",
+    )
+    page.section("Summary")
+    page.points(summary(comparison, findings.main), "summary")
+    _data(page, findings)
+    _label_errors(page, findings)
+    _truth_errors(page, findings)
+    _over_time(page, findings)
+    _motion(page, findings)
+    _residuals(page, findings)
+    _training(page, findings, inputs)
+    _cost(page, findings, inputs)
+    _label_audit(page, inputs)
+    _definitions(page)
+    return page.html()
+
+
+def _data(page: Page, findings: Findings) -> None:
+    page.section("The data")
+    page.text(
+        "Recordings are held out by session. Rows near the end stops are not usable: there, the equation of motion "
+        "gives the wall's reaction."
+    )
+    page.table(data_table(findings.comparison))
+
+
+def _label_errors(page: Page, findings: Findings) -> None:
+    comparison = findings.comparison
+    page.section("Errors against the label")
+    page.heading("Table II: mean absolute error by test")
+    page.text(
+        "The label is friction calculated off line from the equation of motion. Percentages are of the mean absolute "
+        "label of the same test, written in the head. The smallest error of a test is marked."
+    )
+    page.table(error_table(comparison.label, comparison.tests, "label", published=True))
+    page.figure(
+        interactive.errors_by_test(comparison.label, comparison.tests, "label"),
+        "Error of every estimator with its 95 % block-bootstrap interval; logarithmic scale.",
+    )
+    _details(page, comparison.label, comparison.tests)
+
+
+def _truth_errors(page: Page, findings: Findings) -> None:
+    truth = findings.comparison.truth
+    page.section("Errors against true friction")
+    if not truth:
+        page.text("True friction is not known for these recordings. Only a simulated rig can know it.")
+        return
+    tests = tuple(sorted({test for scores in truth.values() for test in scores}))
+    page.heading("Table II, against true friction")
+    page.text(
+        "The simulated rig knows its true friction, which no estimator was taught by. The denominator is the mean "
+        "absolute true friction on the same rows. The label itself is judged, too: it looks ahead, estimators do not."
+    )
+    page.table(error_table(truth, tests, "true friction"))
+    page.figure(
+        interactive.errors_by_test(truth, tests, "true friction"),
+        "Error against true friction with its 95 % block-bootstrap interval; logarithmic scale.",
+    )
+    _details(page, truth, tests)
+
+
+def _details(page: Page, scores: Scores, tests: tuple[str, ...]) -> None:
+    for test in tests:
+        page.folded(f"All measures, test {test}", detail_table(scores, test))
+
+
+def _over_time(page: Page, findings: Findings) -> None:
+    page.section("Friction over time")
+    page.figure(
+        interactive.friction_over_time(findings),
+        "Figure 6: the stretch of each test with most motion, and below it label minus estimate. Gaps are rows that "
+        "are not usable. Click a name to hide it.",
+    )
+    page.figure(
+        interactive.estimated_against_calculated(findings),
+        f"Figure 8: {phrase(findings.main)} against the label. R² is that of the line y = x; the slope is fitted.",
+    )
+
+
+def _motion(page: Page, findings: Findings) -> None:
+    page.section("Where in the motion")
+    page.figure(
+        interactive.friction_against_velocity(findings),
+        "Friction against velocity (Stribeck map): medians in bins of velocity.",
+    )
+    page.figure(
+        interactive.errors_by_stratum(findings.comparison),
+        "Mean absolute error against the label at rest, near zero velocity, sliding, just after a reversal, and by "
+        "direction. Click a name to hide it.",
+    )
+
+
+def _residuals(page: Page, findings: Findings) -> None:
+    page.section("Residuals")
+    page.figure(
+        interactive.residual_histograms(findings),
+        "Figures 7 and 9: residuals over all tests; vertical lines are the quartiles.",
+    )
+    main = findings.residuals[findings.main]
+    page.text(
+        "A bell-shaped histogram does not show that residuals are independent; the autocorrelation does or does not. "
+        f"The {main.rows:,} residuals of {phrase(findings.main)} carry as much information about their mean as "
+        f"{main.effective_rows:,.0f} independent ones would. With so many rows every test of normality or independence "
+        "rejects: judge the size of skewness, kurtosis and autocorrelation."
+    )
+    page.figure(interactive.quantiles_and_memory(findings), "Quantiles and autocorrelation of the residuals.")
+    page.heading("Distribution")
+    page.table(residual_shape_table(findings))
+    page.heading("Memory, and what is left to explain")
+    page.table(residual_memory_table(findings))
+
+
+def _training(page: Page, findings: Findings, inputs: ReportInputs) -> None:
+    page.section("Training")
+    page.heading("Table I: hyperparameters")
+    page.table(hyperparameter_table(inputs.searched, inputs.chosen))
+    if findings.curves:
+        page.figure(
+            interactive.learning_curves(findings),
+            "Figure 5: mean absolute error after each epoch.",
+        )
+
+
+def _cost(page: Page, findings: Findings, inputs: ReportInputs) -> None:
+    page.section("Cost of an estimate")
+    page.heading("Table III")
+    page.text(
+        "Multiply-adds are counted (for a forest: comparisons). Times are measured here, one sample at a time through "
+        "Python on one machine; they differ from run to run. The published times come from another machine."
+    )
+    page.table(cost_table(findings.comparison, inputs.times))
+
+
+def _label_audit(page: Page, inputs: ReportInputs) -> None:
+    if inputs.audit is None:
+        return
+    page.section("Label audit")
+    if "note" in inputs.audit:
+        page.text(f"{inputs.audit['note']}")
+        return
+    page.text(
+        "How far the label is from true friction, for each way of filtering: over all rows, in steady motion, and "
+        "within the event window of starts, stops and reversals. Recordings of training, validation and test alike."
+    )
+    brief = {name: tests[ALL_TESTS] for name, tests in inputs.audit.items() if ALL_TESTS in tests}
+    page.table(audit_table(brief or inputs.audit))
+    if brief:
+        page.folded("By test", audit_table(inputs.audit))
+
+
+def _definitions(page: Page) -> None:
+    page.section("How to read the numbers")
+    page.points(
+        [
+            "MAE: mean absolute error in newtons. Percent: MAE divided by the mean absolute reference friction of the "
+            "same rows.",
+            "Bias: mean of estimate minus reference. Residual: label minus estimate, as in the paper.",
+            "Fit: 100 · (1 − |e| / |y − mean(y)|), with Euclidean norms over all rows.",
+            "Lag: the shift at which the estimate correlates best with the reference; positive is late.",
+            "95 % interval: block bootstrap; blocks of consecutive rows are drawn with replacement, the same ones for "
+            "every estimator. It covers chance within these recordings, not a change of cylinder or session.",
+            "A difference is called clear when the interval of the paired difference leaves out zero.",
+            "Errors against the label and against true friction never stand in one column: they answer different "
+            "questions.",
+        ]
+    )

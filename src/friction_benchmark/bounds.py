@@ -1,0 +1,170 @@
+"""Bounds around any model's estimate: conformal by what is known at that moment, with sessions kept whole.
+
+Errors on validation sessions are sorted into bins that are known at the moment of an estimate: the regime of motion
+(standstill, creep, sliding, reversal), whether the estimate is small or large, and whether it was small, middling or
+large over the last seconds, which tells loads apart where a model can. Their quantiles give an interval a bin, as
+``estimators.realtime.bounds`` does for regimes. That alone is too narrow for another session, because errors of one
+session are alike. So validation sessions are left out in turn, in groups of one a test, the intervals are made from the
+others, and one factor is found by which they must be widened for the left-out rows to lie inside with the probability
+asked for: the jackknife+ idea (Barber, Candès, Ramdas and Tibshirani 2021) with sessions as the clusters (Dunn,
+Wasserman and Ramdas 2022). It is a correction, not a guarantee; coverage is measured on the test sessions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from cylinder_friction.realtime.bounds import REGIMES, regimes_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.evaluation.bootstrap import Array
+    from cylinder_friction.recordings.recording import Recording
+
+    Bins = NDArray[np.int64]
+
+PROBABILITY = 0.9
+SIZES, LEVELS = 2, 3
+LEVEL_TIME_S = 2.0
+"""Over which the size of estimates is averaged to tell loads apart."""
+BINS = len(REGIMES) * SIZES * LEVELS
+FEWEST_ROWS = 100
+"""A bin with fewer calibrating rows takes the interval of all rows together."""
+STRIDE = 5
+"""Every so many rows calibrate: neighbours are alike, and quantiles take time."""
+GROUPS = 6
+"""Into how many groups validation sessions are dealt, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBounds:
+    """Where reference - estimate lies.
+
+    Attributes:
+        lower_n, upper_n: Offset of the bounds from the estimate in each bin [N], shape ``(BINS,)``.
+        edges_n: Where a large estimate begins, absolute [N], shape ``(SIZES - 1,)``.
+        level_edges_n: Where its middling and its large running mean begin [N], shape ``(LEVELS - 1,)``.
+        factor: By which intervals between sessions are wider than within.
+    """
+
+    lower_n: Array
+    upper_n: Array
+    edges_n: Array
+    level_edges_n: Array
+    factor: float
+
+    def around(self, recording: Recording, estimate_n: Array) -> tuple[Array, Array]:
+        """Returns lower and upper bound [N] of an estimate, shape ``(n,)`` each."""
+        bins = _bins(_known(recording, estimate_n), self.edges_n, self.level_edges_n)
+        return estimate_n + self.lower_n[bins], estimate_n + self.upper_n[bins]
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What bins go by, shape ``(n,)`` each: regime, size of the estimate and running mean of that size [N]."""
+
+    regime: Bins
+    size_n: Array
+    level_n: Array
+
+    def at(self, rows: Bins) -> _Known:
+        return _Known(self.regime[rows], self.size_n[rows], self.level_n[rows])
+
+
+def calibrated(
+    recordings: Sequence[Recording], estimates_n: Sequence[Array], probability: float = PROBABILITY
+) -> ErrorBounds:
+    """Returns bounds between which the label of another session lies with ``probability``.
+
+    Args:
+        recordings: Labelled, of sessions that the model did not learn from.
+        estimates_n: What it said of them [N].
+        probability: In (0, 1).
+
+    Raises:
+        ValueError: There is no usable row, or no such probability.
+    """
+    if not 0.0 < probability < 1.0:
+        raise ValueError(f"probability must be in (0, 1), but got {probability!r}")
+    rows = [np.flatnonzero(recording.usable())[::STRIDE] for recording in recordings]
+    if not any(len(each) for each in rows):
+        raise ValueError(f"none of {len(recordings)} validation recordings has a usable row; expected at least one")
+    pairs = list(zip(recordings, estimates_n, rows, strict=True))
+    errors = np.concatenate([(recording.column("friction_n") - said)[chosen] for recording, said, chosen in pairs])
+    parts = [_known(recording, said).at(chosen) for recording, said, chosen in pairs]
+    known = _Known(
+        np.concatenate([part.regime for part in parts]),
+        np.concatenate([part.size_n for part in parts]),
+        np.concatenate([part.level_n for part in parts]),
+    )
+    edges_n = np.quantile(known.size_n, np.arange(1, SIZES) / SIZES)
+    level_edges_n = np.quantile(known.level_n, np.arange(1, LEVELS) / LEVELS)
+    bins = _bins(known, edges_n, level_edges_n)
+    group = np.repeat(_groups(recordings), [len(chosen) for chosen in rows])
+    factor = _factor(errors, bins, group, probability)
+    lower, upper = _intervals(errors, bins, probability)
+    centre, half = 0.5 * (lower + upper), 0.5 * factor * (upper - lower)
+    return ErrorBounds(centre - half, centre + half, edges_n, level_edges_n, factor)
+
+
+def _factor(errors: Array, bins: Bins, group: Bins, probability: float) -> float:
+    """Returns how much wider intervals made from other sessions must be; at least 1, and 1 for a single group."""
+    numbers = np.unique(group)
+    if len(numbers) < 2:
+        return 1.0
+    relative = np.empty(len(errors))
+    for number in numbers:
+        own = group == number
+        lower, upper = _intervals(errors[~own], bins[~own], probability)
+        centre, half = 0.5 * (lower + upper), np.maximum(0.5 * (upper - lower), 1e-9)
+        relative[own] = np.abs(errors[own] - centre[bins[own]]) / half[bins[own]]
+    return max(1.0, float(np.quantile(relative, probability)))
+
+
+def _intervals(errors: Array, bins: Bins, probability: float) -> tuple[Array, Array]:
+    sides = ((1.0 - probability) / 2.0, (1.0 + probability) / 2.0)
+    every = np.quantile(errors, sides)
+    order = np.argsort(bins, kind="stable")
+    ends = np.searchsorted(bins[order], np.arange(BINS + 1))
+    lower, upper = np.empty(BINS), np.empty(BINS)
+    for one in range(BINS):
+        inside = errors[order[ends[one] : ends[one + 1]]]
+        lower[one], upper[one] = np.quantile(inside, sides) if len(inside) >= FEWEST_ROWS else every
+    return lower, upper
+
+
+def _groups(recordings: Sequence[Recording]) -> Bins:
+    """Returns each recording's group, shape ``(len(recordings),)``: the sessions of each test are dealt in turn."""
+    sessions: dict[str, set[str]] = {}
+    for recording in recordings:
+        sessions.setdefault(recording.metadata.test, set()).add(recording.metadata.session)
+    group = {session: number % GROUPS for names in sessions.values() for number, session in enumerate(sorted(names))}
+    return np.array([group[recording.metadata.session] for recording in recordings], dtype=np.int64)
+
+
+def _known(recording: Recording, estimate_n: Array) -> _Known:
+    size_n = np.abs(estimate_n)
+    return _Known(regimes_of(recording), size_n, _running_mean(size_n, recording.sample_time_s / LEVEL_TIME_S))
+
+
+@numba.njit(cache=True)
+def _running_mean(values: Array, weight: float) -> Array:
+    """Returns the mean until each row, shape ``(n,)``: of all rows at first, then with exponential forgetting."""
+    result = np.empty(values.shape[0])
+    mean = 0.0
+    for row in range(values.shape[0]):
+        mean += max(weight, 1.0 / (row + 1.0)) * (values[row] - mean)
+        result[row] = mean
+    return result
+
+
+def _bins(known: _Known, edges_n: Array, level_edges_n: Array) -> Bins:
+    place = known.regime * SIZES + np.digitize(known.size_n, edges_n)
+    return np.asarray(place * LEVELS + np.digitize(known.level_n, level_edges_n))

@@ -1,0 +1,118 @@
+"""Who teaches, who chooses and who is asked: whole sessions, never rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from cylinder_friction.recordings.recording import RecordingMetadata
+
+HELD_OUT = "held_out_sessions"
+LEAVE_LOAD = "leave_one_load_out"
+LEAVE_TEMPERATURE = "leave_one_temperature_out"
+UNSEEN_RIG = "unseen_rig"
+SPLITS = {
+    HELD_OUT: "other sessions of the rig that taught",
+    LEAVE_LOAD: "a load that no teaching session had",
+    LEAVE_TEMPERATURE: "oil colder or warmer than in any teaching session",
+    UNSEEN_RIG: "another rig, nothing refitted",
+}
+"""Every split and what is asked in it, in words."""
+
+TEMPERATURES = ("cold", "medium", "warm")
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Names of recordings by role; a session has one role.
+
+    Attributes:
+        split: Key of ``SPLITS``.
+        left_out: Which load or temperature; empty where nothing is left out.
+        train, validation, test: Sorted; ``validation`` calibrates bounds and chooses while tuning.
+    """
+
+    split: str
+    left_out: str
+    train: tuple[str, ...]
+    validation: tuple[str, ...]
+    test: tuple[str, ...]
+
+
+Roles = dict[str, tuple[str, ...]]
+"""Names of recordings by ``train``, ``validation`` and ``test``, as ``evaluation.splits.split_sessions`` gives them."""
+
+
+def held_out(roles: Roles) -> Fold:
+    """Returns the fold that other folds are made from."""
+    return Fold(HELD_OUT, "", roles["train"], roles["validation"], roles["test"])
+
+
+def leave_one_load_out(base: Fold, metadata: Sequence[RecordingMetadata]) -> tuple[Fold, ...]:
+    """Returns one fold a test (load); all its sessions are asked, none of them teaches or chooses."""
+    return _leave_out(base, {entry.name: entry.test for entry in metadata}, LEAVE_LOAD)
+
+
+def leave_one_temperature_out(
+    base: Fold, metadata: Sequence[RecordingMetadata], mean_temperature_c: Mapping[str, float]
+) -> tuple[Fold, ...]:
+    """Returns three folds: the third of all sessions with the coldest oil is asked, the middle, and the warmest.
+
+    Args:
+        base: The held-out fold.
+        metadata: Of every recording.
+        mean_temperature_c: Of the oil, by the recording's name [°C].
+    """
+    sessions: dict[str, list[float]] = {}
+    for entry in metadata:
+        sessions.setdefault(entry.session, []).append(mean_temperature_c[entry.name])
+    means = {session: sum(values) / len(values) for session, values in sessions.items()}
+    ordered = sorted(means, key=lambda session: (means[session], session))
+    group = {session: TEMPERATURES[place * 3 // len(ordered)] for place, session in enumerate(ordered)}
+    return _leave_out(base, {entry.name: group[entry.session] for entry in metadata}, LEAVE_TEMPERATURE)
+
+
+def unseen_rig(base: Fold, metadata: Sequence[RecordingMetadata]) -> Fold:
+    """Returns the fold that teaches as ``base`` does and asks all recordings of another rig's campaign."""
+    return Fold(UNSEEN_RIG, "", base.train, base.validation, tuple(sorted(entry.name for entry in metadata)))
+
+
+def refuse_leaks(fold: Fold, metadata: Sequence[RecordingMetadata]) -> None:
+    """Refuses a fold in which a session has two roles; of an unseen rig, only teaching and choosing are compared.
+
+    Raises:
+        RecordingError: A session has two roles, or a role is empty.
+    """
+    session = {entry.name: entry.session for entry in metadata}
+    roles = {"train": fold.train, "validation": fold.validation}
+    if fold.split != UNSEEN_RIG:
+        roles["test"] = fold.test
+    seen: dict[str, str] = {}
+    for role, names in roles.items():
+        if not names:
+            raise RecordingError(
+                f"split {fold.split} {fold.left_out!r}: no recording has the role {role}; expected at least one; "
+                "record more sessions a test"
+            )
+        for name in names:
+            before = seen.setdefault(session[name], role)
+            if before != role:
+                raise RecordingError(
+                    f"split {fold.split} {fold.left_out!r}: session {session[name]!r} is in {before} and in {role} "
+                    f"(recording {name!r}); expected one role a session"
+                )
+
+
+def _leave_out(base: Fold, groups: Mapping[str, str], split: str) -> tuple[Fold, ...]:
+    folds = []
+    for group in sorted(set(groups.values())):
+        inside = {name for name, member in groups.items() if member == group}
+        train = tuple(name for name in base.train if name not in inside)
+        validation = tuple(name for name in base.validation if name not in inside)
+        folds.append(Fold(split, group, train, validation, tuple(sorted(inside))))
+    return tuple(folds)

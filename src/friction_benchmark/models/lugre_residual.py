@@ -1,0 +1,163 @@
+"""LuGre, and boosted trees for what it leaves: physics where the data are thin, learning where they are not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, AnalyticalState, scaled_effort
+from cylinder_friction.estimators.features import FeatureBlock, Features, FeatureState
+from cylinder_friction.friction_models.catalogue import model_named
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from friction_benchmark.models.boosted_trees import BoostingPlan
+from friction_benchmark.models.gradient_boosting import PAST, GradientBoostingEstimator
+from friction_benchmark.models.lagged import Past
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.models.learned import LearnedState
+
+
+@dataclass
+class LugreFeatureState(FeatureState):
+    """State of the features, and of LuGre."""
+
+    lugre: AnalyticalState
+
+
+class LugreFeatureBlock(FeatureBlock):
+    """Features with LuGre's friction beside them; LuGre is also what is corrected where there is no force balance.
+
+    Args:
+        features: The plan of the others.
+        lugre: Identified, of the same inputs.
+        scale_n: What LuGre's friction is divided by [N].
+    """
+
+    def __init__(self, features: Features, lugre: AnalyticalEstimator, scale_n: float) -> None:
+        super().__init__(features)
+        self._lugre, self._scale_n = lugre, scale_n
+
+    def new_state(self) -> LugreFeatureState:
+        plain = super().new_state()
+        return LugreFeatureState(plain.front_end, plain.history, self._lugre.new_state())
+
+    def advance(self, state: FeatureState, samples: Array) -> tuple[Any, Array]:
+        assert isinstance(state, LugreFeatureState)
+        features, base_n = super().advance(state, samples)
+        lugre_n = self._lugre.advance(state.lugre, samples)
+        if not self.features.has_base:
+            return np.column_stack([features, (lugre_n / self._scale_n).astype(np.float32)]), lugre_n
+        beside = np.stack([lugre_n, base_n - lugre_n], axis=1) / self._scale_n
+        return np.concatenate([features, beside.astype(np.float32)], axis=1), base_n
+
+    def multiply_adds(self) -> int:
+        return super().multiply_adds() + self._lugre.multiply_adds()
+
+
+class LugreResidualEstimator(GradientBoostingEstimator):
+    """An identified LuGre and boosted trees on what it leaves.
+
+    Without raw pressures the trees correct LuGre. With them they correct the force balance, and LuGre, as well as how
+    far the force balance is from it, are features. Dry friction grows with pressure where a pair of pressures, raw or
+    slow, is among the inputs.
+
+    Args:
+        cylinder: Areas and moving mass.
+        inputs: Columns that it sees.
+        plan: Of the trees.
+        past: Which earlier features the trees are given.
+        seed: Of everything random.
+        passive_above_m_s: Faster than this an estimate that would feed energy (friction times velocity below nought)
+            is replaced by nought [m/s]; 0 for never.
+        identification_effort: Share of LuGre's full search.
+        identified_on: How many recordings LuGre is identified on, spread evenly over the training recordings.
+
+    Source: LuGre as Canudas de Wit et al. 1995; a learned residual on physics as in hybrid (grey-box) modelling,
+    Psichogios and Ungar 1992.
+    """
+
+    kind: ClassVar[str] = "lugre_residual"
+
+    def __init__(
+        self,
+        cylinder: Cylinder,
+        inputs: Sequence[str] = SAMPLE_COLUMNS,
+        plan: BoostingPlan | None = None,
+        past: Past = PAST,
+        seed: int = 0,
+        passive_above_m_s: float = 0.0,
+        identification_effort: float = 0.2,
+        identified_on: int = 12,
+    ) -> None:
+        super().__init__(cylinder, inputs, plan, past, seed)
+        if not passive_above_m_s >= 0.0:
+            raise ValueError(f"passive_above_m_s must be 0 or a positive number, but got {passive_above_m_s!r}")
+        self.passive_above_m_s = passive_above_m_s
+        self.identification_effort, self.identified_on = identification_effort, identified_on
+        scaled = any(set(pair) <= set(self.inputs) for pair in PRESSURE_PAIRS)
+        model = model_named("pressure_lugre" if scaled else "lugre")
+        self.lugre = AnalyticalEstimator(
+            cylinder, model, self.inputs, effort=scaled_effort(identification_effort, seed)
+        )
+        self.lugre_scale_n = 1.0
+
+    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
+        """Identifies LuGre, then learns what it leaves, from the same recordings."""
+        self._begin_fit(train)
+        count = min(self.identified_on, len(train))
+        self.lugre.fit([train[int(number * len(train) / count)] for number in range(count)])
+        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in train])
+        self.lugre_scale_n = float(labels.std()) or 1.0
+        super().fit_with_validation(train, validation)
+
+    def advance(self, state: LearnedState, samples: Array) -> Array:
+        assert self._block is not None
+        assert self.features is not None
+        features, base_n = self._block.advance(state.features, samples)
+        predicted = self.predict(state.memory, features).astype(np.float64)
+        friction = np.asarray(base_n + self.target_mean_n + self.target_scale_n * predicted)
+        if self.passive_above_m_s == 0.0:
+            return friction
+        column = self.features.front_end.names.index("velocity_m_s")
+        front_end = self.features.front_end
+        velocity = features[:, column].astype(np.float64) * front_end.scale[column] + front_end.mean[column]
+        feeds = (np.abs(velocity) > self.passive_above_m_s) & (friction * velocity < 0.0)
+        return np.where(feeds, 0.0, friction)
+
+    def _set_features(self, features: Features) -> None:
+        self.features = features
+        self._block = LugreFeatureBlock(features, self.lugre, self.lugre_scale_n)
+
+    def write_model(self, folder: Path) -> dict[str, Any]:
+        return super().write_model(folder) | {
+            "passive_above_m_s": self.passive_above_m_s,
+            "identification_effort": self.identification_effort,
+            "identified_on": self.identified_on,
+            "lugre": self.lugre._write(folder),
+            "lugre_scale_n": self.lugre_scale_n,
+        }
+
+    @classmethod
+    def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
+        estimator = cls(
+            cylinder,
+            inputs,
+            BoostingPlan(**content["plan"]),
+            Past.from_dict(content["past"]),
+            content["seed"],
+            content["passive_above_m_s"],
+            content["identification_effort"],
+            content["identified_on"],
+        )
+        estimator.lugre = AnalyticalEstimator._read(folder, content["lugre"])
+        estimator.lugre_scale_n = content["lugre_scale_n"]
+        estimator._read_trees(folder, content)
+        return estimator

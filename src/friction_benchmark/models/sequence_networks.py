@@ -1,0 +1,128 @@
+"""The networks that are trained in PyTorch, and their weights as plain arrays. Only training imports this."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn.functional import conv1d, relu
+from torch.nn.utils.parametrizations import weight_norm
+
+from friction_benchmark.models.gru import GruWeights
+from friction_benchmark.models.tcn import TcnWeights
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.estimators.training_plan import Architecture
+    from friction_benchmark.models.tcn import TcnArchitecture
+
+
+class GruNetwork(nn.Module):
+    """GRU layers with dropout after each, and a linear head that starts at zero."""
+
+    def __init__(self, architecture: Architecture, inputs: int) -> None:
+        super().__init__()
+        between = architecture.dropout if architecture.layers > 1 else 0.0
+        self.gru = nn.GRU(inputs, architecture.nodes, architecture.layers, dropout=between)
+        self.dropout = nn.Dropout(architecture.dropout)
+        self.head = _zero_head(architecture.nodes)
+
+    def forward(self, features: torch.Tensor, state: Any = None) -> tuple[torch.Tensor, Any]:
+        """Returns the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
+        hidden, state = self.gru(features, state)
+        return self.head(self.dropout(hidden)).squeeze(-1), state
+
+
+class CausalConvolution(nn.Module):
+    """A dilated convolution with weight normalisation; its state is the end of what it saw, zero at first."""
+
+    def __init__(self, inputs: int, channels: int, kernel: int, dilation: int) -> None:
+        super().__init__()
+        self.tail, self.dilation = (kernel - 1) * dilation, dilation
+        convolution = nn.Conv1d(inputs, channels, kernel, dilation=dilation)
+        nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu")
+        nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
+        self.convolution = weight_norm(convolution)
+
+    def forward(self, signal: torch.Tensor, before: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+        """Takes signals of shape ``(batch, inputs, time)``; returns ``(batch, channels, time)``, and their tail."""
+        if before is None:
+            before = signal.new_zeros(signal.shape[0], signal.shape[1], self.tail)
+        joined = torch.cat([before, signal], dim=2)
+        weight, bias = self.convolution.weight, self.convolution.bias
+        return conv1d(joined, weight, bias, dilation=self.dilation), joined[:, :, joined.shape[2] - self.tail :]
+
+
+class TcnNetwork(nn.Module):
+    """Residual blocks of two causal convolutions each, dilation doubling, and a linear head that starts at zero."""
+
+    def __init__(self, architecture: TcnArchitecture, inputs: int) -> None:
+        super().__init__()
+        channels, self.levels = architecture.channels, architecture.levels
+        widths = [inputs] + [channels] * (2 * architecture.levels - 1)
+        self.convolutions = nn.ModuleList(
+            CausalConvolution(width, channels, architecture.kernel, 2 ** (number // 2))
+            for number, width in enumerate(widths)
+        )
+        self.dropout = nn.Dropout1d(architecture.dropout)
+        self.shortcut = nn.Linear(inputs, channels)
+        self.head = _zero_head(channels)
+
+    def forward(self, features: torch.Tensor, state: Any = None) -> tuple[torch.Tensor, Any]:
+        """Returns the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
+        before = (None,) * len(self.convolutions) if state is None else state
+        tails = []
+        signal, residual = features.permute(1, 2, 0), self.shortcut(features).permute(1, 2, 0)
+        for level in range(self.levels):
+            inner = signal
+            for number in (2 * level, 2 * level + 1):
+                inner, tail = self.convolutions[number](inner, before[number])
+                inner = self.dropout(relu(inner))
+                tails.append(tail)
+            signal = residual = relu(inner + residual)
+        return self.head(signal.permute(2, 0, 1)).squeeze(-1), tuple(tails)
+
+
+def gru_weights_of(network: GruNetwork) -> GruWeights:
+    """Returns a network's weights as plain arrays, gates reordered from PyTorch's r, z, n to ONNX's z, r, h."""
+    gru, nodes, layers = network.gru, network.gru.hidden_size, network.gru.num_layers
+    order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (1, 0, 2)])
+    parts = {name: _array(value) for name, value in gru.named_parameters()}
+    kernels = [parts[f"weight_ih_l{layer}"][order].T for layer in range(layers)]
+    recurrent = [np.ascontiguousarray(parts[f"weight_hh_l{layer}"][order].T) for layer in range(layers)]
+    return GruWeights(
+        tuple(np.ascontiguousarray(kernel) for kernel in kernels),
+        np.stack(recurrent),
+        np.stack([parts[f"bias_ih_l{layer}"][order] for layer in range(layers)]),
+        np.stack([parts[f"bias_hh_l{layer}"][order] for layer in range(layers)]),
+        _array(network.head.weight)[0].copy(),
+        float(_array(network.head.bias)[0]),
+    )
+
+
+def tcn_weights_of(network: TcnNetwork) -> TcnWeights:
+    """Returns a network's weights as plain arrays, the newest sample's tap first, weight normalisation worked in."""
+    convolutions = [module.convolution for module in network.convolutions]
+    kernels = [np.ascontiguousarray(_array(each.weight)[:, :, ::-1].transpose(2, 1, 0)) for each in convolutions]  # type: ignore[union-attr, arg-type]
+    return TcnWeights(
+        tuple(kernels),
+        np.stack([_array(each.bias) for each in convolutions]),  # type: ignore[union-attr, arg-type]
+        np.ascontiguousarray(_array(network.shortcut.weight).T),
+        _array(network.shortcut.bias),
+        _array(network.head.weight)[0].copy(),
+        float(_array(network.head.bias)[0]),
+    )
+
+
+def _zero_head(nodes: int) -> nn.Linear:
+    head = nn.Linear(nodes, 1)
+    nn.init.zeros_(head.weight)
+    nn.init.zeros_(head.bias)
+    return head
+
+
+def _array(value: torch.Tensor) -> NDArray[np.float32]:
+    return np.asarray(value.detach().cpu().numpy(), dtype=np.float32)

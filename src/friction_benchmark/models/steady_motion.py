@@ -1,0 +1,116 @@
+"""Velocity that is exactly nought at standstill, and a direction of the last motion that a stop does not turn.
+
+Filters that extrapolate overshoot where a piston stops at once, and a play behind them is then pushed back: the last
+motion seems to have gone the other way. A moving average never overshoots, so here the play stands behind one, while
+velocity still comes from a filter without its delay.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from cylinder_friction.signals.backlash import AGE, DIRECTION, new_play, push
+from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps, one_sided_savitzky_golay_taps
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+AVERAGED = 10
+"""Samples of the moving average before the play."""
+PLAY_M = 6e-5
+"""Half-width of the play [m], about five times the noise of a 12-bit potentiometer so averaged."""
+LASTING_S = 0.06
+"""After the last push velocity counts for so long [s]."""
+CENTRING_S = 0.5
+"""How fast the play closes up on the position [s]. Creep below its half-width in this time, 0.12 mm/s, is lost."""
+VELOCITY_WINDOW, VELOCITY_ORDER = 21, 2
+MEMORY_M_S, MEMORY_S = 0.012, 0.2
+"""Speed over which the memory of ``sense`` fades, and how fast it follows."""
+
+
+@dataclass
+class SteadyMotionState:
+    """The filter's last positions, and the play [m], its age in seconds."""
+
+    position: FirState
+    play: Array
+
+
+class SteadyMotion:
+    """Position [m], shape ``(n, 1)``, to velocity [m/s] and direction of the last motion, shape ``(n, 2)``."""
+
+    def __init__(self, sample_time_s: float) -> None:
+        velocity = one_sided_savitzky_golay_taps(VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s)
+        average = np.pad(moving_average_taps(AVERAGED), (0, VELOCITY_WINDOW - AVERAGED))
+        self._filter = FirFilter(np.stack([average, velocity])[:, None, :])
+        self._sample_time_s = sample_time_s
+
+    def new_state(self) -> SteadyMotionState:
+        return SteadyMotionState(FirState(), new_play())
+
+    def advance(self, state: SteadyMotionState, position_m: Array) -> Array:
+        smooth = self._filter.advance(state.position, position_m)
+        return np.asarray(_through_play(smooth, state.play, self._sample_time_s))
+
+    def multiply_adds(self) -> int:
+        return AVERAGED + VELOCITY_WINDOW
+
+
+@numba.njit(cache=True)
+def _counted(velocity_m_s: float, averaged_m: float, play: Array, sample_time_s: float) -> float:
+    """Returns the velocity while the averaged position has lately pushed the play that way, else 0; moves the play."""
+    push(averaged_m, play, PLAY_M, sample_time_s / CENTRING_S, sample_time_s)
+    return velocity_m_s if play[AGE] < LASTING_S and velocity_m_s * play[DIRECTION] > 0.0 else 0.0
+
+
+@numba.njit(cache=True)
+def _through_play(smooth: Array, play: Array, sample_time_s: float) -> Array:
+    result = np.empty((smooth.shape[0], 2))
+    for row in range(smooth.shape[0]):
+        result[row, 0] = _counted(smooth[row, 1], smooth[row, 0], play, sample_time_s)
+        result[row, 1] = play[DIRECTION]
+    return result
+
+
+def new_sense() -> Array:
+    """Returns the state of ``sense`` before the first sample, shape ``(7,)``."""
+    return np.concatenate([np.full(4, np.nan), new_play()])
+
+
+@numba.njit(cache=True)
+def sense(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: float, state: Array) -> Array:
+    """Returns, shape ``(n, 4)``: velocity, exactly 0 at standstill [m/s]; acceleration [m/s²]; direction of the last
+    motion; memory.
+
+    Position, velocity and acceleration are the states of a settled Kalman filter; velocity counts only while the
+    averaged position has lately pushed against a play.
+
+    Args:
+        position_m: Shape ``(n,)``.
+        averaged_m: The same behind a moving average, shape ``(n,)``.
+        gains: Of the settled filter, shape ``(3,)``.
+        sample_time_s: Between two samples [s].
+        state: From ``new_sense``, changed in place: position, velocity, acceleration, memory, and the play.
+    """
+    result = np.empty((position_m.shape[0], 4))
+    step, play = sample_time_s, state[4:]
+    for row in range(position_m.shape[0]):
+        if np.isnan(state[0]):
+            state[0], state[1], state[2], state[3] = position_m[row], 0.0, 0.0, 1.0
+        ahead = state[0] + step * state[1] + 0.5 * step * step * state[2]
+        left = position_m[row] - ahead
+        state[1] += step * state[2] + gains[1] * left
+        state[0] = ahead + gains[0] * left
+        state[2] += gains[2] * left
+        velocity = _counted(state[1], averaged_m[row], play, step)
+        fading = math.exp(-abs(velocity) / MEMORY_M_S)
+        state[3] += (1.0 - math.exp(-step / MEMORY_S)) * (fading - state[3])
+        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = velocity, state[2], play[DIRECTION], state[3]
+    return result

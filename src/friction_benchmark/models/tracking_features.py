@@ -1,0 +1,159 @@
+"""What steers a learned gain: how far the force balance has just moved against its noise, and how the piston moves.
+
+Every change of the force balance is bent at tens of newtons, the size of its noise, whatever the rig's friction: the
+question "noise or friction?" looks alike on a rig of 150 N and on one of 900 N, and an answer carries over.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from cylinder_friction.estimators.features import HISTORY_NAMES, FeatureBlock, Features, FeatureState
+from cylinder_friction.estimators.front_end import CREEP_VELOCITY_M_S, FeatureRow, FrontEnd
+from cylinder_friction.estimators.linear import force_balance_taps
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.signals.causal import (
+    cascade_taps,
+    difference_taps,
+    moving_average_taps,
+    one_sided_savitzky_golay_taps,
+)
+from friction_benchmark.models.stroke_memory import MEMORY_NAMES, new_stroke_memory, remember_strokes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.recordings.recording import Recording
+
+PRESSURE_1, PRESSURE_2, POSITION = range(3)
+SCALED_ON = 32
+"""Recordings that are enough to scale features by, taken evenly from all."""
+CHANGES = ((1, 3, 40.0), (2, 6, 30.0), (4, 12, 20.0), (8, 24, 15.0), (16, 64, 10.0))
+"""Mean of the last samples less the mean of so many before them, and where the difference bends [N]: the longer both,
+the smaller the noise that is left."""
+SLOW_CREEP_M_S, ACCELERATION_M_S2, PRESSURE_RATE_PA_S, LOW_FORCE_N = 1e-3, 0.1, 1e5, 150.0
+
+
+@dataclass
+class TrackingState:
+    """State of the filters, of the history of the motion, and of the strokes so far."""
+
+    features: FeatureState
+    strokes: Array
+
+
+class TrackingFeatures:
+    """Raw samples to standardised features and the unfiltered force balance; causal, cut anywhere.
+
+    Args:
+        plan: Of filters and history.
+        strokes: Whether the memory of strokes is among the features.
+    """
+
+    def __init__(self, plan: Features, *, strokes: bool) -> None:
+        self.plan, self.strokes = plan, strokes
+        self._block = FeatureBlock(plan)
+        self._velocity = plan.front_end.names.index("velocity_m_s")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.plan.names + (MEMORY_NAMES if self.strokes else ())
+
+    @classmethod
+    def of(cls, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str], *, strokes: bool) -> Self:
+        """Returns the features, their scaling learnt on usable rows of these recordings alone.
+
+        Raises:
+            ValueError: The first three inputs are not both raw pressures and the position.
+        """
+        if tuple(inputs[:3]) != SAMPLE_COLUMNS:
+            raise ValueError(f"expected inputs that begin with {', '.join(SAMPLE_COLUMNS)}, but got {tuple(inputs)}")
+        sample_time_s = recordings[0].sample_time_s
+        rows = tracking_rows(cylinder, sample_time_s, inputs)
+        length = max(row.taps.shape[1] for row in rows)
+        taps = np.stack([np.pad(row.taps, ((0, 0), (0, length - row.taps.shape[1]))) for row in rows])
+        base = np.pad(force_balance_taps(cylinder), ((0, 0), (0, len(inputs) - 3), (0, 0)))
+        count, limits = len(rows), np.array([row.limit for row in rows])
+        front_end = FrontEnd(tuple(row.name for row in rows), taps, limits, np.zeros(count), np.ones(count), base)
+        history = len(HISTORY_NAMES)
+        raw = Features(tuple(inputs), front_end, np.zeros(history), np.ones(history), sample_time_s)
+        block = FeatureBlock(raw)
+        seen = [
+            block.advance(block.new_state(), recording.samples(inputs))[0][recording.usable()].astype(np.float64)
+            for recording in recordings[:: math.ceil(len(recordings) / SCALED_ON)]
+        ]
+        values = np.concatenate(seen)
+        mean, scale = values.mean(axis=0), values.std(axis=0)
+        scale[scale == 0.0] = 1.0
+        scaled = replace(front_end, mean=mean[:count], scale=scale[:count])
+        return cls(replace(raw, front_end=scaled, mean=mean[count:], scale=scale[count:]), strokes=strokes)
+
+    def new_state(self) -> TrackingState:
+        return TrackingState(self._block.new_state(), new_stroke_memory())
+
+    def advance(self, state: TrackingState, samples: Array) -> tuple[NDArray[np.float32], Array]:
+        """Returns features, shape ``(n, k)``, float32, and P1·A1 - P2·A2 [N], shape ``(n,)``."""
+        features, balance_n = self._block.advance(state.features, samples)
+        if not self.strokes:
+            return features, balance_n
+        front_end = self.plan.front_end
+        velocity = features[:, self._velocity].astype(np.float64)
+        velocity = velocity * front_end.scale[self._velocity] + front_end.mean[self._velocity]
+        pressure_2_pa = np.ascontiguousarray(samples[:, PRESSURE_2])
+        strokes = remember_strokes(velocity, balance_n, pressure_2_pa, state.strokes)
+        return np.concatenate([features, strokes.astype(np.float32)], axis=1), balance_n
+
+    def multiply_adds(self) -> int:
+        return self._block.multiply_adds() + (3 * len(MEMORY_NAMES) if self.strokes else 0)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {**self.plan.to_dict(), "strokes": self.strokes}
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Self:
+        return cls(Features.from_dict(content), strokes=content["strokes"])
+
+
+def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> list[FeatureRow]:
+    """Returns the linear features, each bent where it has a limit; further inputs give their moving average of 20."""
+    count = len(inputs)
+    areas = np.zeros((count, 1))
+    areas[:3] = force_balance_taps(cylinder)[0]
+    average, step = moving_average_taps, difference_taps(sample_time_s)
+    velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
+    slow_velocity = cascade_taps(average(20), step)
+    rate = one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
+    acceleration = one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
+    rows = [
+        FeatureRow("velocity_m_s", _signal(POSITION, velocity, count)),
+        FeatureRow("creep_velocity", _signal(POSITION, velocity, count), CREEP_VELOCITY_M_S),
+        FeatureRow("slow_creep_velocity", _signal(POSITION, slow_velocity, count), CREEP_VELOCITY_M_S),
+        FeatureRow("slowest_creep_velocity", _signal(POSITION, slow_velocity, count), SLOW_CREEP_M_S),
+        FeatureRow("acceleration", _signal(POSITION, acceleration, count), ACCELERATION_M_S2),
+        FeatureRow("pressure_1_pa", _signal(PRESSURE_1, average(8), count)),
+        FeatureRow("pressure_2_pa", _signal(PRESSURE_2, average(8), count)),
+        FeatureRow("force_balance_12_n", areas * average(12)),
+        FeatureRow("low_force_balance_12", areas * average(12), LOW_FORCE_N),
+        FeatureRow("pressure_1_rate", _signal(PRESSURE_1, rate, count), PRESSURE_RATE_PA_S),
+        FeatureRow("pressure_2_rate", _signal(PRESSURE_2, rate, count), PRESSURE_RATE_PA_S),
+    ]
+    for name, column in [("position_m", POSITION), *((inputs[more], more) for more in range(3, count))]:
+        rows.append(FeatureRow(f"{name}_20", _signal(column, average(20), count)))
+    for short, long, limit_n in CHANGES:
+        taps = np.concatenate([average(short), -average(long)])
+        rows.append(FeatureRow(f"change_{short}_{long}", areas * taps, limit_n))
+    return rows
+
+
+def _signal(column: int, taps: Array, count: int) -> Array:
+    result = np.zeros((count, len(taps)))
+    result[column] = taps
+    return result

@@ -1,0 +1,77 @@
+"""Numbers and names as readers see them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from friction_benchmark.results import Interval, TaskResult
+
+NOTHING = "–"
+
+SPLITS = {
+    "held_out_sessions": "held-out sessions",
+    "leave_one_load_out": "leave one load out",
+    "leave_one_temperature_out": "leave one temperature out",
+    "unseen_rig": "unseen rig",
+}
+REFERENCES = {"label": "label", "truth": "true friction"}
+
+
+def of_size(value: float) -> str:
+    """Returns a number with about three digits: 0.12, 4.56, 45.6, 456."""
+    if not math.isfinite(value):
+        return NOTHING
+    size = abs(value)
+    text = f"{value:.2f}" if size < 9.995 else f"{value:.1f}" if size < 99.95 else f"{value:,.0f}"
+    return text.removeprefix("-") if float(text.replace(",", "")) == 0.0 else text.replace("-", "−")
+
+
+def signed(value: float) -> str:
+    """Returns a number with its sign, which is a true minus."""
+    text = of_size(value)
+    return f"+{text}" if value > 0.0 and text.strip("0.") not in ("", NOTHING) else text
+
+
+def within(interval: Interval) -> str:
+    """Returns the ends of an interval."""
+    return f"{of_size(interval.low)} to {of_size(interval.high)}"
+
+
+def share(value: float, digits: int = 1) -> str:
+    """Returns a share as percent."""
+    return f"{100.0 * value:.{digits}f} %" if math.isfinite(value) else NOTHING
+
+
+def counted(value: float) -> str:
+    """Returns a count with its thousands apart."""
+    return f"{value:,.0f}" if math.isfinite(value) else NOTHING
+
+
+def seconds(value: float) -> str:
+    """Returns a time in the unit that suits it."""
+    if not math.isfinite(value):
+        return NOTHING
+    return (
+        f"{1e3 * value:.0f} ms" if value < 0.995 else f"{of_size(value)} s" if value < 120 else f"{value / 60:.1f} min"
+    )
+
+
+def plain(name: str) -> str:
+    """Returns an identifier as words: ``forecast_100ms`` is forecast 100 ms."""
+    words = name.replace("_", " ").split()
+    return " ".join(f"{word[:-2]} ms" if word.endswith("ms") and word[:-2].isdigit() else word for word in words)
+
+
+def split_words(split: str) -> str:
+    return SPLITS.get(split, plain(split))
+
+
+def capital(words: str) -> str:
+    return words[:1].upper() + words[1:]
+
+
+def denominator(result: TaskResult) -> str:
+    """Returns what percentages of a result are of."""
+    return f"mean |{REFERENCES[result.reference]}| = {of_size(result.mean_friction_n)} N"

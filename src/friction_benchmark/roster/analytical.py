@@ -1,0 +1,52 @@
+"""The analytical friction models: identification is their tuning, so nothing else of them is tuned."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, scaled_effort
+from cylinder_friction.friction_models.catalogue import model_named
+from friction_benchmark.roster.entry import Making, RosterEntry, needs_only_position
+
+_SOURCES = {
+    "stribeck": ("Armstrong-Hélouvry, Dupont and Canudas de Wit 1994", "At standstill a share, identified, is kept."),
+    "dahl": ("Dahl 1968", "Exponent 1; a viscous term beside it."),
+    "lugre": ("Canudas de Wit, Olsson, Åström and Lischinsky 1995", "Bristle damping from a damping ratio of 0.5."),
+    "pressure_lugre": (
+        "Canudas de Wit et al. 1995; pressure as in Simscape's Cylinder Friction",
+        "Dry friction grows linearly with the sum of both pressures.",
+    ),
+    "film_lugre": (
+        "Yanada and Sekikawa 2008; Tran, Hafizah and Yanada 2012",
+        "With the inertia of the fluid film; bristle damping fades with speed.",
+    ),
+    "gms": (
+        "Al-Bender, Lampaert and Swevers 2005",
+        "Six elements, whose shares and travels are geometric sequences.",
+    ),
+}
+
+
+def _make(name: str, making: Making) -> AnalyticalEstimator:
+    """Returns one model; effort cuts generations and the simulations of each local search."""
+    return AnalyticalEstimator(
+        making.cylinder, model_named(name), making.inputs, effort=scaled_effort(making.effort, making.seed)
+    )
+
+
+def _needs_pressures_of_some_kind(inputs: tuple[str, ...]) -> bool:
+    return needs_only_position(inputs) and any(set(pair) <= set(inputs) for pair in PRESSURE_PAIRS)
+
+
+ENTRIES = tuple(
+    RosterEntry(
+        name=name,
+        title=model_named(name).title,
+        family="analytical",
+        source=source,
+        make=partial(_make, name),
+        can=_needs_pressures_of_some_kind if model_named(name).pressure_scaled else needs_only_position,
+        chosen=chosen,
+    )
+    for name, (source, chosen) in _SOURCES.items()
+)

@@ -1,0 +1,89 @@
+"""The same number of trials for everybody: the first guess first, then what a seeded sampler proposes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import optuna
+
+from friction_benchmark.roster.entry import OneOf, Range
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from optuna.distributions import BaseDistribution
+
+    from friction_benchmark.roster.entry import RosterEntry, Value
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What tuning found.
+
+    Attributes:
+        choice: The best, one value for each name in the space.
+        validation_percent: What it reached on validation sessions [%]; None where there was nothing to tune.
+        trials: Error of each trial [%]; None where it failed.
+    """
+
+    choice: Mapping[str, Value]
+    validation_percent: float | None
+    trials: tuple[float | None, ...] = field(default=())
+
+
+class TuningError(RuntimeError):
+    """Not one trial of a participant succeeded; the message is the first one's."""
+
+
+def tune(
+    entry: RosterEntry,
+    trials: int,
+    seed: int,
+    percent_of: Callable[[Mapping[str, Value]], float],
+) -> Tuned:
+    """Returns the best of ``trials`` choices, the earliest among equals.
+
+    Args:
+        entry: The participant; one without a space has nothing to tune.
+        trials: How many, its ``first`` included.
+        seed: Of the sampler (tree-structured Parzen, Bergstra et al. 2011).
+        percent_of: Teaches with a choice and returns the error on validation sessions [%].
+
+    Raises:
+        TuningError: Every trial failed.
+    """
+    if not entry.space:
+        return Tuned(dict(entry.first), None)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=max(2, trials // 2))
+    study = optuna.create_study(sampler=sampler, direction="minimize")
+    study.enqueue_trial(dict(entry.first))
+    space = {name: _distribution(where) for name, where in entry.space.items()}
+    tried: list[tuple[float | None, dict[str, Value]]] = []
+    problems: list[str] = []
+    for _ in range(trials):
+        trial = study.ask(space)
+        choice: dict[str, Value] = dict(trial.params)
+        try:
+            percent = percent_of(choice)
+        except Exception as error:  # whatever a model does must not stop the others
+            problems.append(f"{type(error).__name__}: {error}")
+            tried.append((None, choice))
+            study.tell(trial, state=optuna.trial.TrialState.FAIL)
+            continue
+        tried.append((percent, choice))
+        study.tell(trial, percent)
+    succeeded = [(percent, choice) for percent, choice in tried if percent is not None]
+    if not succeeded:
+        raise TuningError(f"none of {trials} trials succeeded; the first: {problems[0]}")
+    best_percent, best = min(succeeded, key=lambda pair: pair[0])
+    return Tuned(best, best_percent, tuple(percent for percent, _ in tried))
+
+
+def _distribution(where: Range | OneOf) -> BaseDistribution:
+    if isinstance(where, OneOf):
+        return optuna.distributions.CategoricalDistribution(where.values)
+    if where.integer:
+        return optuna.distributions.IntDistribution(int(where.low), int(where.high), log=where.logarithmic)
+    return optuna.distributions.FloatDistribution(where.low, where.high, log=where.logarithmic)

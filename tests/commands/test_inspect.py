@@ -1,0 +1,168 @@
+"""Inspecting files: whatever is wrong with them, the checks say it and the page shows it where it can be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.commands.inspect import inspect_path
+from cylinder_friction.commands.params import compose_params
+from cylinder_friction.params.checking import Params, check_params
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cylinder_friction.recordings.recording import Recording
+
+    Damage = Callable[[pd.DataFrame], pd.DataFrame]
+
+CONF = Path(__file__).parents[2] / "conf"
+CRANE = Path(__file__).parents[2] / "../shared/data/crane"
+TIME, P1, P2, POSITION = "Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"
+
+
+def params_for(*overrides: str) -> Params:
+    return check_params(compose_params(CONF, ["ingest=rig", *overrides]), "conf")
+
+
+@pytest.fixture
+def log(labelled_recordings: list[Recording]) -> pd.DataFrame:
+    recording = labelled_recordings[0]
+    return pd.DataFrame(
+        {
+            TIME: recording.column("time_s"),
+            P1: recording.column("pressure_1_pa") / 1e5,
+            P2: recording.column("pressure_2_pa") / 1e5,
+            POSITION: recording.column("position_m") * 1e3,
+            "Oil temperature [degC]": np.full(len(recording), 37.0),
+        }
+    )
+
+
+def write(folder: Path, log: pd.DataFrame, session: int = 1) -> Path:
+    path = folder / f"test1_session{session:02d}_recording01.csv"
+    folder.mkdir(exist_ok=True)
+    log.to_csv(path, index=False)
+    return path
+
+
+def stuck(log: pd.DataFrame, column: str, first: int, last: int) -> pd.DataFrame:
+    return held_at(log, column, first, last, float(log[column].to_numpy()[first]))
+
+
+def held_at(log: pd.DataFrame, column: str, first: int, last: int, value: float) -> pd.DataFrame:
+    values = log[column].to_numpy(copy=True)
+    values[first:last] = value
+    return log.assign(**{column: values})
+
+
+def swapped(log: pd.DataFrame) -> pd.DataFrame:
+    return log.assign(**{P1: log[P2], P2: log[P1]})
+
+
+REFUSED: dict[str, tuple[Damage, str]] = {
+    "position constant": (lambda log: log.assign(**{POSITION: 120.0}), "motion"),
+    "everything constant": (lambda log: log.assign(**{POSITION: 120.0, P1: 10.0, P2: 10.0}), "motion"),
+    "position in metres": (lambda log: log.assign(**{POSITION: log[POSITION] / 1e3}), "motion"),
+    "position out of the stroke": (lambda log: log.assign(**{POSITION: log[POSITION] + 300.0}), "position_range"),
+    "position a thousandfold": (lambda log: log.assign(**{POSITION: 1e3 * log[POSITION]}), "position_range"),
+    "position inverted": (lambda log: log.assign(**{POSITION: 250.0 - log[POSITION]}), "direction"),
+    "pressure constant": (lambda log: log.assign(**{P1: 12.0}), "pressure_alive"),
+    "pressures the same": (lambda log: log.assign(**{P2: log[P1]}), "pressures_differ"),
+    "pressures in Pa": (lambda log: log.assign(**{P1: log[P1] / 1e5, P2: log[P2] / 1e5}), "pressure_alive"),
+    "pressure beyond the sensor": (lambda log: held_at(log, P1, 1000, 1200, 400.0), "file"),
+    "position stuck": (lambda log: stuck(log, POSITION, 500, 1100), "position_stuck"),
+    "too short": (lambda log: log.iloc[:400], "length"),
+    "too short for the filters": (lambda log: log.iloc[:20], "length"),
+    "a few rows": (lambda log: log.iloc[:4], "length"),
+    "rate too low": (lambda log: log.iloc[::20], "rate"),
+}
+
+
+@pytest.mark.parametrize("name", list(REFUSED))
+def test_what_is_refused_is_told_and_shown_all_the_same(tmp_path: Path, log: pd.DataFrame, name: str) -> None:
+    damage, check = REFUSED[name]
+    path = write(tmp_path / "logs", damage(log))
+    report, refused = inspect_path(path, params_for(), tmp_path / "page.html")
+    assert refused
+    assert any(line.split()[:2] == ["refused", check] for line in report.splitlines()), report
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert 'data-figure="recording-1-figure-1"' in page
+    assert "Refused: what follows is drawn to show what is wrong, and is no result." in page
+
+
+@pytest.mark.parametrize("load", ["none", "position"])
+@pytest.mark.parametrize("name", ["swapped pressures", "one direction", "spikes", "noise alone"])
+def test_odd_recordings_make_a_page_too(tmp_path: Path, log: pd.DataFrame, name: str, load: str) -> None:
+    random = np.random.default_rng(4)
+    damages: dict[str, Damage] = {
+        "swapped pressures": swapped,
+        "one direction": lambda log: log.assign(**{POSITION: np.linspace(20.0, 230.0, len(log))}),
+        "spikes": lambda log: log.assign(**{P1: log[P1] + 100.0 * (np.arange(len(log)) == 77)}),
+        "noise alone": lambda log: log.assign(**{POSITION: 120.0 + random.normal(0.0, 2.0, len(log))}),
+    }
+    path = write(tmp_path / "logs", damages[name](log))
+    report, _ = inspect_path(path, params_for(f"label.load={load}"), tmp_path / "page.html")
+    assert report.startswith(path.name)
+    assert 'data-figure="recording-1-figure-1"' in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_what_is_no_recording_at_all_has_its_reason_in_the_table(tmp_path: Path, log: pd.DataFrame) -> None:
+    path = write(tmp_path / "logs", log.drop(columns=[P2]))
+    report, refused = inspect_path(path, params_for(), tmp_path / "page.html")
+    assert refused
+    assert "'P2 [bar]' (for 'pressure_2_pa') is missing" in report
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Nothing could be read far enough to be drawn." in page
+    assert "is missing" in page
+
+
+def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> None:
+    path = write(tmp_path / "logs", pd.concat([log.iloc[:1300], log.iloc[1400:2600], log.iloc[2700:]]))
+    report, refused = inspect_path(path, params_for(), tmp_path / "page.html")
+    assert not refused
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for part in (1, 2, 3):
+        assert f"(part {part}): repaired" in report
+        assert f'data-figure="recording-{part}-figure-1"' in page
+    assert report.endswith("1 file: 1 repaired")
+
+
+@pytest.mark.slow
+def test_of_a_folder_refused_files_are_shown_first(tmp_path: Path, log: pd.DataFrame) -> None:
+    for session in range(1, 15):
+        write(tmp_path / "logs", log.assign(**{POSITION: 120.0}) if session == 14 else log, session)
+    report, refused = inspect_path(tmp_path / "logs", params_for(), tmp_path / "page.html")
+    assert refused
+    assert report.endswith("14 files: 13 ok, 1 refused")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "12 of 14 recordings that could be read are shown with figures" in page
+    assert 'id="recording-14"' in page
+    assert 'id="recording-12"' not in page
+
+
+def test_a_load_that_position_decides_is_told_and_taken_off(tmp_path: Path) -> None:
+    path = CRANE / "JibSineTest_230425__100Hz.csv.gz"
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    channels = {
+        "time_s": "{channel: t_s, unit: s}",
+        "pressure_1_pa": "{channel: jib_pA_cyl_bar, unit: bar}",
+        "pressure_2_pa": "{channel: jib_pB_cyl_bar, unit: bar}",
+        "position_m": "{channel: jib_x_m, unit: m}",
+    }
+    params = params_for(
+        *(f"ingest.channels.{column}={entry}" for column, entry in channels.items()),
+        *("cylinder.bore_diameter_m=0.15", "cylinder.rod_diameter_m=0.1", "cylinder.stroke_m=0.85"),
+        *("cylinder.moving_mass_kg=60", "label.load=position", "~ingest.channels.oil_temperature_c"),
+    )
+    report, refused = inspect_path(path, params, tmp_path / "page.html")
+    assert not refused
+    assert "  ok        load              the load is 2.9" in report
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "No curve is stated: speeds of steady sliding run from 6.2 to 16 mm/s" in page
+    assert "viscous coefficient" not in page

@@ -1,0 +1,55 @@
+"""The run-time LSTM and forest against the libraries that trained them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from sklearn.ensemble import RandomForestRegressor
+
+from cylinder_friction.estimators.network_training import FrictionNetwork, weights_of
+from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.training_plan import Architecture
+from cylinder_friction.realtime.forest import fit_forest, forest_from_onnx
+from cylinder_friction.realtime.lstm import Lstm, lstm_multiply_adds
+
+
+@pytest.mark.parametrize(("layers", "nodes", "inputs"), [(1, 8, 3), (2, 16, 9), (4, 8, 20)])
+def test_the_lstm_equals_pytorch(layers: int, nodes: int, inputs: int) -> None:
+    torch.manual_seed(layers)
+    network = FrictionNetwork(Architecture(layers, nodes, 0.0, 1e-3), inputs)
+    torch.nn.init.normal_(network.head.weight)
+    features = np.random.default_rng(0).normal(size=(300, inputs)).astype(np.float32)
+    with torch.no_grad():
+        expected, _ = network(torch.from_numpy(features)[:, None])
+    weights = network_from_onnx(network_to_onnx(weights_of(network)))
+    run = Lstm(weights)
+    _, head = run.advance(run.new_state(), features)
+    np.testing.assert_allclose(head, expected[:, 0].numpy(), atol=2e-6 * nodes)
+
+
+def test_multiply_adds_of_the_papers_network() -> None:
+    first, others = 4 * 64 * (3 + 64), 3 * 4 * 64 * (64 + 64)
+    assert lstm_multiply_adds(4, 64, 3) == first + others + 4 * 3 * 64 + 64
+
+
+def test_the_forest_equals_scikit_learn() -> None:
+    generator = np.random.default_rng(1)
+    features = generator.normal(size=(3000, 6)).astype(np.float32)
+    target = np.sin(features[:, 0]) + features[:, 1] * features[:, 2] + 0.1 * generator.normal(size=3000)
+    forest = forest_from_onnx(fit_forest(features, target, trees=12, depth=7, leaf=3, seed=5))
+    peer = RandomForestRegressor(12, max_depth=7, min_samples_leaf=3, max_features=1 / 3, random_state=5)
+    peer.fit(features, target)
+    fresh = generator.normal(size=(2000, 6)).astype(np.float32)
+    np.testing.assert_allclose(forest.predict(fresh), peer.predict(fresh), atol=1e-5)
+    assert forest.depth <= 7
+    assert len(forest.roots) == 12
+
+
+def test_a_forest_never_leaves_the_range_of_its_targets() -> None:
+    generator = np.random.default_rng(2)
+    features = generator.normal(size=(500, 2)).astype(np.float32)
+    forest = forest_from_onnx(fit_forest(features, features[:, 0].astype(float), 8, 6, 1, 0))
+    far = np.array([[1e3, 0.0], [-1e3, 0.0]], dtype=np.float32)
+    assert forest.predict(far).max() <= features[:, 0].max() + 1e-6
+    assert forest.predict(far).min() >= features[:, 0].min() - 1e-6

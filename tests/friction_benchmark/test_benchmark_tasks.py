@@ -1,0 +1,133 @@
+"""Tasks: what each shows, hides, adds and asks for."""
+
+from __future__ import annotations
+
+import typing
+
+import numpy as np
+import pytest
+
+from cylinder_friction.params.learning import TaskName
+from friction_benchmark.data import Case
+from friction_benchmark.tasks import (
+    DRIFT_PA_S,
+    LEVELS,
+    OFFSET_PA,
+    TASKS,
+    Task,
+    exam_of,
+    inputs_of,
+    of_the_present,
+    task_named,
+)
+from friction_benchmark_models import made_case
+
+CASE = made_case("2", 1)
+RAW = CASE.recording
+SECRET = {"true_friction_n", "true_load_n", "load_force_n"}
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)
+def test_an_exam_holds_its_inputs_and_nothing_secret(task: Task) -> None:
+    exam = exam_of(task, CASE, 0)
+    columns = set(exam.recording.table.columns)
+    assert set(task.inputs) <= columns
+    assert not columns & SECRET
+    assert np.isfinite(exam.recording.column("friction_n")).all()
+
+
+@pytest.mark.parametrize("name", ["pressure_free", "pressure_level"])
+def test_raw_pressures_that_must_not_be_seen_are_zero(name: str) -> None:
+    recording = exam_of(task_named(name), CASE, 0).recording
+    assert not recording.column("pressure_1_pa").any()
+    assert not recording.column("pressure_2_pa").any()
+
+
+def test_identity_is_the_recording_itself() -> None:
+    exam = exam_of(task_named("identity"), CASE, 0)
+    np.testing.assert_array_equal(exam.recording.samples(), RAW.samples())
+    np.testing.assert_array_equal(exam.reference_n, RAW.column("friction_n"))
+    np.testing.assert_array_equal(exam.recording.usable(), RAW.usable())
+
+
+@pytest.mark.parametrize(("name", "rows"), [("forecast_25ms", 5), ("forecast_100ms", 20), ("forecast_250ms", 50)])
+def test_a_forecast_is_the_label_so_much_later_and_masked_at_the_end(name: str, rows: int) -> None:
+    exam = exam_of(task_named(name), CASE, 0)
+    np.testing.assert_array_equal(exam.reference_n[:-rows], RAW.column("friction_n")[rows:])
+    np.testing.assert_array_equal(exam.velocity_m_s[:-rows], RAW.column("velocity_m_s")[rows:])
+    usable = exam.recording.usable()
+    assert not usable[-rows:].any()
+    np.testing.assert_array_equal(usable[:-rows], RAW.usable()[:-rows] & RAW.usable()[rows:])
+    np.testing.assert_array_equal(exam.recording.samples(), RAW.samples())
+
+
+def test_the_present_of_a_forecast_is_identity() -> None:
+    now = exam_of(of_the_present(task_named("forecast_250ms")), CASE, 0)
+    np.testing.assert_array_equal(now.reference_n, RAW.column("friction_n"))
+
+
+def test_a_level_is_a_causal_low_pass_of_one_second() -> None:
+    recording = exam_of(task_named("pressure_level"), CASE, 0).recording
+    raw, level = RAW.column("pressure_2_pa"), recording.column(LEVELS[1])
+    assert level[0] == raw[0]
+    weight = 1.0 - np.exp(-0.005)
+    assert level[1] == pytest.approx(raw[0] + weight * (raw[1] - raw[0]), rel=1e-12)
+    assert np.std(np.diff(level)) < 0.02 * np.std(np.diff(raw))
+
+
+def test_sensors_drift_linearly_from_an_offset_within_the_data_sheet() -> None:
+    task = task_named("sensor_drift")
+    exam = exam_of(task, CASE, 0)
+    error_pa = exam.recording.samples()[:, :2] - RAW.samples()[:, :2]
+    assert (np.abs(error_pa[0]) <= OFFSET_PA).all()
+    rates = np.diff(error_pa, axis=0) / 0.005
+    np.testing.assert_allclose(rates, np.broadcast_to(rates[0], rates.shape), atol=1e-3)
+    assert (np.abs(rates[0]) <= DRIFT_PA_S).all()
+    np.testing.assert_array_equal(exam.recording.column("friction_n"), RAW.column("friction_n"))
+    np.testing.assert_array_equal(exam.reference_n, CASE.true_friction_n)
+
+
+def test_every_recording_and_seed_has_other_sensors_and_the_same_ones_again() -> None:
+    task = task_named("sensor_drift")
+    drawn = [
+        exam_of(task, made_case("2", session), seed).pressures_pa - made_case("2", session).recording.samples()[:, :2]
+        for session, seed in ((1, 0), (2, 0), (1, 1), (1, 0))
+    ]
+    offsets = [each[0] for each in drawn]
+    assert len({tuple(np.round(offset)) for offset in offsets}) == 3
+    np.testing.assert_array_equal(drawn[0], drawn[3])
+
+
+def test_further_draws_are_other_sensors_on_the_same_motion() -> None:
+    task = task_named("sensor_drift")
+    first, second = (exam_of(task, CASE, 0, draw) for draw in (0, 1))
+    assert (first.pressures_pa[0] != second.pressures_pa[0]).all()
+    np.testing.assert_array_equal(first.recording.column("position_m"), second.recording.column("position_m"))
+    np.testing.assert_array_equal(first.reference_n, second.reference_n)
+
+
+def test_a_load_is_known_to_the_examiner_alone() -> None:
+    exam = exam_of(task_named("external_load"), made_case("1", 1, load_n=700.0), 0)
+    assert exam.true_load_n is not None
+    assert exam.true_load_n.min() == 700.0
+    assert "load_force_n" not in exam.recording.table.columns
+
+
+def test_a_temperature_that_was_not_measured_is_no_input() -> None:
+    bare = RAW.without_columns("oil_temperature_c")
+    assert inputs_of(task_named("pressure_free"), bare) == ("position_m",)
+    assert inputs_of(task_named("pressure_free"), RAW) == ("position_m", "oil_temperature_c")
+
+
+def test_truth_that_nobody_knows_cannot_be_asked_for() -> None:
+    with pytest.raises(ValueError, match=r"task sensor_drift: true friction of recording .* is not known"):
+        exam_of(task_named("sensor_drift"), Case(RAW, None, None), 0)
+
+
+def test_the_configuration_knows_the_same_tasks() -> None:
+    assert typing.get_args(TaskName) == tuple(task.name for task in TASKS)
+
+
+def test_an_unknown_task_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="no task 'identify'; expected one of identity, pressure_free"):
+        task_named("identify")

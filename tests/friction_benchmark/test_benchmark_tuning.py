@@ -1,0 +1,84 @@
+"""Tuning: equal trials for all, the first guess first, the same proposals again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from friction_benchmark.roster import roster
+from friction_benchmark.roster.entry import OneOf, RosterEntry, Value
+from friction_benchmark.tuning import TuningError, tune
+from friction_benchmark_models import ENTRIES, MODULES
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+RIDGE = roster(MODULES)["ridge"]
+
+
+def tried(trials: int, seed: int) -> list[dict[str, Value]]:
+    seen: list[dict[str, Value]] = []
+
+    def percent_of(choice: Mapping[str, Value]) -> float:
+        seen.append(dict(choice))
+        return float(choice["penalty"])
+
+    tune(RIDGE, trials, seed, percent_of)
+    return seen
+
+
+def test_the_first_guess_is_tried_first_and_nobody_has_more_trials() -> None:
+    seen = tried(6, 0)
+    assert seen[0] == dict(RIDGE.first)
+    assert len(seen) == 6
+    assert len({choice["penalty"] for choice in seen}) == 6
+
+
+def test_one_seed_proposes_the_same_and_another_seed_other_choices() -> None:
+    assert tried(5, 3) == tried(5, 3)
+    assert tried(5, 3) != tried(5, 4)
+
+
+def test_proposals_keep_to_the_space() -> None:
+    for choice in tried(12, 1):
+        assert 2 <= choice["lags"] <= 20
+        assert isinstance(choice["lags"], int)
+        assert 1e-2 <= choice["penalty"] <= 1e2
+
+
+def test_the_best_is_kept_with_what_it_reached() -> None:
+    tuned = tune(RIDGE, 8, 0, lambda choice: abs(float(choice["lags"]) - 7.0))
+    assert tuned.validation_percent == min(value for value in tuned.trials if value is not None)
+    assert abs(float(tuned.choice["lags"]) - 7.0) == tuned.validation_percent
+
+
+def test_who_has_nothing_to_tune_is_not_tried() -> None:
+    def percent_of(choice: Mapping[str, Value]) -> float:
+        raise AssertionError(choice)
+
+    assert tune(ENTRIES[0], 5, 0, percent_of).validation_percent is None
+
+
+def test_a_failed_trial_does_not_end_the_tuning() -> None:
+    def percent_of(choice: Mapping[str, Value]) -> float:
+        if choice == RIDGE.first:
+            raise ValueError("no")
+        return 3.0
+
+    tuned = tune(RIDGE, 3, 0, percent_of)
+    assert tuned.trials == (None, 3.0, 3.0)
+    assert tuned.choice != RIDGE.first
+
+
+def test_tuning_that_never_succeeds_says_why() -> None:
+    def percent_of(choice: Mapping[str, Value]) -> float:
+        raise ValueError("too few rows")
+
+    with pytest.raises(TuningError, match="none of 2 trials succeeded; the first: ValueError: too few rows"):
+        tune(RIDGE, 2, 0, percent_of)
+
+
+def test_one_of_several_words_may_be_tuned() -> None:
+    entry = RosterEntry("a", "A", "modern", "own", RIDGE.make, {"way": OneOf(("up", "down"))}, {"way": "down"})
+    assert tune(entry, 4, 0, lambda choice: 1.0 if choice["way"] == "up" else 2.0).choice == {"way": "up"}

@@ -1,0 +1,169 @@
+"""A small roster and made campaigns for the benchmark's tests; a module of its own so that other processes find it."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.storage import write_recording
+from friction_benchmark.data import TRUE_FRICTION, TRUE_LOAD, Case, Kind, Sizes, Sources
+from friction_benchmark.roster.entry import Making, Range, RosterEntry, needs_raw_pressures
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+CYLINDER = Cylinder("made", 0.063, 0.028, 0.25, 6.0)
+SIZES = Sizes(
+    sessions_per_test=3,
+    recordings_per_session=1,
+    duration_s=8.0,
+    test_sessions=1,
+    validation_sessions=1,
+    unseen_sessions=1,
+    twin_rigs=2,
+)
+MODULES = ("friction_benchmark_models",)
+
+
+def made_case(test: str, session: int, seed: int = 0, load_n: float = 0.0, seconds: float = 8.0) -> Case:
+    """Returns a recording whose label is true friction and 5 N more; oil of 20 °C and one more for each session."""
+    name = f"test{test}_session{session:02d}_recording01"
+    generator = np.random.default_rng([seed, int(test), session])
+    time_s = 0.005 * np.arange(round(seconds / 0.005))
+    rate = 2.0 * np.pi * generator.uniform(0.2, 0.5)
+    position_m = 0.125 + 0.03 * np.sin(rate * time_s)
+    velocity_m_s = 0.03 * rate * np.cos(rate * time_s)
+    pressure_2_pa = 9e5 * int(test) + 2e5 * np.sin(0.3 * time_s)
+    friction_n = np.tanh(velocity_m_s / 2e-3) * (240.0 + 4e-5 * pressure_2_pa) + 1500.0 * velocity_m_s
+    load = np.full(len(time_s), load_n)
+    pressure_1_pa = (friction_n + load + pressure_2_pa * CYLINDER.annulus_area_m2) / CYLINDER.piston_area_m2
+    usable = np.ones(len(time_s), dtype=bool)
+    usable[:40] = False
+    table = pd.DataFrame(
+        {
+            "time_s": time_s,
+            "pressure_1_pa": pressure_1_pa + generator.normal(0.0, 5e3, len(time_s)),
+            "pressure_2_pa": pressure_2_pa + generator.normal(0.0, 5e3, len(time_s)),
+            "position_m": position_m + generator.normal(0.0, 3e-5, len(time_s)),
+            "oil_temperature_c": np.full(len(time_s), 20.0 + session),
+            "velocity_m_s": velocity_m_s,
+            "friction_n": friction_n + 5.0,
+            "usable": usable,
+        }
+    )
+    metadata = RecordingMetadata(name, test, f"test{test}_session{session:02d}", 0.005, CYLINDER.name)
+    return Case(Recording(metadata, table), friction_n, load)
+
+
+def write_campaign(sources: Sources, kind: Kind, seed: int, sessions: int = 3) -> None:
+    """Writes a made campaign where the benchmark would have simulated one, so that it simulates none."""
+    for test in "1234":
+        for session in range(1, sessions + 1):
+            offset = 100 if kind.startswith("unseen") else 0
+            case = made_case(test, session, seed + offset, 500.0 if kind.endswith("loaded") else 0.0)
+            known = {TRUE_FRICTION: case.true_friction_n, TRUE_LOAD: case.true_load_n}
+            write_recording(sources.folder / f"{kind}-{seed}", case.recording.with_columns(**known))
+
+
+def write_own(folder: Path) -> tuple[tuple[str, Path], ...]:
+    """Writes recordings as the stage ``label`` leaves them, and returns the folder of each role."""
+    roles = {"train": 1, "validation": 2, "test": 3}
+    for role, session in roles.items():
+        for test in "1234":
+            write_recording(folder / role, made_case(test, session).recording)
+    return tuple((role, folder / role) for role in roles)
+
+
+@dataclass
+class ConstantEstimator(FrictionEstimator):
+    """Says the mean label of its training, with the sign of nothing: for tests of what surrounds a model."""
+
+    kind: ClassVar[str] = "test_constant"
+
+    def __init__(self, inputs: Sequence[str], behaviour: str = "") -> None:
+        super().__init__(inputs)
+        self.behaviour, self.level_n = behaviour, 0.0
+
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        if self.behaviour == "raises":
+            raise ValueError("cannot learn this")
+        if self.behaviour == "dies":
+            os._exit(3)
+        self._begin_fit(recordings)
+        self.level_n = float(np.mean([recording.column("friction_n").mean() for recording in recordings]))
+
+    def new_state(self) -> None:
+        return None
+
+    def advance(self, state: Any, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.full(len(samples), np.nan if self.behaviour == "nan" else self.level_n)
+
+    def multiply_adds(self) -> int:
+        return 1
+
+    def _write(self, folder: Path) -> dict[str, Any]:
+        return {"level_n": self.level_n, "behaviour": self.behaviour}
+
+    @classmethod
+    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
+        estimator = cls((), parameters["behaviour"])
+        estimator.level_n = parameters["level_n"]
+        return estimator
+
+
+def _low_pass(making: Making) -> FrictionEstimator:
+    return LowPassForceBalanceEstimator(making.cylinder)
+
+
+def _ridge(making: Making) -> FrictionEstimator:
+    return RidgeEstimator(int(making.choice["lags"]), float(making.choice["penalty"]))
+
+
+def _constant(making: Making) -> FrictionEstimator:
+    return ConstantEstimator(making.inputs)
+
+
+def _position(making: Making) -> FrictionEstimator:
+    return ConstantEstimator(("position_m",))
+
+
+def _raises(making: Making) -> FrictionEstimator:
+    return ConstantEstimator(making.inputs, "raises")
+
+
+def _nan(making: Making) -> FrictionEstimator:
+    return ConstantEstimator(making.inputs, "nan")
+
+
+def dies(making: Making) -> FrictionEstimator:
+    return ConstantEstimator(making.inputs, "dies")
+
+
+ENTRIES = (
+    RosterEntry("low_pass", "Low-pass", "floor", "own", _low_pass, can=needs_raw_pressures),
+    RosterEntry("hold", "Hold", "floor", "own", _constant),
+    RosterEntry("constant_by_direction", "Constant", "analytical", "own", _position),
+    RosterEntry(
+        "ridge",
+        "Ridge",
+        "modern",
+        "own",
+        _ridge,
+        space={"lags": Range(2, 20, integer=True), "penalty": Range(1e-2, 1e2, logarithmic=True)},
+        first={"lags": 5, "penalty": 1.0},
+        can=needs_raw_pressures,
+    ),
+    RosterEntry("raises", "Raises", "modern", "own", _raises),
+    RosterEntry("nan", "Nan", "modern", "own", _nan),
+)

@@ -1,0 +1,148 @@
+"""Regimes told causally, and bounds that hold as often as they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.realtime.bounds import (
+    CREEP,
+    REVERSAL,
+    SLIDING,
+    STANDSTILL,
+    UNKNOWN_N,
+    calibrate_bounds,
+    regimes,
+    regimes_of,
+    velocity_taps,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.recordings.recording import Recording
+
+
+@pytest.mark.parametrize(
+    ("velocity_mm_s", "expected"),
+    [
+        ([0.0, 0.9, -0.9], [STANDSTILL] * 3),
+        ([0.0, 1.0, 5.0, 5.0, 5.0], [STANDSTILL, REVERSAL, REVERSAL, REVERSAL, CREEP]),
+        ([20.0] * 5, [REVERSAL] * 3 + [SLIDING] * 2),
+        ([20.0] * 4 + [-20.0] * 4, [REVERSAL] * 3 + [SLIDING] + [REVERSAL] * 3 + [SLIDING]),
+        ([20.0] * 4 + [0.0, 0.0, 0.0, 0.0, 20.0], [REVERSAL] * 3 + [SLIDING] + [STANDSTILL] * 4 + [REVERSAL]),
+        ([20.0, 0.0, 0.0, 0.0], [REVERSAL] * 3 + [STANDSTILL]),
+        ([20.0, 20.0, -20.0, -20.0, -20.0, -15.9], [REVERSAL] * 5 + [CREEP]),
+    ],
+)
+def test_regime_follows_velocity(velocity_mm_s: list[float], expected: list[int]) -> None:
+    got = regimes(1e-3 * np.array(velocity_mm_s), 1e-3, 16e-3, 3)
+    assert list(got) == expected
+
+
+def test_velocity_of_a_ramp_is_exact() -> None:
+    position_m = 0.03 * 0.005 * np.arange(21)[::-1]
+    np.testing.assert_allclose(velocity_taps(0.005) @ position_m, [0.0, 0.0, 0.03], atol=1e-12)
+
+
+class _KnowsNothing(FrictionEstimator):
+    """Always says 0, so that its error is the label."""
+
+    kind = "knows_nothing"
+
+    def fit(self, recordings):  # type: ignore[no-untyped-def]
+        self._begin_fit(recordings)
+
+    def new_state(self) -> None:
+        return None
+
+    def advance(self, state: None, samples: np.ndarray) -> np.ndarray:
+        return np.zeros(len(samples))
+
+    def multiply_adds(self) -> int:
+        return 1
+
+    def _write(self, folder: Path) -> dict[str, object]:
+        return {}
+
+    @classmethod
+    def _read(cls, folder: Path, parameters: dict[str, object]) -> _KnowsNothing:
+        return cls()
+
+
+def labelled(recording: Recording, friction_n: np.ndarray, usable: np.ndarray | None = None) -> Recording:
+    usable = np.ones(len(recording), dtype=bool) if usable is None else usable
+    return recording.with_columns(friction_n=friction_n, usable=usable)
+
+
+@pytest.fixture
+def estimator(labelled_recordings: list[Recording]) -> _KnowsNothing:
+    made = _KnowsNothing()
+    made.fit(labelled_recordings)
+    return made
+
+
+def test_half_of_the_misses_lie_on_either_side_within_every_regime(
+    estimator: _KnowsNothing, labelled_recordings: list[Recording]
+) -> None:
+    generator = np.random.default_rng(0)
+    recordings = []
+    for recording in labelled_recordings:
+        regime = regimes_of(recording)
+        recordings.append(labelled(recording, (1.0 + regime) * generator.normal(size=len(recording))))
+    bounds = calibrate_bounds(estimator, recordings, warm_up_samples=0, probability=0.8)
+    for one in (CREEP, SLIDING, REVERSAL):
+        errors = np.concatenate([each.column("friction_n")[regimes_of(each) == one] for each in recordings])
+        assert np.mean(errors < bounds.lower_n[one]) == pytest.approx(0.1, abs=1.0 / len(errors) + 1e-3)
+        assert np.mean(errors > bounds.upper_n[one]) == pytest.approx(0.1, abs=1.0 / len(errors) + 1e-3)
+    assert bounds.upper_n[SLIDING] > bounds.upper_n[CREEP]
+
+
+def test_the_finite_sample_quantile_is_taken(estimator: _KnowsNothing, labelled_recordings: list[Recording]) -> None:
+    recording = labelled_recordings[0]
+    regime = regimes_of(recording)
+    rows = np.flatnonzero(regime == SLIDING)[:39]
+    friction = np.zeros(len(recording))
+    friction[rows] = np.arange(1.0, 40.0)
+    usable = np.zeros(len(recording), dtype=bool)
+    usable[rows] = True
+    bounds = calibrate_bounds(estimator, [labelled(recording, friction, usable)], warm_up_samples=0)
+    assert (bounds.lower_n[SLIDING], bounds.upper_n[SLIDING]) == (2.0, 38.0)  # ranks 2 and 38: 40 · 0.95 of 39
+    assert bounds.lower_n[CREEP] == bounds.lower_n[SLIDING]  # a regime without rows takes the errors of all
+
+
+def test_without_enough_rows_bounds_say_nothing(estimator: _KnowsNothing, labelled_recordings: list[Recording]) -> None:
+    recording = labelled_recordings[0]
+    usable = np.arange(len(recording)) < 5
+    bounds = calibrate_bounds(estimator, [labelled(recording, np.zeros(len(recording)), usable)], warm_up_samples=0)
+    assert bounds.upper_n == (UNKNOWN_N,) * 4
+
+
+def test_warm_up_rows_do_not_count(estimator: _KnowsNothing, labelled_recordings: list[Recording]) -> None:
+    friction = np.where(np.arange(len(labelled_recordings[0])) < 600, 1e6, 1.0)
+    bounds = calibrate_bounds(estimator, [labelled(labelled_recordings[0], friction)], warm_up_samples=600)
+    assert max(bounds.upper_n) == 1.0
+
+
+@pytest.mark.parametrize("probability", [0.0, 1.0, float("nan")])
+def test_a_probability_that_is_none_is_refused(estimator: _KnowsNothing, probability: float) -> None:
+    with pytest.raises(ValueError, match=r"probability must be in \(0, 1\), but got"):
+        calibrate_bounds(estimator, [], 0, probability)
+
+
+def test_a_trained_hybrid_keeps_its_bounds_when_saved(small_hybrid: HybridEstimator, tmp_path: Path) -> None:
+    assert small_hybrid.bounds is not None
+    assert small_hybrid.bounds.probability == 0.9
+    assert all(
+        low < 0.0 < high for low, high in zip(small_hybrid.bounds.lower_n, small_hybrid.bounds.upper_n, strict=True)
+    )
+    small_hybrid.save(tmp_path)
+    loaded = load_estimator(tmp_path)
+    assert (loaded.guard, loaded.bounds) == (small_hybrid.guard, small_hybrid.bounds)
+    assert replace(small_hybrid.bounds) == loaded.bounds

@@ -1,0 +1,61 @@
+"""The golden set as it is stored, and the command that checks it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.commands import cli
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.golden import read_trajectories, trace, write_trajectory
+
+if TYPE_CHECKING:
+    from cylinder_friction.realtime.model import StepModel
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+
+
+def test_it_is_small() -> None:
+    assert sum(path.stat().st_size for path in GOLDEN.glob("*.npz")) < 300_000
+    assert sum(path.stat().st_size for path in (GOLDEN / "model").iterdir()) < 200_000
+
+
+def test_every_flag_is_raised_somewhere() -> None:
+    raised = np.bitwise_or.reduce(np.concatenate([each.flags for each in read_trajectories(GOLDEN).values()]))
+    assert raised == sum(Flag)
+
+
+def test_what_is_written_is_read(model: StepModel, tmp_path: Path) -> None:
+    samples = np.array([[np.nan, 1e6, 0.1], [1e6, 1e6, 0.1], [1e6, np.inf, 0.1]])
+    trajectory = trace(model, samples)
+    for folder in ("one", "other"):
+        write_trajectory(tmp_path / folder, "made", trajectory)
+    stored = read_trajectories(tmp_path / "one")["made"]
+    np.testing.assert_array_equal(stored.samples, samples)
+    np.testing.assert_array_equal(stored.newtons, trajectory.newtons)
+    assert list(stored.flags) == list(trajectory.flags)
+    assert (tmp_path / "one/made.npz").read_bytes() == (tmp_path / "other/made.npz").read_bytes()
+
+
+def test_a_folder_without_trajectories_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="holds no golden trajectory"):
+        read_trajectories(tmp_path)
+
+
+def test_the_command_tells_a_changed_trajectory_from_a_kept_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(GOLDEN / "model", tmp_path / "model")
+    shutil.copy(GOLDEN / "end_stop.npz", tmp_path)
+    assert cli.main(["golden", "check", "--folder", str(tmp_path)]) == 0
+    assert "end_stop: python differs by 0 N and in 0 flags" in capsys.readouterr().out
+    kept = read_trajectories(tmp_path)["end_stop"]
+    kept.newtons[7, 0] += 0.25
+    kept.flags[9] |= Flag.OUTSIDE
+    write_trajectory(tmp_path, "end_stop", kept)
+    assert cli.main(["golden", "check", "--folder", str(tmp_path)]) == 1
+    assert "end_stop: reference differs by 0.25 N and in 1 flags" in capsys.readouterr().out

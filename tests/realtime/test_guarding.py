@@ -1,0 +1,135 @@
+"""What the guard lets through, holds and flags: the reference and the compiled step keep one contract."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.estimators.training_range import TrainingRange
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.guard import guard_from, largest_friction_n
+from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
+
+    Streams = ReferenceStream | RealTimeStream
+
+SAMPLE = (9e5, 1.0e6, 0.125)
+BAD = [float("nan"), float("inf"), -float("inf"), 1e300]
+
+
+def moved(sample: tuple[float, float, float], **changes: float) -> tuple[float, float, float]:
+    names = ("p1", "p2", "x")
+    return tuple(value + changes.get(name, 0.0) for name, value in zip(names, sample, strict=True))  # type: ignore
+
+
+def test_limits_come_from_the_training_range() -> None:
+    trained = TrainingRange(SAMPLE_COLUMNS, (0.0, 1e5, -0.01), (1e6, 2e5, 0.19))
+    guard = guard_from(trained, 500.0, 0.005)
+    assert guard.accept_lower == pytest.approx((-1e6, 0.0, -0.21))
+    assert guard.accept_upper == pytest.approx((2e6, 3e5, 0.39))
+    assert guard.trained_lower == pytest.approx((-5e4, 9.5e4, -0.02))
+    assert guard.trained_upper == pytest.approx((1.05e6, 2.05e5, 0.2))
+    assert (guard.freeze_samples, guard.freeze_force_n) == (400, 1000.0)
+    assert (guard.warm_up_samples, guard.recovery_samples) == (600, 600)
+
+
+def test_largest_friction_is_that_of_usable_rows(labelled_recordings: list[Recording]) -> None:
+    recording = labelled_recordings[0]
+    friction = np.zeros(len(recording))
+    friction[[3, 5]] = -700.0, 9e9
+    usable = np.arange(len(recording)) != 5
+    spoilt = recording.with_columns(friction_n=friction, usable=usable)
+    assert largest_friction_n([spoilt, recording.with_columns(usable=np.zeros(len(recording), dtype=bool))]) == 700.0
+    assert largest_friction_n([]) == 0.0
+
+
+@pytest.mark.parametrize("value", BAD)
+@pytest.mark.parametrize("channel", range(3))
+def test_a_bad_channel_is_held_at_its_last_valid_value(stream: Streams, channel: int, value: float) -> None:
+    other = ReferenceStream(stream.model)
+    for step in range(5):
+        sample = moved(SAMPLE, p1=1e4 * step, p2=-1e4 * step, x=1e-4 * step)
+        stream.step(*sample)
+        other.step(*sample)
+    held = list(sample)
+    now = list(moved(sample, p1=5e3, p2=5e3, x=1e-4))
+    stood_in = now.copy()
+    stood_in[channel] = held[channel]
+    now[channel] = value
+    got, expected = stream.step(*now), other.step(*stood_in)
+    assert got[:3] == expected[:3]
+    assert got.flags & ~Flag.WARMING == Flag.INVALID_PRESSURE_1 << channel
+
+
+def test_before_the_first_sound_sample_nothing_is_said_and_nothing_remembered(stream: Streams) -> None:
+    early = stream.step(float("nan"), SAMPLE[1], float("inf"))
+    assert early == (0.0, 0.0, 0.0, Flag.NOT_READY | Flag.INVALID_PRESSURE_1 | Flag.INVALID_POSITION)
+    assert stream.step(*SAMPLE) == ReferenceStream(stream.model).step(*SAMPLE)
+
+
+def test_warming_lasts_as_long_as_it_says(stream: Streams) -> None:
+    steps = stream.model.guard.warm_up_samples
+    flags = [stream.step(*moved(SAMPLE, x=1e-6 * step)).flags for step in range(steps + 5)]
+    assert flags == [Flag.WARMING] * steps + [0] * 5
+
+
+def test_recovering_begins_with_the_first_sound_sample_and_lasts_as_long_as_it_says(stream: Streams) -> None:
+    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    bad = [stream.step(float("nan"), *SAMPLE[1:]).flags for _ in range(3)]
+    steps = stream.model.guard.recovery_samples
+    after = [stream.step(*SAMPLE).flags for _ in range(steps + 5)]
+    assert bad == [Flag.INVALID_PRESSURE_1] * 3
+    assert after == [Flag.RECOVERING] * steps + [0] * 5
+
+
+def test_outside_the_training_range_the_estimate_goes_on(stream: Streams) -> None:
+    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    upper = stream.model.guard.trained_upper[0]
+    assert stream.step(upper, SAMPLE[1], SAMPLE[2] + 1e-4).flags == 0
+    beyond = stream.step(1.001 * upper, *SAMPLE[1:])
+    assert beyond.flags == Flag.OUTSIDE
+    assert np.isfinite(beyond.friction_n)
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+def test_a_pressure_that_stays_while_the_piston_travels_is_frozen_until_it_changes(
+    stream: Streams, channel: int
+) -> None:
+    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    other = ("p2", "p1")[channel]
+    travel = [0.0, 4.9e-3, 5.1e-3, 0.0]
+    samples = [moved(SAMPLE, **{other: 1e3 * (1 + step)}, x=x) for step, x in enumerate(travel)]
+    assert [stream.step(*sample).flags for sample in samples] == [0, 0, Flag.FROZEN, Flag.FROZEN]
+    assert stream.step(*moved(SAMPLE, p1=1e3, p2=1e3)).flags == Flag.RECOVERING
+
+
+def test_a_held_pressure_is_not_a_frozen_one(stream: Streams) -> None:
+    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    for step in range(10):
+        got = stream.step(float("nan"), SAMPLE[1] + step, SAMPLE[2] + 2e-3 * step)
+        assert got.flags == Flag.INVALID_PRESSURE_1
+    assert stream.step(SAMPLE[0], SAMPLE[1], SAMPLE[2] + 2e-2).flags == Flag.RECOVERING
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_position_that_stays_under_more_than_friction_can_hold_is_frozen(model: StepModel, factor: float) -> None:
+    guard = replace(model.guard, freeze_samples=30, warm_up_samples=0, recovery_samples=5)
+    area = float(model.base_taps[0].sum())
+    pressure = (factor * guard.freeze_force_n - model.base_taps[1].sum() * SAMPLE[1]) / area
+    for stream in (ReferenceStream(replace(model, guard=guard)), RealTimeStream(replace(model, guard=guard))):
+        flags = [stream.step(pressure, *SAMPLE[1:]).flags for _ in range(40)]
+        assert flags == [0] * 30 + [Flag.FROZEN if factor > 1.0 else 0] * 10
+        assert stream.step(pressure, SAMPLE[1], SAMPLE[2] + 1e-4).flags == (Flag.RECOVERING if factor > 1.0 else 0)
+
+
+def test_flags_have_names() -> None:
+    assert Flag.names(Flag.OUTSIDE | Flag.FROZEN) == ("OUTSIDE", "FROZEN")
+    assert Flag.names(0) == ()

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
+from cylinder_friction.recordings.splits import ROLES, split_sessions
+
+
+def campaign(sessions: dict[str, int], recordings: int = 2) -> list[RecordingMetadata]:
+    return [
+        RecordingMetadata(f"test{test}_s{session}_r{take}", test, f"test{test}_s{session}", 0.005)
+        for test, count in sessions.items()
+        for session in range(count)
+        for take in range(recordings)
+    ]
+
+
+CAMPAIGNS = st.dictionaries(st.sampled_from("1234"), st.integers(4, 9), min_size=1)
+SEEDS = st.integers(0, 2**31 - 1)
+
+
+@given(CAMPAIGNS, st.integers(1, 2), st.integers(1, 1), SEEDS, st.randoms())
+def test_sessions_stay_whole_and_every_test_is_everywhere(
+    sessions: dict[str, int], test_sessions: int, validation_sessions: int, seed: int, shuffle: object
+) -> None:
+    metadata = campaign(sessions)
+    split = split_sessions(metadata, test_sessions, validation_sessions, seed)
+    by_name = {entry.name: entry for entry in metadata}
+    assert sorted(name for names in split.values() for name in names) == sorted(by_name)
+    roles_of: dict[str, set[str]] = {}
+    for role, names in split.items():
+        assert {by_name[name].test for name in names} == set(sessions)
+        for name in names:
+            roles_of.setdefault(by_name[name].session, set()).add(role)
+    assert all(len(roles) == 1 for roles in roles_of.values())
+    for test in sessions:
+        counts = {
+            role: len({by_name[name].session for name in names if by_name[name].test == test})
+            for role, names in split.items()
+        }
+        assert (counts["test"], counts["validation"]) == (test_sessions, validation_sessions)
+    shuffle.shuffle(metadata)  # type: ignore[attr-defined]
+    assert split_sessions(metadata, test_sessions, validation_sessions, seed) == split
+
+
+@given(CAMPAIGNS, SEEDS, st.data())
+def test_recording_more_in_a_session_moves_no_other(sessions: dict[str, int], seed: int, data: st.DataObject) -> None:
+    metadata = campaign(sessions)
+    before = split_sessions(metadata, 1, 1, seed)
+    beside = data.draw(st.sampled_from(metadata))
+    after = split_sessions([*metadata, replace(beside, name="one more")], 1, 1, seed)
+    for role in ROLES:
+        assert set(after[role]) - {"one more"} == set(before[role])
+        assert ("one more" in after[role]) == (beside.name in before[role])
+
+
+def test_seeds_draw_differently() -> None:
+    metadata = campaign({"1": 8})
+    assert len({split_sessions(metadata, 1, 1, seed)["test"] for seed in range(20)}) > 3
+
+
+def test_draw_is_the_same_everywhere() -> None:
+    split = split_sessions(campaign({"1": 4, "2": 4}, recordings=1), 1, 1, 1)
+    assert split == split_sessions(campaign({"1": 4, "2": 4}, recordings=1), 1, 1, 1)
+    assert split["test"] == EXPECTED_TEST
+
+
+EXPECTED_TEST = ("test1_s1_r0", "test2_s2_r0")
+
+
+@pytest.mark.parametrize(
+    ("metadata", "message"),
+    [
+        ([], "nothing to split, got no recording"),
+        (
+            campaign({"1": 3, "2": 2}),
+            r"test '2' has 2 sessions \(test2_s0, test2_s1\), but 3 are needed: 1 for test, 1",
+        ),
+        (campaign({"1": 3}) + campaign({"1": 1}), "recording 'test1_s0_r0' occurs twice"),
+        (
+            [replace(entry, session=entry.session[6:]) for entry in campaign({"1": 3, "2": 3})],
+            "session 's0' occurs in test '1' and in test '2' .* make ingest.name_pattern's session contain the test",
+        ),
+    ],
+)
+def test_what_cannot_be_split_is_refused(metadata: list[RecordingMetadata], message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        split_sessions(metadata, 1, 1, 1)
+
+
+def test_nothing_held_out_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least 1 test and 1 validation session, but got 0 and 1"):
+        split_sessions(campaign({"1": 4}), 0, 1, 1)

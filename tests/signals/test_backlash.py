@@ -1,0 +1,93 @@
+"""The play: noise in the gap never pushes it, creep does, and the features' direction is its own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.estimators.features import FeatureBlock, fit_features
+from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_play, push
+from friction_benchmark.models.source_columns import last_motion
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
+
+HALF_WIDTH, STEP_S = 4e-5, 0.005
+
+
+def pushed_through(positions: np.ndarray, centring: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Returns whether each position pushed, and the play after the last."""
+    play = new_play()
+    return np.array([push(at, play, HALF_WIDTH, centring, STEP_S) for at in positions], dtype=bool), play
+
+
+def test_the_first_position_is_the_centre_and_pushes_nothing() -> None:
+    pushed, play = pushed_through(np.array([0.1]))
+    assert not pushed.any()
+    assert play[CENTRE] == 0.1
+    assert play[DIRECTION] == 0.0
+    assert play[AGE] == np.inf
+
+
+def test_noise_narrower_than_the_gap_never_pushes() -> None:
+    noise = np.random.default_rng(0).uniform(-HALF_WIDTH, HALF_WIDTH, 2000)
+    pushed, play = pushed_through(np.concatenate([[0.1], 0.1 + noise]))
+    assert not pushed.any()
+    assert play[CENTRE] == 0.1
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_creep_pushes_once_it_has_crossed_half_the_gap(way: float) -> None:
+    pushed, play = pushed_through(way * 1e-6 * np.arange(100))
+    assert np.flatnonzero(pushed).tolist() == list(range(41, 100))
+    assert play[CENTRE] == pytest.approx(way * (99e-6 - HALF_WIDTH))
+    assert play[DIRECTION] == way
+    assert play[AGE] == 0.0
+
+
+def test_back_in_the_gap_the_push_ages_and_its_direction_stays() -> None:
+    pushed, play = pushed_through(np.array([0.0, 1e-3, 1e-3, 0.95e-3]))
+    assert pushed.tolist() == [False, True, False, False]
+    assert play[DIRECTION] == 1.0
+    assert play[AGE] == 2 * STEP_S
+
+
+@pytest.mark.parametrize(("centring", "expected"), [(0.0, True), (0.01, True), (0.03, False)])
+def test_a_play_that_closes_up_loses_creep_below_its_half_width_in_that_time(centring: float, expected: bool) -> None:
+    pushed, _ = pushed_through(1e-6 * np.arange(1000), centring)
+    assert pushed.any() == expected
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=50), st.floats(0.0, 1.0))
+def test_the_position_is_always_in_the_gap_and_the_last_push_tells_the_direction(
+    positions: list[float], centring: float
+) -> None:
+    play, direction = new_play(), 0.0
+    for at in positions:
+        before = play[CENTRE]
+        if push(at, play, HALF_WIDTH, centring, STEP_S):
+            direction = np.sign(at - before)
+        assert abs(at - play[CENTRE]) <= HALF_WIDTH * (1.0 + 1e-9)
+        assert play[DIRECTION] == direction
+
+
+def test_the_direction_among_the_features_is_that_of_the_play(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    features = fit_features(("position_m",), cylinder, labelled_recordings)
+    block = FeatureBlock(features)
+    recording = labelled_recordings[0]
+    found, _ = block.advance(block.new_state(), recording.samples(("position_m",)))
+    place = features.front_end.names.index("position_m_20")
+    smooth_m = found[:, place] * features.front_end.scale[place] + features.front_end.mean[place]
+    play, expected = new_play(), []
+    for at in smooth_m:
+        push(at, play, HALF_WIDTH, 0.0, STEP_S)
+        expected.append(play[DIRECTION])
+    np.testing.assert_array_equal(last_motion(features, found), expected)
+    assert set(expected) == {-1.0, 0.0, 1.0}

@@ -1,0 +1,108 @@
+"""The search keeps what is finished, repeats nothing, stays under its bound, and finds the best."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.tuning.search import (
+    PruneTrial,
+    SearchPlan,
+    SearchSpace,
+    Trial,
+    best_trial,
+    read_trials,
+    run_search,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.tuning.search import Report, Value
+
+SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
+PLAN = SearchPlan(trials=14, startup_trials=4, maximum_multiply_adds=200, seed=3)
+
+
+class KilledError(Exception):
+    """Stands for the kill signal."""
+
+
+def cost(params: dict[str, Value]) -> int:
+    return int(params["layers"] * params["nodes"])
+
+
+def bowl(params: dict[str, Value], report: Report) -> float:
+    """Best at one layer of 64 nodes; reports its error falling over three epochs."""
+    error = 10.0 + 5.0 * (params["layers"] - 1) + abs(params["nodes"] - 64) / 8 + params["dropout"]
+    for epoch in range(3):
+        report(error * (2.0 - 0.3 * epoch))
+    return float(error)
+
+
+def test_a_search_killed_again_and_again_equals_an_undisturbed_one(tmp_path: Path) -> None:
+    undisturbed = run_search(SPACE, PLAN, cost, bowl, tmp_path / "whole.json", lambda _: None)
+    calls: list[dict[str, Value]] = []
+
+    def sometimes_killed(params: dict[str, Value], report: Report) -> float:
+        calls.append(params)
+        if len(calls) in (2, 5, 6):
+            raise KilledError
+        return bowl(params, report)
+
+    for _ in range(3):
+        with pytest.raises(KilledError):
+            run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.json", lambda _: None)
+    resumed = run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.json", lambda _: None)
+    assert resumed == undisturbed
+    run = sum(trial.state != "too_costly" for trial in undisturbed)
+    assert len(calls) == run + 3
+
+
+def test_it_finds_the_best_and_prunes_what_is_worse_than_most(tmp_path: Path) -> None:
+    trials = run_search(SPACE, PLAN, cost, bowl, tmp_path / "trials.json", lambda _: None)
+    best = best_trial(trials)
+    assert best.params["layers"] == 1
+    assert best.params["nodes"] == 64
+    pruned = [trial for trial in trials if trial.state == "pruned"]
+    assert pruned
+    assert all(trial.value is None and 1 < len(trial.reported) <= 3 for trial in pruned)
+
+
+def test_what_is_too_costly_is_never_trained(tmp_path: Path) -> None:
+    plan = SearchPlan(trials=12, startup_trials=12, maximum_multiply_adds=64, seed=0)
+
+    def refuse_costly(params: dict[str, Value], report: Report) -> float:
+        assert cost(params) <= 64
+        return bowl(params, report)
+
+    trials = run_search(SPACE, plan, cost, refuse_costly, tmp_path / "trials.json", lambda _: None)
+    assert {trial.state for trial in trials} >= {"too_costly", "complete"}
+
+
+def test_trials_survive_the_disk(tmp_path: Path) -> None:
+    trials = run_search(SPACE, PLAN, cost, bowl, tmp_path / "trials.json", lambda _: None)
+    assert read_trials(tmp_path / "trials.json") == trials
+
+
+def test_nothing_completed_is_an_error_that_says_what_to_do() -> None:
+    with pytest.raises(ValueError, match=r"none of 1 trials was completed \(states \['too_costly'\]\); raise maximum"):
+        best_trial([Trial({"layers": 1}, "too_costly", None, 10)])
+
+
+def test_prune_trial_is_what_the_report_raises(tmp_path: Path) -> None:
+    plan = SearchPlan(trials=8, startup_trials=2, maximum_multiply_adds=10**9, seed=0)
+    worse = iter(range(100))
+
+    def worsening(params: dict[str, Value], report: Report) -> float:
+        level = float(next(worse))
+        try:
+            report(level)
+            report(level)
+        except PruneTrial:
+            raise
+        return level
+
+    trials = run_search(SPACE, plan, cost, worsening, tmp_path / "trials.json", lambda _: None)
+    assert [trial.state for trial in trials].count("pruned") >= 4
