@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 IMAGES = Path(__file__).parent / "images"
 CYLINDER = Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)
-PLAN = CampaignPlan(seed=0, sessions_per_test=1, recordings_per_session=2)
+PLAN = CampaignPlan(seed=0, sessions_per_condition=1, recordings_per_session=2)
 BEGIN_S, END_S = 18.0, 42.0
 BLUE, ORANGE, GREEN, BLACK = "#0072B2", "#D55E00", "#009E73", "#000000"
 MOVING_M_S = 2e-4
@@ -29,10 +29,10 @@ MOVING_M_S = 2e-4
 
 
 def main() -> None:
-    """Writes every picture."""
+    """Write every picture."""
     recordings = list(campaign(CYLINDER, PLAN))
     pictures = {
-        "one_recording": draw(one_recording, _of(recordings, "test4_session01_recording01")),
+        "one_recording": draw(one_recording, _of(recordings, "condition4_session01_recording01")),
         "friction_against_velocity": draw(friction_against_velocity, recordings),
     }
     IMAGES.mkdir(exist_ok=True)
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def one_recording(recording: RigRecording) -> Figure:
-    """Returns what the logger saw of one recording and, below it, what it did not see."""
+    """Return what the logger saw of one recording and, below it, what it did not see."""
     logger, truth = (_between(table) for table in (recording.logger, recording.truth))
     figure, axes = panels(4, 1, 9.5, 7.6)
     pressures, position, velocity, friction = axes
@@ -61,11 +61,16 @@ def one_recording(recording: RigRecording) -> Figure:
 
 
 def friction_against_velocity(recordings: list[RigRecording]) -> Figure:
-    """Returns true friction against true velocity in Tests 1 and 4, every row in motion one point."""
+    """Return true friction against true velocity in Tests 1 and 4, every row in motion one point."""
     figure, axes = panels(1, 2, 9.5, 4.0)
-    for axis, test, words in zip(axes, ("1", "4"), ("no load", "heaviest load"), strict=True):
-        _points(axis, [recording.truth for recording in recordings if recording.metadata.test == test])
-        axis.set(title=f"Test {test}, {words}", xlabel="velocity [mm/s]", ylabel="true friction [N]", ylim=(-850, 850))
+    for axis, condition, words in zip(axes, ("1", "4"), ("no load", "heaviest load"), strict=True):
+        _points(axis, [recording.truth for recording in recordings if recording.metadata.condition == condition])
+        axis.set(
+            title=f"condition {condition}, {words}",
+            xlabel="velocity [mm/s]",
+            ylabel="true friction [N]",
+            ylim=(-850, 850),
+        )
     return figure
 
 

@@ -22,7 +22,7 @@ PROGRAM = Path(__file__).with_suffix(".c")
 
 
 def main() -> None:
-    """Exports, compiles and runs ``c_day.c`` on the test recordings."""
+    """Export, compiles and runs ``c_day.c`` on the test recordings."""
     model = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("models/hybrid")
     steps = sys.argv[2] if len(sys.argv) > 2 else str(DAY)
     samples = np.concatenate([recording.samples() for recording in read_recordings(Path("data/processed/test"))])

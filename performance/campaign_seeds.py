@@ -23,7 +23,7 @@ STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "co
 
 
 def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[str, dict[str, float]]]:
-    """Runs the pipeline up to ``compare`` in an empty folder with this seed; returns its metrics."""
+    """Run the pipeline up to ``compare`` in an empty folder with this seed; returns its metrics."""
     shutil.copytree("conf", folder / "conf")
     command = [sys.executable, "-m", "cylinder_friction.commands.cli"]
     environment = {**os.environ, "MLFLOW_TRACKING_URI": f"sqlite:///{folder / 'mlflow.db'}"}
@@ -34,7 +34,7 @@ def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[st
 
 
 def main(arguments: list[str]) -> int:
-    """Prints the table; returns 1 if any claim fails. Arguments are seeds, and Hydra overrides for all of them."""
+    """Print the table; returns 1 if any claim fails. Arguments are seeds, and Hydra overrides for all of them."""
     seeds = [int(argument) for argument in arguments if argument.isdecimal()] or [1, 2, 3]
     overrides = [argument for argument in arguments if not argument.isdecimal()]
     failed = []
@@ -46,15 +46,15 @@ def main(arguments: list[str]) -> int:
             ("label", LABEL_RIVALS, PUBLISHED_BEST_PERCENT),
             ("truth", TRUTH_RIVALS, float("inf")),
         ):
-            for test in sorted(metrics["hybrid"]):
-                own = metrics["hybrid"][test][f"{against}_percent"]
-                others = {name: metrics[name][test][f"{against}_percent"] for name in rivals}
+            for condition in sorted(metrics["hybrid"]):
+                own = metrics["hybrid"][condition][f"{against}_percent"]
+                others = {name: metrics[name][condition][f"{against}_percent"] for name in rivals}
                 holds = own < min(bound, *others.values())
                 if not holds:
-                    failed.append((seed, against, test))
+                    failed.append((seed, against, condition))
                 words = "  ".join(f"{name} {value:.2f}" for name, value in others.items())
                 verdict = "below all" if holds else "NOT below all"
-                lines.append(f"seed {seed}  {against}  {test}  hybrid {own:.2f}  {words}  {verdict}")
+                lines.append(f"seed {seed}  {against}  {condition}  hybrid {own:.2f}  {words}  {verdict}")
     sys.stdout.write("MAE, % of mean |friction| on held-out recordings\n" + "\n".join(lines) + "\n")
     sys.stdout.write(f"{len(lines) - len(failed)} of {len(lines)} claims hold\n")
     return 1 if failed else 0

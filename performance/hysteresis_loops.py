@@ -76,12 +76,12 @@ class Rig:
 
 
 def rig_of(data: Path, name: str) -> Rig:
-    """Returns one of ``RIGS`` as measured; ``data`` holds ``friction-damper`` and ``tribometer``."""
+    """Return one of ``RIGS`` as measured; ``data`` holds ``friction-damper`` and ``tribometer``."""
     return damper(data, name) if name in _DAMPERS else tribometer(data)
 
 
 def damper(data: Path, name: str) -> Rig:
-    """Returns the sines of one band tension, filtered, one row in four."""
+    """Return the sines of one band tension, filtered, one row in four."""
     measured = np.load(data / "friction-damper/brfd.npz")
     head = _DAMPERS[name]
     loops = []
@@ -109,7 +109,7 @@ def _damper_loops(rows: Array, name: str, hertz: float, amplitude: float) -> Loo
 
 
 def tribometer(data: Path) -> Rig:
-    """Returns the reciprocating test from the first motion to the last."""
+    """Return the reciprocating test from the first motion to the last."""
     (raw,) = recordings_of(data / "tribometer/test_data_2.txt", "tribometer")
     (whole,), _ = labelled([raw], "tribometer")
     first, last = np.flatnonzero(np.abs(whole.column("velocity_m_s")) > 1e-5)[[0, -1]]
@@ -126,7 +126,7 @@ def _halves(rows: int) -> dict[str, NDArray[np.bool_]]:
 
 
 def _rig(loops: list[Loops], least_travel_m: float) -> Rig:
-    """Returns the rig with first guesses from its own rows: median friction when fast, median slope behind turns."""
+    """Return the rig with first guesses from its own rows: median friction when fast, median slope behind turns."""
     seen = [one for one in loops if IDENTIFIED in one.scored]
     friction, velocity = (
         np.concatenate([getattr(one, name)[one.scored[IDENTIFIED]] for one in seen])
@@ -141,7 +141,7 @@ def _rig(loops: list[Loops], least_travel_m: float) -> Rig:
 
 
 def turns(position_m: Array, least_travel_m: float) -> list[int]:
-    """Returns the rows at which the motion turns: extremes with at least that much way on both sides."""
+    """Return the rows at which the motion turns: extremes with at least that much way on both sides."""
     found, extreme, direction = [], 0, 0
     for row, x in enumerate(position_m):
         if direction * (x - position_m[extreme]) >= 0.0 and (direction or abs(x - position_m[0]) > least_travel_m):
@@ -153,7 +153,7 @@ def turns(position_m: Array, least_travel_m: float) -> list[int]:
 
 
 def stiffnesses(position_m: Array, friction_n: Array, least_travel_m: float) -> tuple[list[float], list[float]]:
-    """Returns the slope of force over travel behind each upper turn, and behind each lower one [N/m].
+    """Return the slope of force over travel behind each upper turn, and behind each lower one [N/m].
 
     From 0.8 to 0.2 of the force before the turn; infinite where one row is above 0.8 and the next below 0.2.
     """
@@ -173,13 +173,13 @@ def stiffnesses(position_m: Array, friction_n: Array, least_travel_m: float) -> 
 
 
 def mean_of_directions(slopes: Sequence[tuple[list[float], list[float]]]) -> float:
-    """Returns the mean of the medians behind upper and lower turns of several stretches [N/m]."""
+    """Return the mean of the medians behind upper and lower turns of several stretches [N/m]."""
     behind = [[slope for stretch in slopes for slope in stretch[side]] for side in (0, 1)]
     return float(np.mean([np.median(found) for found in behind]))
 
 
 def energies(position_m: Array, friction_n: Array, least_travel_m: float) -> list[float]:
-    """Returns the work of friction over each cycle, from a turn to the next but one [J]."""
+    """Return the work of friction over each cycle, from a turn to the next but one [J]."""
     ends = turns(position_m, least_travel_m)
     return [
         float(np.trapezoid(friction_n[first : last + 1], position_m[first : last + 1]))

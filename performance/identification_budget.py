@@ -30,7 +30,7 @@ CYLINDER = Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)
 
 
 def larger(effort: SearchEffort, number: int) -> SearchEffort:
-    """Returns a search that simulates about ten times as many samples; fewer where it converges early."""
+    """Return a search that simulates about ten times as many samples; fewer where it converges early."""
     return SearchEffort(
         effort.seed + 1001 * (number + 1),
         population=2 * effort.population,

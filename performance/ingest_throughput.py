@@ -41,7 +41,7 @@ OVERRIDES = (
     "ingest.truth=data/raw/no_truth",
     "ingest.pattern='*.parquet'",
     "~ingest.channels.oil_temperature_c",
-    "ingest.name_pattern='(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_'",
+    "ingest.name_pattern='(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_'",
     "label.split.test_sessions=1",
     "label.split.validation_sessions=1",
 )
@@ -62,7 +62,7 @@ class Cost:
 
 
 def main() -> int:
-    """Prints the table; returns 1 if the stages miss their goals."""
+    """Print the table; returns 1 if the stages miss their goals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hours", type=float, default=100.0, help="recorded time in all")
     parser.add_argument("--minutes", type=float, default=10.0, help="length of one recording")
@@ -103,12 +103,12 @@ def main() -> int:
 
 
 def measure(folder: Path, side: str) -> dict[str, Cost]:
-    """Runs the three stages one after another, each in its own process."""
+    """Run the three stages one after another, each in its own process."""
     return {stage: run(folder, side, stage) for stage in STAGES}
 
 
 def run(folder: Path, side: str, stage: str) -> Cost:
-    """Runs one stage in a process of its own and returns what it took.
+    """Run one stage in a process of its own and returns what it took.
 
     Raises:
         RuntimeError: It failed; the message is its output.
@@ -130,7 +130,7 @@ def run(folder: Path, side: str, stage: str) -> Cost:
 
 
 def work(side: str, stage: str) -> int:
-    """Does one stage in the current folder, on one core; tells its peak of memory and what its imports took."""
+    """Do one stage in the current folder, on one core; tells its peak of memory and what its imports took."""
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     begin = prepare() if stage == "prepare" else (stage_of_project if side == "stages" else stage_of_pandas)(stage)
     import_s = time.process_time()
@@ -140,7 +140,7 @@ def work(side: str, stage: str) -> int:
 
 
 def prepare() -> Callable[[], object]:
-    """Returns what writes the logs and params.yaml."""
+    """Return what writes the logs and params.yaml."""
     from logged_hours import write_logs
 
     from cylinder_friction.commands.params import write_params
@@ -157,7 +157,7 @@ def prepare() -> Callable[[], object]:
 
 
 def stage_of_project(stage: str) -> Callable[[], object]:
-    """Returns what runs a stage as the pipeline does, but for tracking."""
+    """Return what runs a stage as the pipeline does, but for tracking."""
     import importlib
 
     from cylinder_friction.params.checking import load_params
@@ -167,7 +167,7 @@ def stage_of_project(stage: str) -> Callable[[], object]:
 
 
 def stage_of_pandas(stage: str) -> Callable[[], object]:
-    """Returns what does the same in pandas."""
+    """Return what does the same in pandas."""
     import plain_pandas
 
     from cylinder_friction.cylinder import Cylinder
@@ -182,14 +182,14 @@ def stage_of_pandas(stage: str) -> Callable[[], object]:
 
 
 def written_by(side: str) -> tuple[Path, Path, Path]:
-    """Returns where the three stages write."""
+    """Return where the three stages write."""
     if side == "pandas":
         return PANDAS_FOLDER / "recordings", PANDAS_FOLDER / "signals", PANDAS_FOLDER / "processed"
     return Path("data/interim/recordings"), Path("data/interim/signals"), Path("data/processed")
 
 
 def peak_mb() -> float:
-    """Returns the largest resident memory of this process so far; what its parent had before does not count."""
+    """Return the largest resident memory of this process so far; what its parent had before does not count."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
     return float(status.split("VmHWM:")[1].split()[0]) / 1024.0
 
@@ -199,7 +199,7 @@ def megabytes(folder: Path) -> float:
 
 
 def set_one_aside(folder: Path, side: str) -> None:
-    """Keeps the first labelled recording and removes all else that this side wrote."""
+    """Keep the first labelled recording and removes all else that this side wrote."""
     first = min((folder / written_by(side)[2]).rglob("test*.parquet"), key=lambda path: path.name)
     first.rename(folder / f"{side}.parquet")
     for written in written_by(side):
@@ -207,7 +207,7 @@ def set_one_aside(folder: Path, side: str) -> None:
 
 
 def friction_of_one(folder: Path) -> tuple[float, float]:
-    """Returns mean |friction| of the recording set aside and the largest difference between the two sides [N]."""
+    """Return mean |friction| of the recording set aside and the largest difference between the two sides [N]."""
     import pandas as pd
 
     own, plain = (pd.read_parquet(folder / f"{side}.parquet")["friction_n"] for side in SIDES)
@@ -215,7 +215,7 @@ def friction_of_one(folder: Path) -> tuple[float, float]:
 
 
 def table(rows: int, costs: dict[str, dict[str, Cost]]) -> str:
-    """Returns the table, the ratios in front."""
+    """Return the table, the ratios in front."""
     heads = ("rows/s", "CPU s", "kernel", "imports", "clock s", "MB")
     half = f"{heads[0]:>10}" + "".join(f"{head:>9}" for head in heads[1:])
     lines = [
@@ -234,7 +234,7 @@ def table(rows: int, costs: dict[str, dict[str, Cost]]) -> str:
 
 
 def total(costs: dict[str, Cost]) -> Cost:
-    """Returns the sum of three stages, and the largest of their peaks."""
+    """Return the sum of three stages, and the largest of their peaks."""
     sums = {name: sum(getattr(cost, name) for cost in costs.values()) for name in vars(costs[STAGES[0]])}
     return Cost(**sums | {"peak_mb": max(cost.peak_mb for cost in costs.values())})
 

@@ -24,7 +24,7 @@ FOLDERS = ("models/hybrid", "models/paper_hybrid", "models/lugre/lugre")
 
 
 def main() -> None:
-    """Prints a table a model, floors and verdicts."""
+    """Print a table a model, floors and verdicts."""
     estimators = {folder: load_estimator(Path(folder)) for folder in sys.argv[1:] or FOLDERS}
     recordings = read_recordings(Path("data/processed/test"))[:4]
     samples = np.concatenate([recording.samples() for recording in recordings])

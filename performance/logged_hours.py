@@ -33,21 +33,23 @@ PRESSURES_AND_POSITION = ("pressure_1_pa", "pressure_2_pa", "position_m")
 
 
 def write_logs(folder: Path, hours: float, minutes: float, cylinder: Cylinder) -> int:
-    """Writes ``test1_session<NN>_recording<NNN>.parquet`` files and returns how many rows they hold in all."""
+    """Write ``condition1_session<NN>_recording<NNN>.parquet`` files and returns how many rows they hold in all."""
     folder.mkdir(parents=True)
     count = max(round(hours * 60.0 / minutes), 3)
     rows = round(minutes * 60 * RATE_HZ)
     bases = [_true_signals(cylinder, seed, minutes * 60.0 * 1.1 + BLEND_S) for seed in range(min(BASES, count))]
     for number in range(count):
-        name = f"test1_session{number % SESSIONS:02d}_recording{number:03d}"
+        name = f"condition1_session{number % SESSIONS:02d}_recording{number:03d}"
         log = _played(bases[number % len(bases)], rows, np.random.default_rng(number))
         log.to_parquet(folder / f"{name}.parquet", index=False)
     return count * rows
 
 
 def _true_signals(cylinder: Cylinder, seed: int, duration_s: float) -> Array:
-    """Returns pressures [bar] and position [mm] of one recording whose end runs into its start, shape ``(n, 3)``."""
-    plan = CampaignPlan(seed=seed, sessions_per_test=1, recordings_per_session=1, duration_s=float(np.ceil(duration_s)))
+    """Return pressures [bar] and position [mm] of one recording whose end runs into its start, shape ``(n, 3)``."""
+    plan = CampaignPlan(
+        seed=seed, sessions_per_condition=1, recordings_per_session=1, duration_s=float(np.ceil(duration_s))
+    )
     truth = next(campaign(cylinder, plan)).truth[list(PRESSURES_AND_POSITION)].to_numpy() * [1e-5, 1e-5, 1e3]
     blended = round(BLEND_S * RATE_HZ)
     share = np.linspace(0.0, 1.0, blended)[:, None]

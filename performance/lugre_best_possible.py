@@ -31,7 +31,7 @@ ROLES = ("train", "validation", "test")
 
 
 def error_percent(estimator: LugreEstimator, recordings: list[Recording]) -> float:
-    """Returns mean absolute error over mean absolute label of all usable rows, in percent."""
+    """Return mean absolute error over mean absolute label of all usable rows, in percent."""
     errors, labels = [], []
     for recording in recordings:
         usable, label = recording.usable(), recording.column("friction_n")
@@ -58,7 +58,7 @@ def main() -> None:
         for role in arguments.roles:
             folders = ROLES if role == "all" else (role,)
             everything = [each for folder in folders for each in read_recordings(arguments.processed / folder)]
-            recordings = [recording for recording in everything if recording.metadata.test == estimator.test]
+            recordings = [recording for recording in everything if recording.metadata.condition == estimator.condition]
             effort = SearchEffort(
                 arguments.seed, arguments.population, arguments.generations, len(recordings), arguments.restarts
             )

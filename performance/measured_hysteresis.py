@@ -72,7 +72,7 @@ class Checked:
 
 
 def identified(model: FrictionModel, rig: Rig, generations: int) -> Checked:
-    """Identifies a model on the rig's rows for that, and scores it on every set."""
+    """Identify a model on the rig's rows for that, and scores it on every set."""
     motions = _motions(model, rig.loops, IDENTIFIED)
     coordinates = _coordinates(model, rig)
     starts = [coordinates.start(rig.start, factor * rig.stiffness_n_m) for factor in (1.0, 0.3)]
@@ -96,7 +96,7 @@ def _motions(model: FrictionModel, loops: Sequence[Loops], name: str) -> Motions
 
 
 def _coordinates(model: FrictionModel, rig: Rig) -> Coordinates:
-    """Returns the shared coordinates with bounds for this rig's size in place of a cylinder's."""
+    """Return the shared coordinates with bounds for this rig's size in place of a cylinder's."""
     usual = Coordinates.around(model, rig.start, 1e-3, 1.0)
     speed, coulomb = rig.start.stribeck_velocity_m_s, rig.start.coulomb_n
     bounds = {
@@ -141,7 +141,7 @@ def _figures(model: FrictionModel, parameters: ModelParameters, rig: Rig, name: 
 
 
 def checked(data: Path, rig: str, generations: int = 25, models: Sequence[str] = MODELS) -> dict[str, Checked]:
-    """Returns every model, identified and scored on one rig."""
+    """Return every model, identified and scored on one rig."""
     measured = rig_of(data, rig)
     return {name: identified(model_named(name), measured, generations) for name in models}
 

@@ -41,7 +41,7 @@ LIMIT_N = 0.5
 
 
 def main() -> None:
-    """Prints, for every runtime, its greatest distance from the training framework and how often it is above 0.5 N."""
+    """Print, for every runtime, its greatest distance from the training framework and how often it is above 0.5 N."""
     folders = ("test", "validation", "train")
     recordings = [each for folder in folders for each in read_recordings(Path("data/processed") / folder)]
     samples = np.concatenate([recording.samples() for recording in recordings])[:HOUR]
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def training_framework(estimator: HybridEstimator, samples: Array) -> Array:
-    """Returns friction [N] by PyTorch and scikit-learn."""
+    """Return friction [N] by PyTorch and scikit-learn."""
     parts = estimator.parts
     assert parts is not None
     block = FrontEndBlock(parts.front_end)
@@ -79,7 +79,7 @@ def training_framework(estimator: HybridEstimator, samples: Array) -> Array:
 
 
 def runtimes(estimator: HybridEstimator, folder: Path) -> dict[str, Callable[[Array], Array]]:
-    """Returns every runtime as a function of all samples."""
+    """Return every runtime as a function of all samples."""
     double = CompiledEstimator(export_c(estimator, folder / "double"))
     single = CompiledEstimator(export_c(estimator, folder / "single", precision="float"))
     onnx = export_onnx(estimator, folder / "onnx")
@@ -96,18 +96,18 @@ def runtimes(estimator: HybridEstimator, folder: Path) -> dict[str, Callable[[Ar
 
 
 def onnx_steps(graph: Path, samples: Array) -> Array:
-    """Returns friction [N] of the step graph."""
+    """Return friction [N] of the step graph."""
     stream = open_step(graph)
     return stepped(lambda *sample: stream.step(*sample)[0], samples)
 
 
 def stepped(step: Callable[..., float], samples: Array) -> Array:
-    """Returns the outputs of one step a sample."""
+    """Return the outputs of one step a sample."""
     return np.array([step(*sample) for sample in tqdm(samples.tolist(), leave=False, disable=None)])
 
 
 def fmu_run(estimator: HybridEstimator, path: Path, samples: Array) -> Array:
-    """Returns friction [N] of the FMU at its declared step, driven by FMPy."""
+    """Return friction [N] of the FMU at its declared step, driven by FMPy."""
     from fmpy import extract, read_model_description
     from fmpy.fmi2 import FMU2Slave
 

@@ -21,7 +21,7 @@ WINDOW = 41
 
 
 def ingest(source: Path, into: Path, cylinder: Cylinder) -> None:
-    """Logs in bar and millimetres to recordings in SI; what is wrong is listed."""
+    """Log in bar and millimetres to recordings in SI; what is wrong is listed."""
     into.mkdir(parents=True)
     seen: set[str] = set()
     refused = {}
@@ -46,7 +46,7 @@ def ingest(source: Path, into: Path, cylinder: Cylinder) -> None:
 
 
 def what_is_wrong(table: pd.DataFrame, stroke_m: float) -> str:
-    """Returns the first problem of a recording, or nothing."""
+    """Return the first problem of a recording, or nothing."""
     if table.isna().any().any():
         return "values are missing"
     steps = table["time_s"].diff().dropna()

@@ -78,11 +78,11 @@ LOADS: dict[str, LoadMode] = {"emps": "none", "crane": "position", "pneumatic-se
 
 
 def recipe_of(rig: str) -> Recipe:
-    """Returns how a rig's files become recordings: its mapping, and otherwise what is usual."""
+    """Return how a rig's files become recordings: its mapping, and otherwise what is usual."""
     cylinder = CYLINDERS[rig]
     areas = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
     return Recipe(
-        names=NameRules(r"(?P<session>(?P<test>[^_/]+)_[^./]+)\."),
+        names=NameRules(r"(?P<session>(?P<condition>[^_/]+)_[^./]+)\."),
         channels={column: ChannelMapping.from_dict(entry) for column, entry in MAPPINGS[rig].items()},
         cylinder=cylinder.name,
         limits=CheckLimits(cylinder.stroke_m, *areas, LOADS[rig]),
@@ -92,7 +92,7 @@ def recipe_of(rig: str) -> Recipe:
 
 
 def recordings_of(path: Path, rig: str) -> list[Recording]:
-    """Returns a file's recordings, one session, as ingest writes them.
+    """Return a file's recordings, one session, as ingest writes them.
 
     Raises:
         RecordingError: Ingest made nothing of the file.
@@ -112,7 +112,7 @@ def labelled(
     inertia: InertiaMode = "given",
     plan: LoadPlan | None = None,
 ) -> tuple[list[Recording], SessionFound]:
-    """Returns one session's recordings with labels, and what the session tells of load and mass."""
+    """Return one session's recordings with labels, and what the session tells of load and mass."""
     cylinder, chosen = CYLINDERS[rig], FILTERS[rig]
     labeller = Labeller(cylinder, Stiffness(), 0.0, load, inertia)
     points = SessionPoints(

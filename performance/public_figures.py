@@ -53,7 +53,7 @@ class EmpsFigures:
 
 
 def emps(data: Path) -> EmpsFigures:
-    """Identifies mass and friction on the estimation file and predicts the force of both files."""
+    """Identify mass and friction on the estimation file and predicts the force of both files."""
     recordings = {name: recordings_of(data / f"emps/{name}.mat", "emps") for name in EMPS_FILES}
     _, found = labelled(recordings[EMPS_FILES[0]], "emps", inertia="identified")
     motion = found.motion
@@ -66,7 +66,7 @@ def emps(data: Path) -> EmpsFigures:
 
 
 def _force_errors_percent(recording: Recording, motion: MotionIdentification) -> tuple[float, float]:
-    """Returns the relative error of the predicted force, of rows and of blocks."""
+    """Return the relative error of the predicted force, of rows and of blocks."""
     signals, usable = signals_of(recording), recording.usable()
     force_n = drive_force(signals, CYLINDERS["emps"])
     velocity, acceleration = signals.velocity_m_s, signals.acceleration_m_s2
@@ -103,14 +103,14 @@ class CraneFigures:
 
 
 def crane(data: Path, generations: int = 30) -> dict[str, CraneFigures]:
-    """Identifies the load of each run from itself, LuGre on each, and scores it on the other."""
+    """Identify the load of each run from itself, LuGre on each, and scores it on the other."""
     runs, estimators = {}, {}
     for name in CRANE_RUNS:
         recordings = recordings_of(data / f"crane/{name}_230425__100Hz.csv.gz", "crane")
         labels, found = labelled(recordings, "crane", load="position")
         runs[name] = (labels, found)
         estimator = LugreEstimator(
-            CYLINDERS["crane"], test=labels[0].metadata.test, seed=1, population=10, generations=generations
+            CYLINDERS["crane"], condition=labels[0].metadata.condition, seed=1, population=10, generations=generations
         )
         estimator.fit(labels)
         estimators[name] = estimator
@@ -124,7 +124,7 @@ def crane(data: Path, generations: int = 30) -> dict[str, CraneFigures]:
 
 
 def asymmetry_percent(recordings: list[Recording], bins: int = 8, slowest_m_s: float = 2e-3) -> float:
-    """Returns the greatest difference of median friction up and down in a bin of position, over their mean [%].
+    """Return the greatest difference of median friction up and down in a bin of position, over their mean [%].
 
     A difference that is the same everywhere has gone into the load; what a smooth load cannot take up shows here.
     """
@@ -154,7 +154,7 @@ def _lugre_error(estimator: LugreEstimator, recordings: list[Recording]) -> tupl
 
 
 def seals(data: Path) -> dict[str, dict[int, SessionFound]]:
-    """Returns what each seal tells at each pressure in bar: the load is the pressure, friction half the difference."""
+    """Return what each seal tells at each pressure in bar: the load is the pressure, friction half the difference."""
     plan = LoadPlan(settling_travel_m=5e-3)
     return {
         seal: {
@@ -190,7 +190,7 @@ class TribometerFigures:
 
 
 def tribometer(data: Path) -> TribometerFigures:
-    """Identifies the presliding stiffness of the test, from the first motion to the last."""
+    """Identify the presliding stiffness of the test, from the first motion to the last."""
     (raw,) = recordings_of(data / "tribometer/test_data_2.txt", "tribometer")
     (whole,), _ = labelled([raw], "tribometer")
     first, last = np.flatnonzero(np.abs(whole.column("velocity_m_s")) > SLOWEST_M_S)[[0, -1]]
@@ -208,7 +208,7 @@ def tribometer(data: Path) -> TribometerFigures:
 def _lugre_stiffness(
     recording: Recording, start: PreslidingStiffness
 ) -> tuple[LugreParameters, tuple[float, float], float]:
-    """Returns LuGre with the Coulomb friction and bristle stiffness that simulate the friction best."""
+    """Return LuGre with the Coulomb friction and bristle stiffness that simulate the friction best."""
     velocity, friction_n = recording.column("velocity_m_s"), recording.column("friction_n")
     motion = Motion(velocity, np.zeros_like(velocity), friction_n, recording.usable())
     motions = Motions.of([motion], recording.sample_time_s)

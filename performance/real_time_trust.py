@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def coverage(model: StepModel, recordings: list[Recording]) -> None:
-    """Prints the share of usable rows whose label lies between the bounds, and the bounds' mean width."""
+    """Print the share of usable rows whose label lies between the bounds, and the bounds' mean width."""
     counts: dict[str, np.ndarray] = {}
     for recording in recordings:
         newtons, _ = RealTimeStream(model).run(recording.samples())
@@ -47,7 +47,7 @@ def coverage(model: StepModel, recordings: list[Recording]) -> None:
         usable[: model.guard.warm_up_samples] = False
         within = (newtons[:, 1] <= label) & (label <= newtons[:, 2])
         regime = regimes_of(recording)
-        masks = {f"test {recording.metadata.test}": np.ones(len(label), dtype=bool)}
+        masks = {f"condition {recording.metadata.condition}": np.ones(len(label), dtype=bool)}
         masks |= strata_masks(recording.column("velocity_m_s"), recording.sample_time_s, LIMITS)
         masks |= {f"regime {name}": regime == number for number, name in enumerate(REGIMES)}
         for name, mask in masks.items():
@@ -61,7 +61,7 @@ def coverage(model: StepModel, recordings: list[Recording]) -> None:
 
 
 def recovery(model: StepModel, recordings: list[Recording]) -> None:
-    """Prints after how many samples the estimate is back, for good, within half a newton of the undisturbed one."""
+    """Print after how many samples the estimate is back, for good, within half a newton of the undisturbed one."""
     generator = np.random.default_rng(0)
     lasting: dict[str, list[int]] = {}
     stream = RealTimeStream(model)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def main() -> None:
-    """Prints simulated seconds per second of both."""
+    """Print simulated seconds per second of both."""
     duration_s = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
     rig = default_rig(Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)).with_throttle(THROTTLE_GAINS["3"])
     start = balanced_state(rig, 0.12, 10e5, 35.0)

@@ -45,7 +45,7 @@ Piece = tuple["Array", "Array", "Mask"]
 
 
 def twin_taught(cylinder: Cylinder, rigs: int, effort: float) -> FrictionEstimator:
-    """Returns the hybrid taught by so many simulated rigs, as the benchmark makes it before any tuning."""
+    """Return the hybrid taught by so many simulated rigs, as the benchmark makes it before any tuning."""
     entry = next(one for one in ENTRIES if one.teacher == "twin")
     estimator = entry.make(Making(cylinder, SAMPLE_COLUMNS, 0, effort, entry.first))
     estimator.fit([lesson.recording for lesson in teaching_recordings(TwinPlan(rigs=rigs), cylinder)])
@@ -53,7 +53,7 @@ def twin_taught(cylinder: Cylinder, rigs: int, effort: float) -> FrictionEstimat
 
 
 def rivals(cylinder: Cylinder, effort: float) -> dict[str, FrictionEstimator]:
-    """Returns those that learn from the unseen rig's own labels; the hybrid with the settings of ``params.yaml``."""
+    """Return those that learn from the unseen rig's own labels; the hybrid with the settings of ``params.yaml``."""
     return {
         "tuned low-pass": LowPassForceBalanceEstimator(cylinder),
         "default hybrid": HybridEstimator(
@@ -68,9 +68,9 @@ def rivals(cylinder: Cylinder, effort: float) -> dict[str, FrictionEstimator]:
 
 
 def scored(cylinder: Cylinder, twin: FrictionEstimator, seed: int, effort: float) -> dict[tuple[str, str], list[Piece]]:
-    """Returns an unseen rig's pieces by test and estimator."""
+    """Return an unseen rig's pieces by test and estimator."""
     plan = CampaignPlan(
-        seed=seed, sessions_per_test=SESSIONS, recordings_per_session=2, duration_s=30.0, specimen="wide"
+        seed=seed, sessions_per_condition=SESSIONS, recordings_per_session=2, duration_s=30.0, specimen="wide"
     )
     everything = labelled_campaign(plan, cylinder)
     taught = [one.recording for one in everything if _session(one) <= TAUGHT_SESSIONS]
@@ -80,10 +80,10 @@ def scored(cylinder: Cylinder, twin: FrictionEstimator, seed: int, effort: float
     pieces: defaultdict[tuple[str, str], list[Piece]] = defaultdict(list)
     for one in everything:
         if _session(one) > TAUGHT_SESSIONS:
-            recording, test = one.recording, one.recording.metadata.test
+            recording, condition = one.recording, one.recording.metadata.condition
             found = {name: each.estimate(recording) for name, each in {TWIN: twin, **estimators}.items()}
             for name, estimate in {LABEL: recording.column("friction_n"), **found}.items():
-                pieces[test, name].append((one.true_friction_n, estimate, recording.usable()))
+                pieces[condition, name].append((one.true_friction_n, estimate, recording.usable()))
     return dict(pieces)
 
 
@@ -92,7 +92,7 @@ def _session(one: LabelledRecording) -> int:
 
 
 def draws_of(pieces: list[Piece]) -> tuple[float, Array]:
-    """Returns the percentage and its bootstrap draws; equal recordings give equal blocks, so that draws pair."""
+    """Return the percentage and its bootstrap draws; equal recordings give equal blocks, so that draws pair."""
     truths, estimates = [truth for truth, _, _ in pieces], [estimate for _, estimate, _ in pieces]
     sums = block_sums(truths, estimates, [usable for _, _, usable in pieces], BLOCK_SAMPLES)
     percent = 100.0 * sums.abs_error_n.sum() / sums.abs_friction_n.sum()
@@ -100,7 +100,7 @@ def draws_of(pieces: list[Piece]) -> tuple[float, Array]:
 
 
 def line(title: str, by_name: dict[str, list[Piece]]) -> tuple[str, float]:
-    """Returns one line of the table, and the lower end of how far the twin's hybrid is below the label [%]."""
+    """Return one line of the table, and the lower end of how far the twin's hybrid is below the label [%]."""
     found = {name: draws_of(pieces) for name, pieces in by_name.items()}
     words = []
     for name, (percent, draws) in found.items():
@@ -112,15 +112,15 @@ def line(title: str, by_name: dict[str, list[Piece]]) -> tuple[str, float]:
 
 
 def main(arguments: list[str]) -> int:
-    """Prints the table; returns 1 where the hybrid is not below the label outside the interval, over all rigs."""
+    """Print the table; returns 1 where the hybrid is not below the label outside the interval, over all rigs."""
     given = [*arguments, *("6", "64", "1.0")[len(arguments) :]]
     rigs, teaching, effort = int(given[0]), int(given[1]), float(given[2])
     cylinder = Cylinder(**yaml.safe_load(Path("params.yaml").read_text(encoding="utf-8"))["cylinder"])
     twin = twin_taught(cylinder, teaching, effort)
     pooled: defaultdict[str, defaultdict[str, list[Piece]]] = defaultdict(lambda: defaultdict(list))
     for number in range(rigs):
-        for (test, name), pieces in scored(cylinder, twin, FIRST_SEED + number, effort).items():
-            for title in (f"rig {number + 1}", f"test {test}, all rigs", "all"):
+        for (condition, name), pieces in scored(cylinder, twin, FIRST_SEED + number, effort).items():
+            for title in (f"rig {number + 1}", f"condition {condition}, all rigs", "all"):
                 pooled[title][name] += pieces
         sys.stdout.write(line(f"rig {number + 1}", pooled[f"rig {number + 1}"])[0] + "\n")
         sys.stdout.flush()

@@ -24,7 +24,7 @@ def boom_load(position_m: Array) -> Array:
 
 
 def motion(seconds: float = 120.0, reach_m: float = 0.08) -> tuple[Array, Array, Array]:
-    """Returns position, velocity and acceleration of slow strokes whose speed changes, each of shape ``(n,)``."""
+    """Return position, velocity and acceleration of slow strokes whose speed changes, each of shape ``(n,)``."""
     time_s = STEP_S * np.arange(round(seconds / STEP_S))
     position_m = 0.125 + reach_m * np.sin(0.4 * time_s) * np.cos(0.03 * time_s)
     velocity = np.gradient(position_m, STEP_S)
@@ -39,7 +39,7 @@ def boom_points(
     seconds: float = 120.0,
     plan: LoadPlan | None = None,
 ) -> StrokePoints:
-    """Returns strokes with slowly wandering noise of about 12 N; retraction has ``2 * asymmetry_n`` more friction."""
+    """Return strokes with slowly wandering noise of about 12 N; retraction has ``2 * asymmetry_n`` more friction."""
     plan = plan or LoadPlan()
     generator = np.random.default_rng(seed)
     position_m, velocity, acceleration = motion(seconds)

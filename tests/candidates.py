@@ -35,7 +35,7 @@ def candidate_in(root: Path, errors: dict[str, float] | None = None) -> Candidat
 
 
 def other_model(root: Path) -> None:
-    """Makes the candidate's folder another model, which works as well."""
+    """Make the candidate's folder another model, which works as well."""
     path = root / "models/hybrid/estimator.json"
     content = json.loads(path.read_text(encoding="utf-8"))
     content["parameters"]["target_mean_n"] += 1.0

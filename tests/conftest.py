@@ -28,9 +28,14 @@ SAMPLE_TIME_S = 0.005
 
 
 def made_recording(
-    cylinder: Cylinder, name: str = "made", test: str = "1", session: str = "s1", seed: int = 0, seconds: float = 20.0
+    cylinder: Cylinder,
+    name: str = "made",
+    condition: str = "1",
+    session: str = "s1",
+    seed: int = 0,
+    seconds: float = 20.0,
 ) -> Recording:
-    """Returns a labelled recording of a wandering sine with Stribeck friction and sensor noise; not from the rig."""
+    """Return a labelled recording of a wandering sine with Stribeck friction and sensor noise; not from the rig."""
     generator = np.random.default_rng(seed)
     time_s = SAMPLE_TIME_S * np.arange(round(seconds / SAMPLE_TIME_S))
     rate = 2.0 * np.pi * generator.uniform(0.2, 0.5)
@@ -38,7 +43,7 @@ def made_recording(
     position_m = 0.125 + amplitude_m * np.sin(rate * time_s + seed)
     velocity_m_s = amplitude_m * rate * np.cos(rate * time_s + seed)
     acceleration_m_s2 = -amplitude_m * rate**2 * np.sin(rate * time_s + seed)
-    pressure_2_pa = 9e5 * int(test) + 2e5 * np.sin(0.3 * time_s)
+    pressure_2_pa = 9e5 * int(condition) + 2e5 * np.sin(0.3 * time_s)
     coulomb_n = 240.0 + 4.0 * (pressure_2_pa / 1e5)
     friction_n = (
         np.tanh(velocity_m_s / 2e-3) * (coulomb_n * (1.0 + 0.5 * np.exp(-((velocity_m_s / 8e-3) ** 2))))
@@ -59,7 +64,7 @@ def made_recording(
             "usable": np.ones(len(time_s), dtype=bool),
         }
     )
-    return Recording(RecordingMetadata(name, test, session, SAMPLE_TIME_S, cylinder.name), table)
+    return Recording(RecordingMetadata(name, condition, session, SAMPLE_TIME_S, cylinder.name), table)
 
 
 @pytest.fixture(scope="session")
@@ -71,8 +76,14 @@ def cylinder() -> Cylinder:
 def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
     """Two recordings of each of the four tests, one session each."""
     return [
-        made_recording(cylinder, f"test{test}_session{take}", str(test), f"test{test}-{take}", 10 * test + take)
-        for test in (1, 2, 3, 4)
+        made_recording(
+            cylinder,
+            f"condition{condition}_session{take}",
+            str(condition),
+            f"test{condition}-{take}",
+            10 * condition + take,
+        )
+        for condition in (1, 2, 3, 4)
         for take in (1, 2)
     ]
 
@@ -122,8 +133,8 @@ def written_pipeline(
             if recording.name.endswith(str(chosen)):
                 write_recording(root / "data/processed" / role, recording)
     small_hybrid.save(root / "models/hybrid")
-    tests = sorted({recording.metadata.test for recording in labelled_recordings})
-    numbers = {test: {"label_percent": 2.0 + 0.1 * int(test), "label_mae_n": 8.0} for test in tests}
+    conditions = sorted({recording.metadata.condition for recording in labelled_recordings})
+    numbers = {condition: {"label_percent": 2.0 + 0.1 * int(condition), "label_mae_n": 8.0} for condition in conditions}
     (root / "reports/figures").mkdir(parents=True)
     (root / "reports/figures/figure_5.png").write_bytes(_SMALLEST_PNG)
     (root / "reports/report.html").write_text("<h1>Comparison</h1>", encoding="utf-8")
@@ -153,7 +164,9 @@ def _write_run_records(root: Path) -> None:
         RunRecord("search", {"trials": 3}, {"best_mae_n": 6.0}, children=trials),
         RunRecord("train", {"seed": 2}, {"mae_n": 8.0}, {"mae": [9.0, 8.0]}, datasets={"train": "0" * 64}),
         RunRecord(
-            "compare", metrics={"hybrid.test_1.label_percent": 2.1}, artifacts={p: hash_of(root / p) for p in paths}
+            "compare",
+            metrics={"hybrid.condition_1.label_percent": 2.1},
+            artifacts={p: hash_of(root / p) for p in paths},
         ),
     )
     (root / "reports/runs").mkdir()

@@ -66,7 +66,7 @@ class FmuInstance:
     def initialize(
         self, start_s: float = 0.0, stop_s: float | None = None, warm_up_steps: int = 0, sample: tuple | None = None
     ) -> None:
-        """Goes from instantiated to step mode; a sample set here is the one that warm-up steps repeat."""
+        """Go from instantiated to step mode; a sample set here is the one that warm-up steps repeat."""
         if self.fmu.version == 2:
             self.raw.setupExperiment(startTime=start_s, stopTime=stop_s)
             self.raw.enterInitializationMode()
@@ -106,7 +106,7 @@ class FmuInstance:
         self.raw.doStep(currentCommunicationPoint=point_s, communicationStepSize=step_s)
 
     def step(self, sample: tuple[float, float, float]) -> tuple[float, float, float, int]:
-        """Sets a sample, takes one step of the declared size, and returns friction, bounds and flags."""
+        """Set a sample, takes one step of the declared size, and returns friction, bounds and flags."""
         step_s = float(self.fmu.description.defaultExperiment.stepSize)
         self.set_real(INPUTS, sample)
         self.do_step(self.time_s, step_s)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def synthetic(rows: int = 400, seed: int = 3) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Returns a short made-up recording with full double precision, and its units."""
+    """Return a short made-up recording with full double precision, and its units."""
     random = np.random.default_rng(seed)
     time = np.arange(rows) * 0.005
     table = pd.DataFrame(
@@ -57,14 +57,14 @@ def write_csv_gz(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> N
 
 
 def write_matlab5(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
-    """Writes column vectors, a struct of units, a scalar and a text, compressed as ``save`` does."""
+    """Write column vectors, a struct of units, a scalar and a text, compressed as ``save`` does."""
     variables: dict[str, Any] = {name: table[name].to_numpy()[:, None] for name in table.columns}
     variables |= {"units": dict(units), "serial": 42.0, "operator": "nobody"}
     scipy.io.savemat(path, variables, do_compression=True)
 
 
 def write_matlab73(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
-    """Writes HDF5 as MATLAB does: a 512-byte block with its text header, its classes, its axes turned round."""
+    """Write HDF5 as MATLAB does: a 512-byte block with its text header, its classes, its axes turned round."""
     with h5py.File(path, "w", userblock_size=512, libver="earliest") as file:
         for name in table.columns:
             dataset = file.create_dataset(name, data=table[name].to_numpy()[None, :])
@@ -80,7 +80,7 @@ def write_matlab73(path: Path, table: pd.DataFrame, units: Mapping[str, str]) ->
 
 
 def write_mdf4(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
-    """Writes one channel group; the column ``time`` is its master."""
+    """Write one channel group; the column ``time`` is its master."""
     time = table["time"].to_numpy()
     signals = [
         Signal(table[name].to_numpy(), time, name=str(name), unit=units.get(str(name), ""))
@@ -115,7 +115,7 @@ def write_hdf5(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> Non
 
 
 def write_parquet(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
-    """Writes several row groups; units stand in the fields' metadata."""
+    """Write several row groups; units stand in the fields' metadata."""
     arrow = pa.Table.from_pandas(table)
     fields = [field.with_metadata({"unit": units[field.name]} if field.name in units else {}) for field in arrow.schema]
     schema = pa.schema(fields, metadata=arrow.schema.metadata)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 CYLINDER = Cylinder("made", 0.063, 0.028, 0.25, 6.0)
 SIZES = Sizes(
-    sessions_per_test=3,
+    sessions_per_condition=3,
     recordings_per_session=1,
     duration_s=8.0,
     test_sessions=1,
@@ -37,8 +37,8 @@ MODULES = ("friction_benchmark_models",)
 
 
 def made_case(test: str, session: int, seed: int = 0, load_n: float = 0.0, seconds: float = 8.0) -> Case:
-    """Returns a recording whose label is true friction and 5 N more; oil of 20 °C and one more for each session."""
-    name = f"test{test}_session{session:02d}_recording01"
+    """Return a recording whose label is true friction and 5 N more; oil of 20 °C and one more for each session."""
+    name = f"condition{test}_session{session:02d}_recording01"
     generator = np.random.default_rng([seed, int(test), session])
     time_s = 0.005 * np.arange(round(seconds / 0.005))
     rate = 2.0 * np.pi * generator.uniform(0.2, 0.5)
@@ -62,12 +62,12 @@ def made_case(test: str, session: int, seed: int = 0, load_n: float = 0.0, secon
             "usable": usable,
         }
     )
-    metadata = RecordingMetadata(name, test, f"test{test}_session{session:02d}", 0.005, CYLINDER.name)
+    metadata = RecordingMetadata(name, test, f"condition{test}_session{session:02d}", 0.005, CYLINDER.name)
     return Case(Recording(metadata, table), friction_n, load)
 
 
 def write_campaign(sources: Sources, kind: Kind, seed: int, sessions: int = 3) -> None:
-    """Writes a made campaign where the benchmark would have simulated one, so that it simulates none."""
+    """Write a made campaign where the benchmark would have simulated one, so that it simulates none."""
     for test in "1234":
         for session in range(1, sessions + 1):
             offset = 100 if kind.startswith("unseen") else 0
@@ -77,7 +77,7 @@ def write_campaign(sources: Sources, kind: Kind, seed: int, sessions: int = 3) -
 
 
 def write_own(folder: Path) -> tuple[tuple[str, Path], ...]:
-    """Writes recordings as the stage ``label`` leaves them, and returns the folder of each role."""
+    """Write recordings as the stage ``label`` leaves them, and returns the folder of each role."""
     roles = {"train": 1, "validation": 2, "test": 3}
     for role, session in roles.items():
         for test in "1234":

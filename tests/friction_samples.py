@@ -55,7 +55,7 @@ ODD: dict[str, ModelParameters] = {
 
 
 def held_path(sample_time_s: float) -> NDArray[np.float64]:
-    """Returns presliding to and fro, breakaway, fast sliding, a slow stretch, dwell, reversal, dwell, stick again."""
+    """Return presliding to and fro, breakaway, fast sliding, a slow stretch, dwell, reversal, dwell, stick again."""
     stretches = [
         (1e-4, 0.05),
         (-1.5e-4, 0.05),

@@ -13,13 +13,13 @@ BIN = Path(sys.executable).parent
 
 
 def environment() -> dict[str, str]:
-    """Returns the environment of a user who has activated this virtual environment and set nothing else."""
+    """Return the environment of a user who has activated this virtual environment and set nothing else."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("MLFLOW_", "DVC_"))}
     return {**kept, "PATH": f"{BIN}:{os.environ['PATH']}", "DVC_NO_ANALYTICS": "true"}
 
 
 def run(folder: Path, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
-    """Runs a command in a folder; its output is shown where it fails."""
+    """Run a command in a folder; its output is shown where it fails."""
     done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True)
     if check:
         assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
@@ -34,7 +34,7 @@ def commit(folder: Path, message: str) -> None:
 
 
 def new_repository(folder: Path) -> Path:
-    """Copies what git holds or would hold into ``folder``, as a repository with one commit and the smoke recipe."""
+    """Copy what git holds or would hold into ``folder``, as a repository with one commit and the smoke recipe."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
         cwd=PROJECT,
@@ -54,12 +54,12 @@ def new_repository(folder: Path) -> Path:
 
 
 def copy_of(pipeline: Path, parent: Path) -> Path:
-    """Returns a copy of a finished pipeline's repository, its data, cache and store included."""
+    """Return a copy of a finished pipeline's repository, its data, cache and store included."""
     return Path(shutil.copytree(pipeline, parent / "project", symlinks=True))
 
 
 def without_results_of(folder: Path, *stages: str) -> None:
-    """Makes these stages new again: their lock entries, the run cache and the tracking store are gone."""
+    """Make these stages new again: their lock entries, the run cache and the tracking store are gone."""
     lock = folder / "dvc.lock"
     kept, skipping = [], False
     for line in lock.read_text(encoding="utf-8").splitlines(keepends=True):

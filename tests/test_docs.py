@@ -21,12 +21,12 @@ PROGRAM = re.compile(r"complete file=(?P<file>\w+\.py)")
 
 
 def named(pattern: str) -> list[tuple[str, str]]:
-    """Returns page and name of every match of the pattern's one group."""
+    """Return page and name of every match of the pattern's one group."""
     return [(page.name, name) for page in PAGES for name in re.findall(pattern, page.read_text(encoding="utf-8"))]
 
 
 def programs(page: Path) -> dict[str, str]:
-    """Returns the complete programs of a page by their file's name."""
+    """Return the complete programs of a page by their file's name."""
     blocks = BLOCK.finditer(page.read_text(encoding="utf-8"))
     return {found["file"]: block["text"] for block in blocks if (found := PROGRAM.search(block["rest"]))}
 

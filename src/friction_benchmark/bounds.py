@@ -61,7 +61,7 @@ class ErrorBounds:
     factor: float
 
     def around(self, recording: Recording, estimate_n: Array) -> tuple[Array, Array]:
-        """Returns lower and upper bound [N] of an estimate, shape ``(n,)`` each."""
+        """Return lower and upper bound [N] of an estimate, shape ``(n,)`` each."""
         bins = _bins(_known(recording, estimate_n), self.edges_n, self.level_edges_n)
         return estimate_n + self.lower_n[bins], estimate_n + self.upper_n[bins]
 
@@ -81,7 +81,7 @@ class _Known:
 def calibrated(
     recordings: Sequence[Recording], estimates_n: Sequence[Array], probability: float = PROBABILITY
 ) -> ErrorBounds:
-    """Returns bounds between which the label of another session lies with ``probability``.
+    """Return bounds between which the label of another session lies with ``probability``.
 
     Args:
         recordings: Labelled, of sessions that the model did not learn from.
@@ -115,7 +115,7 @@ def calibrated(
 
 
 def _factor(errors: Array, bins: Bins, group: Bins, probability: float) -> float:
-    """Returns how much wider intervals made from other sessions must be; at least 1, and 1 for a single group."""
+    """Return how much wider intervals made from other sessions must be; at least 1, and 1 for a single group."""
     numbers = np.unique(group)
     if len(numbers) < 2:
         return 1.0
@@ -141,10 +141,10 @@ def _intervals(errors: Array, bins: Bins, probability: float) -> tuple[Array, Ar
 
 
 def _groups(recordings: Sequence[Recording]) -> Bins:
-    """Returns each recording's group, shape ``(len(recordings),)``: the sessions of each test are dealt in turn."""
+    """Return each recording's group, shape ``(len(recordings),)``: the sessions of each test are dealt in turn."""
     sessions: dict[str, set[str]] = {}
     for recording in recordings:
-        sessions.setdefault(recording.metadata.test, set()).add(recording.metadata.session)
+        sessions.setdefault(recording.metadata.condition, set()).add(recording.metadata.session)
     group = {session: number % GROUPS for names in sessions.values() for number, session in enumerate(sorted(names))}
     return np.array([group[recording.metadata.session] for recording in recordings], dtype=np.int64)
 
@@ -156,7 +156,7 @@ def _known(recording: Recording, estimate_n: Array) -> _Known:
 
 @numba.njit(cache=True)
 def _running_mean(values: Array, weight: float) -> Array:
-    """Returns the mean until each row, shape ``(n,)``: of all rows at first, then with exponential forgetting."""
+    """Return the mean until each row, shape ``(n,)``: of all rows at first, then with exponential forgetting."""
     result = np.empty(values.shape[0])
     mean = 0.0
     for row in range(values.shape[0]):

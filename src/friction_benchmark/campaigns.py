@@ -64,7 +64,7 @@ class LabelledRecording:
 
 
 def labelled_campaign(plan: CampaignPlan, cylinder: Cylinder) -> tuple[LabelledRecording, ...]:
-    """Returns a campaign's labelled recordings, in the order of their names; equal plans give equal bits.
+    """Return a campaign's labelled recordings, in the order of their names; equal plans give equal bits.
 
     What ingest would set aside (too short, without motion) is left out, as it would be.
 
@@ -88,7 +88,7 @@ def labelled_campaign(plan: CampaignPlan, cylinder: Cylinder) -> tuple[LabelledR
 
 
 def campaign_recipe(cylinder: Cylinder, *, load: bool) -> Recipe:
-    """Returns how the rig's log becomes recordings, by default; ``load`` tells whether there is a load cell."""
+    """Return how the rig's log becomes recordings, by default; ``load`` tells whether there is a load cell."""
     return Recipe(
         names=NameRules(NAME_PATTERN),
         channels=logger_channels(load=load),
@@ -101,7 +101,7 @@ def campaign_recipe(cylinder: Cylinder, *, load: bool) -> Recipe:
 
 
 def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Iterator[LabelledRecording]:
-    """Yields a log's recordings: one, unless samples that cannot be bridged part it."""
+    """Yield a log's recordings: one, unless samples that cannot be bridged part it."""
     file = f"{logged.metadata.name}.csv"
     pieces = _pieces(as_written(logged.logger), recipe)
     for number, piece in enumerate(pieces, start=1):

@@ -57,7 +57,7 @@ class _Work:
 def run_benchmark(
     bench: Bench, programme: Programme, how: ScoreSettings, workers: int, progress: bool = True
 ) -> BenchmarkResults:
-    """Returns what the benchmark found; the number of workers and their order change nothing but times.
+    """Return what the benchmark found; the number of workers and their order change nothing but times.
 
     Raises:
         ValueError: A task, split or model is not known.
@@ -237,7 +237,7 @@ def _task_result(
 
 
 def _excuse(bench: Bench, course: _Course, entry: RosterEntry, task: Task) -> str:
-    """Returns why a participant does not take part in a task; empty where it does."""
+    """Return why a participant does not take part in a task; empty where it does."""
     inputs = _inputs(bench, task)
     if not entry.can(inputs):
         return f"it needs more than {', '.join(inputs)}"

@@ -54,7 +54,7 @@ class Sizes:
     """How much is simulated.
 
     Attributes:
-        sessions_per_test: In each of the four tests.
+        sessions_per_condition: In each of the four tests.
         recordings_per_session: Of each session.
         duration_s: Of a recording [s].
         test_sessions: Of each test, held out.
@@ -63,7 +63,7 @@ class Sizes:
         twin_rigs: Rigs of the simulated twin, whose true friction teaches; two recordings of each test on each.
     """
 
-    sessions_per_test: int
+    sessions_per_condition: int
     recordings_per_session: int
     duration_s: float
     test_sessions: int
@@ -92,7 +92,7 @@ class Sources:
 
 
 def simulate_campaign(sources: Sources, cylinder: Cylinder, kind: Kind, seed: int) -> None:
-    """Simulates one campaign, or the twin's lessons, and stores them, unless they are there already."""
+    """Simulate one campaign, or the twin's lessons, and stores them, unless they are there already."""
     folder = _folder(sources, kind, seed)
     if folder.is_dir():
         return
@@ -109,11 +109,11 @@ def simulate_campaign(sources: Sources, cylinder: Cylinder, kind: Kind, seed: in
 
 
 def campaign_plan(sizes: Sizes, kind: Kind, seed: int) -> CampaignPlan:
-    """Returns what is simulated; an unseen rig is any rig of this size, another one for every seed."""
+    """Return what is simulated; an unseen rig is any rig of this size, another one for every seed."""
     elsewhere = kind.startswith("unseen")
     return CampaignPlan(
         seed=UNSEEN_SEEDS + seed if elsewhere else seed,
-        sessions_per_test=sizes.unseen_sessions if elsewhere else sizes.sessions_per_test,
+        sessions_per_condition=sizes.unseen_sessions if elsewhere else sizes.sessions_per_condition,
         recordings_per_session=sizes.recordings_per_session,
         duration_s=sizes.duration_s,
         external_load="varied" if kind.endswith("loaded") else "none",
@@ -122,14 +122,14 @@ def campaign_plan(sizes: Sizes, kind: Kind, seed: int) -> CampaignPlan:
 
 
 def cases_of(sources: Sources, kind: Kind, seed: int) -> dict[str, Case]:
-    """Returns recordings by name; one's own are the same for every seed, and nobody knows their truth."""
+    """Return recordings by name; one's own are the same for every seed, and nobody knows their truth."""
     if sources.own and not kind.startswith("twin"):
         return _read(tuple(folder for _, folder in sources.own))
     return _read((_folder(sources, kind, seed),))
 
 
 def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold, ...]:
-    """Returns the folds of a split, checked for leaks; who chooses and who is asked is so with every pair of sensors.
+    """Return the folds of a split, checked for leaks; who chooses and who is asked is so with every pair of sensors.
 
     Raises:
         RecordingError: There are too few sessions, or a session would have two roles.
@@ -160,7 +160,7 @@ def unseen_kind(task: Task) -> Kind:
 
 @lru_cache(maxsize=6)
 def exams_of(sources: Sources, task: Task, kind: Kind, seed: int) -> dict[str, Exam]:
-    """Returns the recordings of a campaign as the task puts them, by name; where sensors drift, several of each."""
+    """Return the recordings of a campaign as the task puts them, by name; where sensors drift, several of each."""
     return {
         drawn: exam_of(task, case, seed, draw)
         for name, case in cases_of(sources, kind, seed).items()
@@ -169,19 +169,19 @@ def exams_of(sources: Sources, task: Task, kind: Kind, seed: int) -> dict[str, E
 
 
 def lessons_of(sources: Sources, task: Task, seed: int, *, of_now: bool) -> dict[str, Exam]:
-    """Returns what teaches: the task's campaign; ``of_now`` makes friction now the target, not friction ahead."""
+    """Return what teaches: the task's campaign; ``of_now`` makes friction now the target, not friction ahead."""
     return exams_of(sources, of_the_present(task) if of_now else task, task.campaign, seed)
 
 
 @lru_cache(maxsize=2)
 def twin_lessons_of(sources: Sources, task: Task, seed: int) -> tuple[Recording, ...]:
-    """Returns the task's recordings on the twin's rigs; their target is true friction, which nobody could label."""
+    """Return the task's recordings on the twin's rigs; their target is true friction, which nobody could label."""
     cases = cases_of(sources, twin_kind(task), seed)
     return tuple(exam_of(task, case, seed).recording for case in cases.values())
 
 
 def _drawn(task: Task, name: str) -> list[str]:
-    """Returns the names of a recording's exams: its own first, then those with other sensors."""
+    """Return the names of a recording's exams: its own first, then those with other sensors."""
     return [name, *(f"{name} sensors {draw}" for draw in range(1, SENSOR_DRAWS if task.drifts else 1))]
 
 

@@ -21,7 +21,7 @@ LEVEL = 0.99
 
 
 def findings_of(results: BenchmarkResults) -> dict[str, str]:
-    """Returns the paragraph of each task, by its name: who wins, by how much, who does not beat the floor.
+    """Return the paragraph of each task, by its name: who wins, by how much, who does not beat the floor.
 
     A model counts as better than the floor where the paired 95 % block-bootstrap interval of the difference leaves out
     zero, and as tied with the best where its figure lies within the best one's interval.

@@ -43,7 +43,7 @@ def fitted(
     recordings: Sequence[Recording],
     store: Path,
 ) -> Fitted:
-    """Returns a participant taught on these recordings, from the store if it was taught so before.
+    """Return a participant taught on these recordings, from the store if it was taught so before.
 
     What counts is what it is made from and what it sees: columns that are none of its inputs may differ, so that a
     model of position alone is identified once for many tasks. It is always read back from where it was saved.
@@ -71,12 +71,12 @@ def making_of(
     effort: float,
     choice: Mapping[str, Value],
 ) -> Making:
-    """Returns what a participant is made from; what was not chosen is its first guess."""
+    """Return what a participant is made from; what was not chosen is its first guess."""
     return Making(cylinder, inputs, seed, effort, {**entry.first, **choice})
 
 
 def _keep(estimator: FrictionEstimator, training_s: float, folder: Path) -> None:
-    """Saves an estimator whole; of two processes that taught the same one, the first keeps it."""
+    """Save an estimator whole; of two processes that taught the same one, the first keeps it."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
@@ -102,7 +102,7 @@ def _key(entry: RosterEntry, making: Making, inputs: Sequence[str], recordings: 
     digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
     for recording in recordings:
         metadata = recording.metadata
-        digest.update(f"{metadata.name}/{metadata.test}/{metadata.session}/{metadata.sample_time_s}".encode())
+        digest.update(f"{metadata.name}/{metadata.condition}/{metadata.session}/{metadata.sample_time_s}".encode())
         digest.update(recording.samples(inputs).tobytes())
         digest.update(np.packbits(recording.usable()).tobytes())
         digest.update(recording.column("friction_n")[recording.usable()].tobytes())

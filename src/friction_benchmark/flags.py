@@ -26,7 +26,7 @@ VELOCITY = "velocity_m_s"
 def taught_range(
     sources: Sources, task: Task, seed: int, names: tuple[str, ...], inputs: tuple[str, ...], *, causal: bool
 ) -> TrainingRange:
-    """Returns the range of the inputs, and of the velocity last, in what teaches.
+    """Return the range of the inputs, and of the velocity last, in what teaches.
 
     It is the same for all models of one teacher, and a handful of numbers, so that a worker keeps those of all tasks,
     folds and seeds.
@@ -50,12 +50,12 @@ def taught_range(
 
 
 def outside(known: TrainingRange, recording: Recording) -> Mask:
-    """Returns which rows of a recording lie outside a range, shape ``(n,)``; its columns are the range's."""
+    """Return which rows of a recording lie outside a range, shape ``(n,)``; its columns are the range's."""
     return ~known.holds(recording.samples(known.columns))
 
 
 def with_causal_velocity(recording: Recording) -> Recording:
-    """Returns the recording with the velocity that a flag goes by, from samples until now [m/s]."""
+    """Return the recording with the velocity that a flag goes by, from samples until now [m/s]."""
     block = FirFilter(velocity_taps(recording.sample_time_s)[None, 2:3])
     velocity = block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
     return recording.with_columns(**{VELOCITY: velocity})

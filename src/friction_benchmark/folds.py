@@ -49,19 +49,19 @@ Roles = dict[str, tuple[str, ...]]
 
 
 def held_out(roles: Roles) -> Fold:
-    """Returns the fold that other folds are made from."""
+    """Return the fold that other folds are made from."""
     return Fold(HELD_OUT, "", roles["train"], roles["validation"], roles["test"])
 
 
 def leave_one_load_out(base: Fold, metadata: Sequence[RecordingMetadata]) -> tuple[Fold, ...]:
-    """Returns one fold a test (load); all its sessions are asked, none of them teaches or chooses."""
-    return _leave_out(base, {entry.name: entry.test for entry in metadata}, LEAVE_LOAD)
+    """Return one fold a test (load); all its sessions are asked, none of them teaches or chooses."""
+    return _leave_out(base, {entry.name: entry.condition for entry in metadata}, LEAVE_LOAD)
 
 
 def leave_one_temperature_out(
     base: Fold, metadata: Sequence[RecordingMetadata], mean_temperature_c: Mapping[str, float]
 ) -> tuple[Fold, ...]:
-    """Returns three folds: the third of all sessions with the coldest oil is asked, the middle, and the warmest.
+    """Return three folds: the third of all sessions with the coldest oil is asked, the middle, and the warmest.
 
     Args:
         base: The held-out fold.
@@ -78,12 +78,12 @@ def leave_one_temperature_out(
 
 
 def unseen_rig(base: Fold, metadata: Sequence[RecordingMetadata]) -> Fold:
-    """Returns the fold that teaches as ``base`` does and asks all recordings of another rig's campaign."""
+    """Return the fold that teaches as ``base`` does and asks all recordings of another rig's campaign."""
     return Fold(UNSEEN_RIG, "", base.train, base.validation, tuple(sorted(entry.name for entry in metadata)))
 
 
 def refuse_leaks(fold: Fold, metadata: Sequence[RecordingMetadata]) -> None:
-    """Refuses a fold in which a session has two roles; of an unseen rig, only teaching and choosing are compared.
+    """Refuse a fold in which a session has two roles; of an unseen rig, only teaching and choosing are compared.
 
     Raises:
         RecordingError: A session has two roles, or a role is empty.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def judged(bench: Bench, task_name: str, split: str, model: str, floor: str | None, how: ScoreSettings) -> Entry:
-    """Returns a model's line; ``floor`` is None where the floor itself has no answer."""
+    """Return a model's line; ``floor`` is None where the floor itself has no answer."""
     task, store = task_named(task_name), Store(bench.store)
     answers = {seed: store.answer(task.name, split, model, seed) for seed in bench.seeds}
     floors = {} if floor is None else {seed: store.answer(task.name, split, floor, seed) for seed in bench.seeds}
@@ -36,7 +36,7 @@ def judged(bench: Bench, task_name: str, split: str, model: str, floor: str | No
 
 
 def denominators(bench: Bench, task: Task, split: str, how: ScoreSettings) -> tuple[float, Interval | None]:
-    """Returns mean |reference| [N] of the test recordings, and how far the label is from true friction, if known."""
+    """Return mean |reference| [N] of the test recordings, and how far the label is from true friction, if known."""
     exams = [exam for seed in bench.seeds for exam in asked_of(bench, task, split, seed).values()]
     masks = [exam.recording.usable() for exam in exams]
     references = np.concatenate([exam.reference_n[mask] for exam, mask in zip(exams, masks, strict=True)])
@@ -51,7 +51,7 @@ def denominators(bench: Bench, task: Task, split: str, how: ScoreSettings) -> tu
 
 
 def asked_of(bench: Bench, task: Task, split: str, seed: int) -> dict[str, Exam]:
-    """Returns the test recordings of a split, by name, in the order of its folds."""
+    """Return the test recordings of a split, by name, in the order of its folds."""
     kind = unseen_kind(task) if split == UNSEEN_RIG else task.campaign
     exams = exams_of(bench.sources, task, kind, seed)
     return {name: exams[name] for fold in folds_of(bench.sources, task, split, seed) for name in fold.test}

@@ -46,7 +46,7 @@ class Workers:
         self._stop()
 
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
-        """Yields the number of each piece and what it returned, or ``Died``, as they finish.
+        """Yield the number of each piece and what it returned, or ``Died``, as they finish.
 
         Pieces are independent of each other; an exception in one is raised here, so each should catch its own.
         """
@@ -86,7 +86,7 @@ class Workers:
             return Died()
 
     def _started(self) -> ProcessPoolExecutor:
-        """Returns processes that inherit nothing but the environment, in which every library has one thread."""
+        """Return processes that inherit nothing but the environment, in which every library has one thread."""
         if self._processes is None:
             with _one_thread():
                 self._processes = ProcessPoolExecutor(self.count, mp_context=multiprocessing.get_context("spawn"))

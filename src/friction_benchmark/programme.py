@@ -33,11 +33,11 @@ class Programme:
 
 
 def problem_of(bench: Bench, task: Task, split: str) -> str:
-    """Returns why a split cannot be asked; empty where it can."""
+    """Return why a split cannot be asked; empty where it can."""
     cases = list(cases_of(bench.sources, task.campaign, bench.seeds[0]).values())
     if split == UNSEEN_RIG and not bench.sources.simulated:
         return "there are no recordings of another rig"
-    if split == LEAVE_LOAD and len({case.recording.metadata.test for case in cases}) < 2:
+    if split == LEAVE_LOAD and len({case.recording.metadata.condition for case in cases}) < 2:
         return "all recordings are of one test"
     if split == LEAVE_TEMPERATURE and any(TEMPERATURE not in case.recording.table.columns for case in cases):
         return "the oil's temperature was not measured"

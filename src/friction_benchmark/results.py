@@ -81,7 +81,7 @@ class Entry:
         model: Name in the roster.
         score: Over all seeds' test recordings together.
         seeds: Percent of each seed.
-        by_test: Percent, by the recordings' test.
+        by_condition: Percent, by the recordings' test.
         strata: Percent and MAE [N] by stratum (``evaluation.strata.STRATA``).
         below_floor: Floor's percent minus this one's, paired bootstrap; positive means better than the floor.
         trust: None where no bounds were asked for.
@@ -93,7 +93,7 @@ class Entry:
     model: str
     score: Score
     seeds: Mapping[str, float]
-    by_test: Mapping[str, float]
+    by_condition: Mapping[str, float]
     strata: Mapping[str, tuple[float, float]]
     below_floor: Interval | None
     trust: Trust | None

@@ -86,7 +86,7 @@ Failures = dict[Question, str]
 
 
 def tune_model(bench: Bench, model: str, tasks: Sequence[str]) -> dict[str, str]:
-    """Tunes a participant for tasks, on the first seed; returns why not, by task, where that failed."""
+    """Tune a participant for tasks, on the first seed; returns why not, by task, where that failed."""
     failures: dict[str, str] = {}
     store = Store(bench.store)
     for task in tasks:
@@ -168,7 +168,7 @@ def _fit(
 
 
 def _lessons(bench: Bench, entry: RosterEntry, task: Task, fold: Fold, seed: int) -> list[Recording]:
-    """Returns what a participant is taught on."""
+    """Return what a participant is taught on."""
     if entry.teacher == "twin":
         return list(twin_lessons_of(bench.sources, task, seed))
     lessons = lessons_of(bench.sources, task, seed, of_now=_sees_no_future(entry))
@@ -187,7 +187,7 @@ def _estimates(
 
 
 def _percent(estimator: FrictionEstimator, exams: Sequence[Exam]) -> float:
-    """Returns MAE / mean |target| [%] over recordings together; against labels, as a user would have to tune."""
+    """Return MAE / mean |target| [%] over recordings together; against labels, as a user would have to tune."""
     error, friction = 0.0, 0.0
     for exam in exams:
         usable = exam.recording.usable()
@@ -201,7 +201,7 @@ def _percent(estimator: FrictionEstimator, exams: Sequence[Exam]) -> float:
 
 
 def median_step_us(estimator: FrictionEstimator, recording: Recording) -> float:
-    """Returns the median time of one step of the Python stream [µs]: a comparison within one run, no more."""
+    """Return the median time of one step of the Python stream [µs]: a comparison within one run, no more."""
     samples = [tuple(map(float, row)) for row in recording.samples(estimator.inputs)[: TIMED_STEPS + WARM_UP_STEPS]]
     stream = estimator.stream()
     for sample in samples[:WARM_UP_STEPS]:  # compiled and warm before time counts

@@ -72,7 +72,7 @@ def entry_of(
     cylinder: Cylinder,
     settings: ScoreSettings,
 ) -> Entry:
-    """Returns one model's line.
+    """Return one model's line.
 
     Args:
         model: Its name.
@@ -87,7 +87,7 @@ def entry_of(
     diagnosed = papers[:: math.ceil(len(papers) / MOST_DIAGNOSED)]
     rows_a_block = max(1, round(settings.bootstrap_block_s / sample_time_s))
     draws = bootstrap_percent(block_sums(references, estimates, masks, rows_a_block), settings.bootstrap_repeats, 0)
-    tests = sorted({paper.exam.recording.metadata.test for paper in papers})
+    tests = sorted({paper.exam.recording.metadata.condition for paper in papers})
     steps = [answer.step_us for answer in answers if answer.step_us is not None]
     return Entry(
         model=model,
@@ -96,7 +96,9 @@ def entry_of(
             str(seed): _percent([paper for paper in papers if paper.seed == seed])
             for seed in sorted({paper.seed for paper in papers})
         },
-        by_test={test: _percent([p for p in papers if p.exam.recording.metadata.test == test]) for test in tests},
+        by_condition={
+            test: _percent([p for p in papers if p.exam.recording.metadata.condition == test]) for test in tests
+        },
         strata=_strata(papers, settings.limits),
         below_floor=_below_floor(papers, draws, rows_a_block, settings),
         trust=_trust(papers, tests, settings.limits),
@@ -110,7 +112,7 @@ def entry_of(
 
 
 def _columns(papers: Sequence[Paper]) -> tuple[list[Array], list[Array], list[Mask]]:
-    """Returns references and estimates [N] and usable rows, one array a recording each."""
+    """Return references and estimates [N] and usable rows, one array a recording each."""
     return (
         [paper.exam.reference_n for paper in papers],
         [paper.estimate.friction_n for paper in papers],
@@ -137,7 +139,7 @@ def _score(
 
 
 def _lag_s(papers: Sequence[Paper], sample_time_s: float, settings: ScoreSettings) -> float:
-    """Returns how late the estimate is [s]; 0 where nothing varies."""
+    """Return how late the estimate is [s]; 0 where nothing varies."""
     references, estimates, masks = _columns(papers)
     gap = round(settings.maximum_lag_s / sample_time_s) + 1
     reference, usable = with_gaps(references, masks, gap)
@@ -157,7 +159,7 @@ def _abs_error(paper: Paper, estimate_n: Array) -> Array:
 
 
 def _strata(papers: Sequence[Paper], limits: StrataLimits) -> dict[str, tuple[float, float]]:
-    """Returns percent (of the stratum's own mean |friction|) and MAE [N] of each stratum that has a row."""
+    """Return percent (of the stratum's own mean |friction|) and MAE [N] of each stratum that has a row."""
     found: dict[str, list[tuple[float, float, int]]] = {stratum: [] for stratum in STRATA}
     for paper in papers:
         usable = paper.exam.recording.usable()
@@ -197,7 +199,7 @@ def _trust(papers: Sequence[Paper], tests: Sequence[str], limits: StrataLimits) 
         exam, estimate = paper.exam, paper.estimate
         usable = exam.recording.usable()
         inside = estimate.hold(exam.label_n)
-        held[exam.recording.metadata.test].append(inside[usable])
+        held[exam.recording.metadata.condition].append(inside[usable])
         if exam.true_friction_n is not None:
             of_truth.append(estimate.hold(exam.true_friction_n)[usable])
         masks = strata_masks(exam.velocity_m_s, exam.recording.sample_time_s, limits)
@@ -248,7 +250,7 @@ def _residuals(papers: Sequence[Paper], sample_time_s: float) -> Residuals:
 
 
 def _extras(papers: Sequence[Paper], cylinder: Cylinder, settings: ScoreSettings) -> dict[str, float]:
-    """Returns errors against truth where it is known, and errors of the load where there is one."""
+    """Return errors against truth where it is known, and errors of the load where there is one."""
     extras: dict[str, float] = {}
     if all(paper.exam.true_friction_n is not None for paper in papers):
         off, friction = 0.0, 0.0
@@ -265,7 +267,7 @@ def _extras(papers: Sequence[Paper], cylinder: Cylinder, settings: ScoreSettings
 
 
 def _load_extras(papers: Sequence[Paper], cylinder: Cylinder, settings: ScoreSettings) -> dict[str, float]:
-    """Returns errors of the virtual load cell: the low-passed force balance less the estimated friction."""
+    """Return errors of the virtual load cell: the low-passed force balance less the estimated friction."""
     off, load, rows = 0.0, 0.0, 0
     for paper in papers:
         exam = paper.exam

@@ -45,7 +45,7 @@ CODE_OF_ANSWERS = (*CODE_OF_DATA, "friction_models", "estimators", "evaluation/s
 
 
 def run(params: Params) -> RunRecord:
-    """Writes ``reports/benchmark.json`` and ``reports/benchmark.html``; a killed benchmark goes on where it was.
+    """Write ``reports/benchmark.json`` and ``reports/benchmark.html``; a killed benchmark goes on where it was.
 
     Raises:
         FileNotFoundError: One's own recordings are to be used, but ``data/processed`` is not there.
@@ -63,7 +63,7 @@ def run(params: Params) -> RunRecord:
 
 
 def bench_from(params: Params) -> tuple[Bench, tuple[Path, ...]]:
-    """Returns what the workers are told, and the folders that hold finished work until the whole is finished."""
+    """Return what the workers are told, and the folders that hold finished work until the whole is finished."""
     settings = params.benchmark
     sizes = Sizes(**settings.campaign.model_dump())
     cylinder = cylinder_from(params.cylinder)
@@ -111,7 +111,7 @@ def score_settings(params: Params) -> ScoreSettings:
 
 
 def run_record(params: Params, results: BenchmarkResults, findings: dict[str, str]) -> RunRecord:
-    """Returns the stage's run, and below it one run a task, split and model, to be compared with each other."""
+    """Return the stage's run, and below it one run a task, split and model, to be compared with each other."""
     settings = params.benchmark
     told: dict[str, Scalar] = {"effort": settings.effort, "trials": settings.trials, "seeds": len(settings.seeds)}
     children = [_run_of(found, entry, told, results) for found in results.tasks for entry in found.entries]
@@ -159,7 +159,7 @@ def _metrics(entry: Entry) -> dict[str, float]:
         "step_us": entry.step_us,
         "training_s": entry.training_s,
     }
-    metrics |= {f"test_{test}.percent": value for test, value in entry.by_test.items()}
+    metrics |= {f"condition_{test}.percent": value for test, value in entry.by_condition.items()}
     metrics |= {f"seed_{seed}.percent": value for seed, value in entry.seeds.items()}
     metrics |= {f"{stratum}.mae_n": mae_n for stratum, (_, mae_n) in entry.strata.items()}
     metrics |= dict(entry.extras)
@@ -169,7 +169,7 @@ def _metrics(entry: Entry) -> dict[str, float]:
         ahead = entry.below_floor
         metrics |= {"below_floor": ahead.value, "below_floor_low": ahead.low, "below_floor_high": ahead.high}
     if entry.trust is not None:
-        metrics |= {f"coverage.test_{test}" if test else "coverage": v for test, v in entry.trust.coverage.items()}
+        metrics |= {f"coverage.condition_{test}" if test else "coverage": v for test, v in entry.trust.coverage.items()}
         metrics |= {
             "coverage.after_reversal": entry.trust.coverage_after_reversal,
             "bounds_width_n": entry.trust.width_n,
@@ -181,7 +181,7 @@ def _metrics(entry: Entry) -> dict[str, float]:
 
 
 def _folder(name: str, told: Sequence[Any], code: Sequence[str]) -> Path:
-    """Returns where finished work lies, by a hash of all it depends on, the code included."""
+    """Return where finished work lies, by a hash of all it depends on, the code included."""
     hashes = [hash_of(CODE / path) for path in code]
     key = hashlib.sha256(json.dumps([told, hashes], sort_keys=True).encode()).hexdigest()[:16]
     return CACHE / f"{name}-{key}"

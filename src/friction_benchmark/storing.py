@@ -29,7 +29,7 @@ class Estimates:
     outside: NDArray[np.bool_]
 
     def hold(self, values_n: Array) -> NDArray[np.bool_]:
-        """Returns where the bounds hold these values [N], shape ``(n,)``."""
+        """Return where the bounds hold these values [N], shape ``(n,)``."""
         return np.asarray((values_n >= self.lower_n) & (values_n <= self.upper_n))
 
 
@@ -74,7 +74,7 @@ class Store:
         return self._answer(task, split, model, seed).with_suffix(".json").is_file()
 
     def keep_answer(self, task: str, split: str, model: str, seed: int, answer: Answer) -> None:
-        """Writes the numbers first, then what makes the answer count as there."""
+        """Write the numbers first, then what makes the answer count as there."""
         path = self._answer(task, split, model, seed)
         path.parent.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, Any] = {}

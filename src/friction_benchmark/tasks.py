@@ -157,7 +157,7 @@ TASKS: tuple[Task, ...] = (
 
 
 def task_named(name: str) -> Task:
-    """Returns a task.
+    """Return a task.
 
     Raises:
         ValueError: There is no such task.
@@ -169,7 +169,7 @@ def task_named(name: str) -> Task:
 
 
 def exam_of(task: Task, case: Case, seed: int, draw: int = 0) -> Exam:
-    """Returns a recording as the task puts it.
+    """Return a recording as the task puts it.
 
     Args:
         task: Which.
@@ -205,17 +205,17 @@ def exam_of(task: Task, case: Case, seed: int, draw: int = 0) -> Exam:
 
 
 def inputs_of(task: Task, recording: Recording) -> tuple[str, ...]:
-    """Returns what estimators see: the task's inputs without a temperature that was not measured."""
+    """Return what estimators see: the task's inputs without a temperature that was not measured."""
     return tuple(name for name in task.inputs if name != TEMPERATURE or TEMPERATURE in recording.table.columns)
 
 
 def of_the_present(task: Task) -> Task:
-    """Returns the task whose target is friction now: what a model that cannot look ahead is taught."""
+    """Return the task whose target is friction now: what a model that cannot look ahead is taught."""
     return replace(task, ahead_s=0.0)
 
 
 def _shown(task: Task, recording: Recording, pressures_pa: Array, target_n: Array, usable: Mask) -> Recording:
-    """Returns the recording with nothing in it but what may be seen, and what ``fit`` may learn from."""
+    """Return the recording with nothing in it but what may be seen, and what ``fit`` may learn from."""
     columns = {"time_s": recording.column("time_s"), "position_m": recording.column("position_m")}
     for number, name in enumerate(SAMPLE_COLUMNS[:2]):
         columns[name] = pressures_pa[:, number] if name in task.inputs else np.zeros(len(recording))
@@ -234,7 +234,7 @@ def _level(pressure_pa: Array, sample_time_s: float) -> Array:
 
 
 def _sensor_errors(recording: Recording, seed: int, draw: int) -> Array:
-    """Returns what each sensor reads too much [Pa], shape ``(n, 2)``; other sensors for every recording and draw."""
+    """Return what each sensor reads too much [Pa], shape ``(n, 2)``; other sensors for every recording and draw."""
     pair = f"{recording.name}/{draw}" if draw else recording.name
     digest = hashlib.sha256(f"{seed}/{pair}".encode()).digest()
     generator = np.random.default_rng(int.from_bytes(digest[:8], "big"))

@@ -42,7 +42,7 @@ def tune(
     seed: int,
     percent_of: Callable[[Mapping[str, Value]], float],
 ) -> Tuned:
-    """Returns the best of ``trials`` choices, the earliest among equals.
+    """Return the best of ``trials`` choices, the earliest among equals.
 
     Args:
         entry: The participant; one without a space has nothing to tune.

@@ -50,7 +50,7 @@ class TwinPlan:
 
 
 def teaching_recordings(plan: TwinPlan, cylinder: Cylinder) -> tuple[LabelledRecording, ...]:
-    """Returns the twin's recordings, in the order of their names; ``friction_n`` is true friction, not the label.
+    """Return the twin's recordings, in the order of their names; ``friction_n`` is true friction, not the label.
 
     Which rows are usable is what the label says: where the piston stands against an end stop, pressures tell nothing.
     Equal plans give equal bits, and a plan of more rigs begins with those of fewer.
@@ -61,7 +61,7 @@ def teaching_recordings(plan: TwinPlan, cylinder: Cylinder) -> tuple[LabelledRec
 def _lessons_of(plan: TwinPlan, rig: int, cylinder: Cylinder) -> Iterator[LabelledRecording]:
     campaign = CampaignPlan(
         seed=TWIN_SEEDS + MOST_RIGS * plan.seed + rig,
-        sessions_per_test=1,
+        sessions_per_condition=1,
         recordings_per_session=2,
         duration_s=plan.duration_s,
         external_load=plan.external_load,

@@ -62,7 +62,7 @@ def test_the_first_mapping_of_a_rig_log_ingests_it(workplace: Path, labelled_rec
     write_rig_log(log, logged(labelled_recordings[0]))
     assert main(["ingest", "init", "logs/noload_day1.csv", "--output", "conf/ingest/press.yaml"]) == 0
     (recording,) = ingest_as("press")
-    assert (recording.metadata.test, recording.metadata.session) == ("noload", "noload_day1")
+    assert (recording.metadata.condition, recording.metadata.session) == ("noload", "noload_day1")
     np.testing.assert_allclose(recording.samples(), labelled_recordings[0].samples(), rtol=1e-12)
 
 
@@ -109,22 +109,22 @@ def test_a_file_that_is_no_log_is_an_error_with_a_message(workplace: Path, capsy
 def test_inspect_prints_the_checks_and_writes_the_page(
     workplace: Path, labelled_recordings: list[Recording], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = workplace / "data/raw/rig/test1_session01_recording01.csv"
+    log = workplace / "data/raw/rig/condition1_session01_recording01.csv"
     write_rig_log(log, logged(labelled_recordings[0]))
     assert main(["inspect", str(log), "ingest=rig", "--output", "page.html"]) == 0
     told = capsys.readouterr().out
-    assert told.startswith("test1_session01_recording01.csv: ok\n")
+    assert told.startswith("condition1_session01_recording01.csv: ok\n")
     assert told.endswith("\n\n1 file: 1 ok\n\npage     page.html\n")
-    assert "test1_session01" in (workplace / "page.html").read_text(encoding="utf-8")
+    assert "condition1_session01" in (workplace / "page.html").read_text(encoding="utf-8")
 
 
 def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(
     workplace: Path, labelled_recordings: list[Recording], capsys: pytest.CaptureFixture[str]
 ) -> None:
     for number, recording in enumerate(labelled_recordings[:2], start=1):
-        write_rig_log(workplace / f"logs/test1_session0{number}_recording01.csv", logged(recording))
+        write_rig_log(workplace / f"logs/condition1_session0{number}_recording01.csv", logged(recording))
     bad = logged(labelled_recordings[2]).assign(pos=120.0)
-    write_rig_log(workplace / "logs/test1_session03_recording01.csv", bad)
+    write_rig_log(workplace / "logs/condition1_session03_recording01.csv", bad)
     assert main(["inspect", "logs", "ingest=rig"]) == 1
     assert "3 files: 2 ok, 1 refused" in capsys.readouterr().out
     assert 'id="recording-3"' in (workplace / "reports/inspection.html").read_text(encoding="utf-8")

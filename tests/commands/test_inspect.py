@@ -44,7 +44,7 @@ def log(labelled_recordings: list[Recording]) -> pd.DataFrame:
 
 
 def write(folder: Path, log: pd.DataFrame, session: int = 1) -> Path:
-    path = folder / f"test1_session{session:02d}_recording01.csv"
+    path = folder / f"condition1_session{session:02d}_recording01.csv"
     folder.mkdir(exist_ok=True)
     log.to_csv(path, index=False)
     return path

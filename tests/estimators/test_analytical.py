@@ -41,7 +41,7 @@ def fitted(cylinder: Cylinder, labelled_recordings: list[Recording]) -> dict[str
 
 
 def with_levels(recording: Recording) -> Recording:
-    """Returns a recording with levels: its pressures behind a low-pass, which differ from them."""
+    """Return a recording with levels: its pressures behind a low-pass, which differ from them."""
     levels = {
         column.replace("_pa", "_level_pa"): np.convolve(recording.column(column), np.full(50, 0.02), mode="same")
         for column in SAMPLE_COLUMNS[:2]
@@ -162,12 +162,15 @@ def test_the_place_of_the_position_among_the_inputs_does_not_matter(
 
 
 def test_one_test_alone_is_the_paper_s_way(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
-    first = [recording for recording in labelled_recordings if recording.metadata.test == "1"]
-    one, same = (AnalyticalEstimator(cylinder, Dahl(), test=test, effort=scaled_effort(0.02)) for test in ("1", None))
+    first = [recording for recording in labelled_recordings if recording.metadata.condition == "1"]
+    one, same = (
+        AnalyticalEstimator(cylinder, Dahl(), condition=condition, effort=scaled_effort(0.02))
+        for condition in ("1", None)
+    )
     one.fit(labelled_recordings)
     same.fit(first)
     assert one.parameters == same.parameters
-    missing = AnalyticalEstimator(cylinder, Dahl(), test="no load")
+    missing = AnalyticalEstimator(cylinder, Dahl(), condition="no load")
     with pytest.raises(RecordingError, match=r"no recording of test 'no load'; got tests \['1', '2', '3', '4'\]"):
         missing.fit(labelled_recordings)
 

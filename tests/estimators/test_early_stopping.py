@@ -12,10 +12,10 @@ from cylinder_friction.estimators.early_stopping import KEPT_SESSIONS, held_out_
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 
-def recorded(test: str, session: str, take: int = 1) -> Recording:
+def recorded(condition: str, session: str, take: int = 1) -> Recording:
     columns = ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")
     table = pd.DataFrame({column: 0.005 * np.arange(3) for column in columns})
-    return Recording(RecordingMetadata(f"{test}_{session}_{take}", test, session, 0.005, "any"), table)
+    return Recording(RecordingMetadata(f"{condition}_{session}_{take}", condition, session, 0.005, "any"), table)
 
 
 def named(recordings: list[Recording]) -> list[str]:
@@ -23,7 +23,9 @@ def named(recordings: list[Recording]) -> list[str]:
 
 
 def test_the_last_session_of_each_test_is_held_out_whole() -> None:
-    recordings = [recorded(test, f"{test}-{day}", take) for test in "ab" for day in (3, 1, 2) for take in (1, 2)]
+    recordings = [
+        recorded(condition, f"{condition}-{day}", take) for condition in "ab" for day in (3, 1, 2) for take in (1, 2)
+    ]
     train, held_out = held_out_for_stopping(recordings)
     assert named(held_out) == ["a_a-3_1", "a_a-3_2", "b_b-3_1", "b_b-3_2"]
     assert named(train) == [recording.name for recording in recordings if recording not in held_out]
@@ -68,7 +70,9 @@ def test_no_session_is_on_both_sides_and_every_test_that_can_teach_does(sessions
     assert not taught & heard
     assert len(train) + len(held_out) == len(recordings)
     if len(heard) > 1:
-        tests = {test for test, _ in sessions}
-        assert {recording.metadata.test for recording in held_out} == tests
-        for test in tests:
-            assert len({each.metadata.session for each in train if each.metadata.test == test}) >= KEPT_SESSIONS
+        conditions = {condition for condition, _ in sessions}
+        assert {recording.metadata.condition for recording in held_out} == conditions
+        for condition in conditions:
+            assert (
+                len({each.metadata.session for each in train if each.metadata.condition == condition}) >= KEPT_SESSIONS
+            )

@@ -22,7 +22,7 @@ KINDS = (LugreEstimator, PressureLugreEstimator)
 
 
 def small(kind: type[LugreEstimator], cylinder: Cylinder) -> LugreEstimator:
-    return kind(cylinder, test="1", seed=1, population=3, generations=3, simulated_recordings=1)
+    return kind(cylinder, condition="1", seed=1, population=3, generations=3, simulated_recordings=1)
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,8 @@ def fitted(cylinder: Cylinder, labelled_recordings: list[Recording]) -> dict[str
     return estimators
 
 
-def error_percent(estimator: FrictionEstimator, recordings: list[Recording], test: str) -> float:
-    chosen = [recording for recording in recordings if recording.metadata.test == test]
+def error_percent(estimator: FrictionEstimator, recordings: list[Recording], condition: str) -> float:
+    chosen = [recording for recording in recordings if recording.metadata.condition == condition]
     label = np.concatenate([recording.column("friction_n") for recording in chosen])
     estimate = np.concatenate([estimator.estimate(recording) for recording in chosen])
     return 100.0 * float(np.abs(estimate - label).mean() / np.abs(label).mean())
@@ -43,7 +43,7 @@ def error_percent(estimator: FrictionEstimator, recordings: list[Recording], tes
 def test_plain_lugre_fits_its_own_test_and_fails_under_load(
     fitted: dict[str, LugreEstimator], labelled_recordings: list[Recording]
 ) -> None:
-    errors = [error_percent(fitted["lugre"], labelled_recordings, test) for test in "1234"]
+    errors = [error_percent(fitted["lugre"], labelled_recordings, condition) for condition in "1234"]
     assert errors[0] < 6.0
     assert errors[0] < errors[1] < errors[2] < errors[3]
     assert errors[3] > 3.0 * errors[0]
@@ -52,21 +52,21 @@ def test_plain_lugre_fits_its_own_test_and_fails_under_load(
 def test_one_pressure_slope_found_without_load_carries_to_the_loads(
     fitted: dict[str, LugreEstimator], labelled_recordings: list[Recording]
 ) -> None:
-    for test in "1234":
-        assert error_percent(fitted["pressure_lugre"], labelled_recordings, test) < 6.0
+    for condition in "1234":
+        assert error_percent(fitted["pressure_lugre"], labelled_recordings, condition) < 6.0
 
 
 def test_only_its_own_test_is_looked_at(
     cylinder: Cylinder, fitted: dict[str, LugreEstimator], labelled_recordings: list[Recording]
 ) -> None:
     alone = small(LugreEstimator, cylinder)
-    alone.fit([recording for recording in labelled_recordings if recording.metadata.test == "1"])
+    alone.fit([recording for recording in labelled_recordings if recording.metadata.condition == "1"])
     assert alone.parameters == fitted["lugre"].parameters
     assert alone.training_range == fitted["lugre"].training_range
 
 
 def test_a_missing_test_is_refused_with_what_there_is(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
-    estimator = LugreEstimator(cylinder, test="no-load")
+    estimator = LugreEstimator(cylinder, condition="no-load")
     with pytest.raises(RecordingError, match=r"no recording of test 'no-load'; got tests \['1', '2', '3', '4'\]"):
         estimator.fit(labelled_recordings)
 

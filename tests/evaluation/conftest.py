@@ -53,7 +53,7 @@ class OffsetEstimator(FrictionEstimator):
         return cls(parameters["offset_n"], parameters["noise_n"])
 
 
-def stroke(name: str, test: str, level_n: float, rows: int = 2000) -> Recording:
+def stroke(name: str, condition: str, level_n: float, rows: int = 2000) -> Recording:
     """Out and back at 0.1 m/s: friction +level while extending, -level while retracting."""
     phase = np.arange(rows) % 400
     direction = np.where(phase < 200, 1.0, -1.0)
@@ -71,17 +71,21 @@ def stroke(name: str, test: str, level_n: float, rows: int = 2000) -> Recording:
             "usable": np.arange(rows) >= 10,
         }
     )
-    return Recording(RecordingMetadata(name, test, f"s-{name}", 0.005, "made"), table)
+    return Recording(RecordingMetadata(name, condition, f"s-{name}", 0.005, "made"), table)
 
 
 @pytest.fixture(scope="session")
 def strokes() -> list[Recording]:
-    return [stroke(f"t{test}_{take}", str(test), 200.0 + 100.0 * test) for test in (1, 2, 3, 4) for take in (1, 2)]
+    return [
+        stroke(f"t{condition}_{take}", str(condition), 200.0 + 100.0 * condition)
+        for condition in (1, 2, 3, 4)
+        for take in (1, 2)
+    ]
 
 
 @pytest.fixture(scope="session")
 def compared(strokes: list[Recording]) -> Callable[..., Comparison]:
-    """Returns a function: offsets [N] by estimator name (and true friction by recording) to a comparison."""
+    """Return a function: offsets [N] by estimator name (and true friction by recording) to a comparison."""
 
     def run(truth_n: dict[str, np.ndarray] | None = None, **offsets_n: float | tuple[float, float]) -> Comparison:
         estimators: dict[str, FrictionEstimator] = {}

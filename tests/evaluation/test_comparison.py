@@ -12,17 +12,17 @@ from cylinder_friction.recordings.recording import RecordingError
 
 def test_scores_by_hand(compared, strokes):
     comparison = compared(hybrid=3.0, lugre=-30.0)
-    assert comparison.tests == ("1", "2", "3", "4")
-    for test in comparison.tests:
-        labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.test == test])
-        score = comparison.label["hybrid"][test]
+    assert comparison.conditions == ("1", "2", "3", "4")
+    for condition in comparison.conditions:
+        labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.condition == condition])
+        score = comparison.label["hybrid"][condition]
         assert score.errors.mae_n == pytest.approx(3.0)
         assert score.errors.mean_abs_friction_n == pytest.approx(np.abs(labels).mean())
         assert score.errors.percent == pytest.approx(300.0 / np.abs(labels).mean())
         assert score.errors.rows == 2 * 1990
         assert score.interval_percent[0] <= score.errors.percent <= score.interval_percent[1]
         assert score.lag_s == pytest.approx(0.0, abs=1e-3)
-        assert comparison.label["lugre"][test].errors.bias_n == pytest.approx(-30.0)
+        assert comparison.label["lugre"][condition].errors.bias_n == pytest.approx(-30.0)
     assert comparison.multiply_adds == {"hybrid": 2, "lugre": 2}
     assert comparison.truth == {}
 
@@ -36,13 +36,13 @@ def test_strata_hold_the_rows_of_both_recordings(compared):
 
 
 def test_truth_has_its_own_scores_and_its_own_denominator(compared, strokes):
-    truth = {r.name: r.column("friction_n") + 5.0 for r in strokes if r.metadata.test != "4"}
+    truth = {r.name: r.column("friction_n") + 5.0 for r in strokes if r.metadata.condition != "4"}
     comparison = compared(truth, hybrid=3.0, lugre=5.0)
     assert comparison.label["hybrid"]["1"].errors.mae_n == pytest.approx(3.0)
     assert comparison.truth["hybrid"]["1"].errors.mae_n == pytest.approx(2.0)
     assert comparison.truth["lugre"]["1"].errors.mae_n == pytest.approx(0.0, abs=1e-9)
     assert comparison.truth[LABEL_ITSELF]["1"].errors.mae_n == pytest.approx(5.0)
-    denominator = np.mean([np.abs(truth[r.name][10:]).mean() for r in strokes if r.metadata.test == "1"])
+    denominator = np.mean([np.abs(truth[r.name][10:]).mean() for r in strokes if r.metadata.condition == "1"])
     assert comparison.truth["hybrid"]["1"].errors.mean_abs_friction_n == pytest.approx(denominator)
     assert "4" not in comparison.truth["hybrid"]
     tree = metric_tree(comparison)
@@ -55,7 +55,7 @@ def test_one_comparison_twice_is_the_same_to_the_last_bit(compared):
     trees = [metric_tree(compared(hybrid=(3.0, 2.0), lugre=9.0)) for _ in range(2)]
     assert trees[0] == trees[1]
     flat = flat_metrics(trees[0])
-    assert flat["hybrid.test_1.label_percent"] == trees[0]["hybrid"]["1"]["label_percent"]
+    assert flat["hybrid.condition_1.label_percent"] == trees[0]["hybrid"]["1"]["label_percent"]
     assert all(np.isfinite(list(flat.values())))
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def sessions(count: int, between_n: float, within_n: float, seed: int) -> tuple[list[Recording], list[np.ndarray]]:
-    """Returns recordings and estimates whose error has a part of its own in each session."""
+    """Return recordings and estimates whose error has a part of its own in each session."""
     generator = np.random.default_rng(seed)
     recordings = [made_case("1", session, seed).recording for session in range(1, count + 1)]
     estimates = [

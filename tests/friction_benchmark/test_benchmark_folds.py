@@ -28,9 +28,9 @@ def two_recordings_a_session() -> list[RecordingMetadata]:
 
 METADATA = two_recordings_a_session()
 SESSION = {entry.name: entry.session for entry in METADATA}
-TEST = {entry.name: entry.test for entry in METADATA}
+TEST = {entry.name: entry.condition for entry in METADATA}
 BASE = held_out(split_sessions(METADATA, 1, 1, 0))
-TEMPERATURE = {entry.name: 20.0 + int(entry.session[-2:]) + 0.1 * int(entry.test) for entry in METADATA}
+TEMPERATURE = {entry.name: 20.0 + int(entry.session[-2:]) + 0.1 * int(entry.condition) for entry in METADATA}
 
 
 def every_fold() -> list[Fold]:
@@ -85,7 +85,7 @@ def test_a_session_that_teaches_and_is_asked_is_refused() -> None:
     train, test = f"{METADATA[0].session}_recording01", f"{METADATA[0].session}_recording02"
     fold = Fold(HELD_OUT, "", (train,), (BASE.validation[0],), (test,))
     with pytest.raises(
-        RecordingError, match=r"session 'test1_session01' is in train and in test .* expected one role a session"
+        RecordingError, match=r"session 'condition1_session01' is in train and in test .* expected one role a session"
     ):
         refuse_leaks(fold, METADATA)
 

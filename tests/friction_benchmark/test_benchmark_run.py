@@ -89,13 +89,13 @@ def test_leaderboards_hold_everyone_who_can_best_first(results: BenchmarkResults
     for entry in identity.entries:
         assert entry.score.percent.low <= entry.score.percent.value <= entry.score.percent.high
         assert set(entry.seeds) == {"0", "1"}
-        assert set(entry.by_test) == {"1", "2", "3", "4"}
+        assert set(entry.by_condition) == {"1", "2", "3", "4"}
 
 
 def test_who_cannot_and_who_failed_is_named_with_the_reason(results: BenchmarkResults) -> None:
     assert found(results, "identity").missing == {
         "raises": "seed 0: ValueError: cannot learn this",
-        "nan": "seed 0: ValueError: estimate is nan in row 1 of recording 'test1_session03_recording01'",
+        "nan": "seed 0: ValueError: estimate is nan in row 1 of recording 'condition1_session03_recording01'",
     } or found(results, "identity").missing["nan"].startswith("seed 0: ValueError: estimate is nan in row 1")
     missing = found(results, "pressure_free").missing
     assert missing["ridge"] == "it needs more than position_m, oil_temperature_c"

@@ -70,7 +70,9 @@ def test_the_recipe_is_the_shipped_configuration(cylinder: Cylinder, load: bool)
 
 
 def test_equal_plans_give_equal_bits_and_another_seed_does_not(cylinder: Cylinder) -> None:
-    plan = CampaignPlan(seed=2, sessions_per_test=1, recordings_per_session=1, duration_s=6.0, external_load="varied")
+    plan = CampaignPlan(
+        seed=2, sessions_per_condition=1, recordings_per_session=1, duration_s=6.0, external_load="varied"
+    )
     one, two = labelled_campaign(plan, cylinder), labelled_campaign(plan, cylinder)
     for first, second in zip(one, two, strict=True):
         pd.testing.assert_frame_equal(first.recording.table, second.recording.table, check_exact=True)
@@ -80,7 +82,9 @@ def test_equal_plans_give_equal_bits_and_another_seed_does_not(cylinder: Cylinde
 
 
 def test_the_label_takes_the_measured_load_off(cylinder: Cylinder) -> None:
-    plan = CampaignPlan(seed=4, sessions_per_test=1, recordings_per_session=1, duration_s=20.0, external_load="varied")
+    plan = CampaignPlan(
+        seed=4, sessions_per_condition=1, recordings_per_session=1, duration_s=20.0, external_load="varied"
+    )
     for entry in labelled_campaign(plan, cylinder):
         usable = entry.recording.usable()
         error_n = np.abs(entry.recording.column("friction_n") - entry.true_friction_n)[usable].mean()
@@ -89,6 +93,6 @@ def test_the_label_takes_the_measured_load_off(cylinder: Cylinder) -> None:
 
 
 def test_what_ingest_would_set_aside_is_left_out(cylinder: Cylinder) -> None:
-    plan: dict[str, Any] = asdict(CampaignPlan(sessions_per_test=1, recordings_per_session=1, duration_s=2.0))
+    plan: dict[str, Any] = asdict(CampaignPlan(sessions_per_condition=1, recordings_per_session=1, duration_s=2.0))
     with pytest.raises(RecordingError, match=r"lasts 2 s \(400 rows\), expected at least 5 s"):
         labelled_campaign(CampaignPlan(**plan), cylinder)

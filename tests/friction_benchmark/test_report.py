@@ -66,7 +66,7 @@ SPLITS = ("held_out_sessions", "leave_one_load_out", "leave_one_temperature_out"
 
 
 def random_results(seed: int, splits: tuple[str, ...] = SPLITS, tasks: int = len(TASKS)) -> BenchmarkResults:
-    """Returns results as plausible as numbers drawn at random can be; every task on the first split."""
+    """Return results as plausible as numbers drawn at random can be; every task on the first split."""
     draw = np.random.default_rng(seed)
     found = []
     for task in list(TASKS)[:tasks]:
@@ -137,7 +137,7 @@ def _entry(draw: np.random.Generator, model: str, scale: float, floor: str) -> E
             float(draw.choice([0.0, 0.005, 0.02, math.nan])),
         ),
         seeds={str(seed): percent * float(draw.normal(1.0, 0.02)) for seed in range(3)},
-        by_test={test: percent * float(np.exp(draw.normal(0.0, 0.2))) for test in tests},
+        by_condition={test: percent * float(np.exp(draw.normal(0.0, 0.2))) for test in tests},
         strata={name: (percent * float(np.exp(draw.normal(0.0, 0.4))), mae_n) for name in STRATA},
         below_floor=None if model == floor else below,
         trust=None if model == "hold" else trust,
@@ -259,7 +259,7 @@ def test_the_label_stands_among_the_models_only_where_errors_are_against_truth(
 
 def test_what_nobody_asked_for_is_left_out(results: BenchmarkResults) -> None:
     bare = [
-        replace(entry, trust=None, residuals=None, by_test={}, strata={}, seeds={}, tuning={})
+        replace(entry, trust=None, residuals=None, by_condition={}, strata={}, seeds={}, tuning={})
         for entry in results.tasks[0].entries
     ]
     text = report_html(replace(results, tasks=(replace(results.tasks[0], entries=tuple(bare)),)), {})
@@ -288,7 +288,7 @@ def test_no_number_however_odd_spoils_a_drawing(seed: int, percent: float, lag_s
     odd = replace(
         result.entries[-1],
         score=Score(Interval(percent, percent, percent), percent, percent, percent, percent, lag_s),
-        by_test={"1": percent},
+        by_condition={"1": percent},
         strata={"sliding": (percent, percent)},
         below_floor=Interval(percent, percent, percent),
         trust=Trust({"": percent, "1": percent}, percent, percent, percent, percent),

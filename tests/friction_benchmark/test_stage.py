@@ -22,7 +22,7 @@ CONF = Path(__file__).parents[2] / "conf"
 
 
 def tiny_params(**changes: Any) -> Params:
-    """Returns the smoke recipe with another roster's models."""
+    """Return the smoke recipe with another roster's models."""
     content = compose_params(CONF, ["experiment=smoke"])
     content["benchmark"] |= {"models": ["low_pass", "hold", "constant_by_direction", "ridge"], **changes}
     content["cylinder"] |= {"name": "made"}
@@ -31,7 +31,7 @@ def tiny_params(**changes: Any) -> Params:
 
 @pytest.fixture
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Returns an empty folder to work in; the roster is the tests' own, and campaigns are made, not simulated."""
+    """Return an empty folder to work in; the roster is the tests' own, and campaigns are made, not simulated."""
     monkeypatch.chdir(tmp_path)
     bench_from = benchmark.bench_from
 
@@ -69,7 +69,7 @@ def test_every_line_of_every_leaderboard_is_a_run_to_compare(workplace: Path) ->
     assert [tuple(child.params[name] for name in ("task", "split", "model")) for child in record.children] == lines
     ridge = next(child for child in record.children if child.params["model"] == "ridge")
     assert {"tuned.lags", "tuned.penalty", "effort", "trials", "seeds"} <= set(ridge.params)
-    assert {"percent", "mae_n", "lag_ms", "coverage", "coverage.test_1", "below_floor", "standstill.mae_n"} <= set(
+    assert {"percent", "mae_n", "lag_ms", "coverage", "coverage.condition_1", "below_floor", "standstill.mae_n"} <= set(
         ridge.metrics
     )
     assert record.metrics["identity.held_out_sessions.best_percent"] == min(
@@ -139,5 +139,5 @@ def test_a_wrong_configuration_is_refused(changes: dict[str, Any], message: str)
 def test_sessions_must_be_left_to_teach() -> None:
     content = compose_params(CONF, ["experiment=smoke"])
     content["benchmark"]["campaign"] |= {"test_sessions": 2}
-    with pytest.raises(ParamsError, match=r"sessions_per_test is 3, of which .* leave none to teach"):
+    with pytest.raises(ParamsError, match=r"sessions_per_condition is 3, of which .* leave none to teach"):
         check_params(content, "test")

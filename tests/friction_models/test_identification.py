@@ -44,7 +44,7 @@ def known(mass_kg: float, slope_n_pa: float = 0.0) -> LugreParameters:
 
 
 def synthetic_recording(truth: LugreParameters, seed: int, seconds: float = 30.0, noise_n: float = 10.0) -> Recording:
-    """Returns strokes at log-spaced speeds both ways, with pauses; friction simulated at 4 kHz, label with noise."""
+    """Return strokes at log-spaced speeds both ways, with pauses; friction simulated at 4 kHz, label with noise."""
     generator = np.random.default_rng(seed)
     rows = round(seconds / SAMPLE_TIME_S)
     targets: list[float] = []

@@ -16,7 +16,7 @@ MODEL = LugreParameters(300.0, 300.0, 0.01, 1.0, 0.0, 2e6, 0.0, 0.01)
 
 
 def strokes(model: LugreParameters = MODEL, seconds: float = 40.0) -> tuple[Array, Array]:
-    """Returns position and friction of a sine of 0.6 mm either way, half a period a second."""
+    """Return position and friction of a sine of 0.6 mm either way, half a period a second."""
     time_s = STEP_S * np.arange(round(seconds / STEP_S))
     position_m = 0.1 + 6e-4 * np.sin(np.pi * time_s)
     velocity = np.diff(position_m, prepend=position_m[0]) / STEP_S

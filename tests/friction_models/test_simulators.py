@@ -41,7 +41,7 @@ def solved(rate: Callable[[float, Array], Array], state: Array, length_s: float)
 
 
 def strength(p: ModelParameters, velocity: float, film: float = 0.0) -> float:
-    """Returns Stribeck strength [N] with direction and pressure."""
+    """Return Stribeck strength [N] with direction and pressure."""
     coulomb = p.value("coulomb_n")
     if hasattr(p, "static_n"):
         falling = np.exp(-((abs(velocity) / p.value("stribeck_velocity_m_s")) ** p.value("stribeck_exponent")))

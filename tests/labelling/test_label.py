@@ -30,7 +30,7 @@ def true_friction(velocity: np.ndarray) -> np.ndarray:
 
 
 def boom_recording(cylinder: Cylinder, pressures: bool = True, uncertainty: Any = None, **columns: Any) -> Recording:
-    """Returns a filtered recording of a cylinder that carries a boom, by its pressures or by its drive force."""
+    """Return a filtered recording of a cylinder that carries a boom, by its pressures or by its drive force."""
     position_m, velocity, acceleration = motion()
     force_n = boom_load(position_m) + true_friction(velocity) + cylinder.moving_mass_kg * acceleration
     table = {"time_s": STEP_S * np.arange(len(position_m)), "position_m": position_m, **columns}
@@ -51,7 +51,7 @@ def session(labeller: Labeller, recording: Recording) -> SessionFound:
 
 
 def worst_error(labelled: Recording) -> float:
-    """Returns the mean error of friction away from reversals, of usable rows [N]."""
+    """Return the mean error of friction away from reversals, of usable rows [N]."""
     velocity = motion()[1]
     rows = labelled.usable() & (np.abs(velocity) > 5e-3)
     return float(np.abs(labelled.column("friction_n") - true_friction(velocity))[rows].mean())
@@ -152,7 +152,9 @@ def test_audit_takes_the_session_too(cylinder: Cylinder) -> None:
     audit = Audit(0.5)
     filters = {"savitzky_golay": FILTER, "centred": CentredMovingAverage()}
     labeller.audit(recording, truth, filters, audit, session(labeller, recording))
-    (row,) = [row for row in audit.rows() if (row.filter, row.test, row.stratum) == ("savitzky_golay", "all", "steady")]
+    (row,) = [
+        row for row in audit.rows() if (row.filter, row.condition, row.stratum) == ("savitzky_golay", "all", "steady")
+    ]
     assert row.mae_n < 5.0
 
 

@@ -144,7 +144,7 @@ def test_an_impossible_plan_is_refused(field: str, value: float, message: str) -
 @pytest.fixture(scope="module")
 def rig_sessions(cylinder: Cylinder) -> dict[str, list[RigRecording]]:
     sessions: dict[str, list[RigRecording]] = {}
-    for recording in campaign(cylinder, CampaignPlan(seed=1, sessions_per_test=1, recordings_per_session=2)):
+    for recording in campaign(cylinder, CampaignPlan(seed=1, sessions_per_condition=1, recordings_per_session=2)):
         sessions.setdefault(recording.metadata.session, []).append(recording)
     return sessions
 
@@ -171,7 +171,7 @@ def test_a_rig_that_carries_a_boom_tells_its_load(
 
 
 def add_with_boom(points: SessionPoints, recording: RigRecording, cylinder: Cylinder) -> None:
-    """Adds a rig recording whose piston side carries the boom besides."""
+    """Add a rig recording whose piston side carries the boom besides."""
     logger = recording.logger
     load_pa = boom_load(recording.truth["position_m"].to_numpy()) / cylinder.piston_area_m2
     samples = np.column_stack(

@@ -25,7 +25,7 @@ STEP_S = 0.002
 def signals(
     mass_kg: float, noise_n: float, seed: int = 0, amplitude_m: float = 0.05, seconds: float = 20.0
 ) -> tuple[Array, Array, Array, Array]:
-    """Returns force, position, velocity and acceleration, filtered alike, of a motor-driven axis with friction."""
+    """Return force, position, velocity and acceleration, filtered alike, of a motor-driven axis with friction."""
     generator = np.random.default_rng(seed)
     time_s = STEP_S * np.arange(round(seconds / STEP_S))
     phases = generator.uniform(0.0, 6.0, 3)

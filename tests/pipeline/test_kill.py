@@ -58,7 +58,7 @@ def the_store_has(table: str) -> Callable[[Path], bool]:
 
 
 def kill_when(folder: Path, stage: str, is_time: Callable[[Path], bool]) -> None:
-    """Starts ``dvc repro``, waits for the moment, and kills it and everything it started."""
+    """Start ``dvc repro``, waits for the moment, and kills it and everything it started."""
     process = subprocess.Popen(
         ["dvc", "repro", stage],
         cwd=folder,

@@ -61,7 +61,7 @@ def page(browser: Browser, tmp_path: Path) -> Iterator[Page]:
 
 @contextmanager
 def run_page(page: Page, ui: str, root: Path, name: str, tab: str = "") -> Iterator[Page]:
-    """Yields the page of the newest run of a name, opened in one of its tabs."""
+    """Yield the page of the newest run of a name, opened in one of its tabs."""
     client = MlflowClient(tracking_uri(root))
     experiment = client.get_experiment_by_name(EXPERIMENT)
     assert experiment is not None
@@ -72,7 +72,7 @@ def run_page(page: Page, ui: str, root: Path, name: str, tab: str = "") -> Itera
 
 
 def sees(page: Page, *texts: str) -> None:
-    """Waits until every text is on the page; the test fails where one does not come."""
+    """Wait until every text is on the page; the test fails where one does not come."""
     for text in texts:
         page.get_by_text(text).first.wait_for()
 
@@ -100,8 +100,8 @@ def test_the_benchmark_shows_its_runs_in_an_experiment_of_its_own(page: Page, ui
 
 def test_the_comparison_shows_its_metrics(page: Page, ui: str, finished_pipeline: Path) -> None:
     with run_page(page, ui, finished_pipeline, "compare"):
-        page.get_by_placeholder("Search metrics").first.fill("hybrid.test_1.label_percent")
-        sees(page, "hybrid.test_1.label_percent")
+        page.get_by_placeholder("Search metrics").first.fill("hybrid.condition_1.label_percent")
+        sees(page, "hybrid.condition_1.label_percent")
 
 
 def test_the_comparison_shows_its_figures_and_its_report(page: Page, ui: str, finished_pipeline: Path) -> None:

@@ -25,8 +25,8 @@ MAKE = ("make", f"VENV={BIN.parent}", "-o", f"{BIN.parent}/.installed", "-o", f"
 RUN_IN_A_FINISHED_PIPELINE = {
     "make reproduce": "figures",
     "make readme": "",
-    "cylinder-friction ingest init data/raw/rig/test1_session01_recording01.csv": 'channel: "P1 [bar]", unit: bar',
-    "cylinder-friction inspect data/raw/rig/test1_session01_recording01.csv": "1 file: 1 ok",
+    "cylinder-friction ingest init data/raw/rig/condition1_session01_recording01.csv": 'channel: "P1 [bar]", unit: bar',
+    "cylinder-friction inspect data/raw/rig/condition1_session01_recording01.csv": "1 file: 1 ok",
     'make params ARGS="experiment=smoke"': "",
     'make params ARGS="search.trials=30 train.training.epochs=40"': "",
     "make params": "",

@@ -20,7 +20,7 @@ CRANE = Path(__file__).parents[2] / "../shared/data/crane"
 @pytest.fixture(scope="session")
 def rig_tables(cylinder: Cylinder) -> dict[str, pd.DataFrame]:
     """Two recordings of each of the four load tests as the logger saw them, in SI units, at 200 Hz; read only."""
-    plan = CampaignPlan(seed=11, sessions_per_test=1, recordings_per_session=2, duration_s=40.0)
+    plan = CampaignPlan(seed=11, sessions_per_condition=1, recordings_per_session=2, duration_s=40.0)
     return {
         recording.metadata.name: pd.DataFrame(
             {

@@ -35,7 +35,7 @@ def stamps(changes: dict[int, float]) -> Damage:
 
 
 def rows(*order: int) -> Damage:
-    """Puts rows from 100 on into another order."""
+    """Put rows from 100 on into another order."""
 
     def change(time_s: Stamps) -> Stamps:
         time_s[100 : 100 + len(order)] = time_s[100 + np.array(order)]

@@ -43,7 +43,7 @@ CHANNELS = {
     "pressure_2_pa": {"channel": P2, "unit": "bar", "sensor": {"range": [0.0, 250.0], "unit": "bar", "bits": 12}},
     "position_m": {"channel": POSITION, "unit": "mm"},
 }
-DAMAGED = "test1_session09_recording01"
+DAMAGED = "condition1_session09_recording01"
 
 
 def csv(table: pd.DataFrame, **options: object) -> str:
@@ -67,7 +67,7 @@ def rows(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Damage:
 
 
 def cells(column: str, where: slice | list[int] | int, value: object) -> Damage:
-    """Puts one value into some cells of a column."""
+    """Put one value into some cells of a column."""
 
     def change(table: pd.DataFrame) -> pd.DataFrame:
         table = table.astype({column: object}) if isinstance(value, str) else table.copy()
@@ -78,12 +78,12 @@ def cells(column: str, where: slice | list[int] | int, value: object) -> Damage:
 
 
 def column(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Damage:
-    """Changes a whole column."""
+    """Change a whole column."""
     return rows(lambda table: table.assign(**{name: change(table[name].to_numpy())}))
 
 
 def cut(writer: str, share: float) -> Damage:
-    """Writes another format and keeps the first part of its bytes."""
+    """Write another format and keeps the first part of its bytes."""
 
     def write(table: pd.DataFrame, folder: Path) -> None:
         path = folder / f"{DAMAGED}.{writer}"
@@ -95,10 +95,10 @@ def cut(writer: str, share: float) -> Damage:
 
 
 def copy_in_other_session(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Damage:
-    """Writes the good recording once more, under another session's name."""
+    """Write the good recording once more, under another session's name."""
 
     def write(_table: pd.DataFrame, folder: Path) -> None:
-        good = pd.read_csv(folder / "test1_session01_recording01.csv")
+        good = pd.read_csv(folder / "condition1_session01_recording01.csv")
         (folder / f"{DAMAGED}.csv").write_text(csv(change(good)), "utf-8")
 
     return write
@@ -111,7 +111,7 @@ def line(content: str, number: int, change: Callable[[str], str]) -> str:
 
 
 def shifted(table: pd.DataFrame, row: int, seconds: float) -> pd.DataFrame:
-    """Moves every stamp from a row on."""
+    """Move every stamp from a row on."""
     time = table[TIME].to_numpy().copy()
     time[row:] += seconds
     return table.assign(**{TIME: time})
@@ -136,7 +136,7 @@ GENERATOR_SEED = 3
 
 
 def with_oil(content: str) -> str:
-    """Adds a channel whose name and unit are beyond ASCII."""
+    """Add a channel whose name and unit are beyond ASCII."""
     first, *rest = content.splitlines()
     return "\n".join([f"{first},Öl [°C]", *(f"{row},41.5" for row in rest)]) + "\n"
 
@@ -277,7 +277,7 @@ case(
 @pytest.fixture(scope="module")
 def logs(cylinder: Cylinder) -> list[pd.DataFrame]:
     """Three recordings of 20 s from three sessions of the rig's first test."""
-    plan = CampaignPlan(seed=5, sessions_per_test=3, recordings_per_session=1, duration_s=20.0)
+    plan = CampaignPlan(seed=5, sessions_per_condition=3, recordings_per_session=1, duration_s=20.0)
     taken = [recording.logger for _, recording in zip(range(3), campaign(cylinder, plan), strict=False)]
     return [pd.read_csv(io.StringIO(csv(table))) for table in taken]
 
@@ -287,9 +287,9 @@ def source(tmp_path: Path, logs: list[pd.DataFrame], cylinder: Cylinder) -> Sour
     folder = tmp_path / "raw"
     folder.mkdir()
     for number, table in enumerate(logs[:2], start=1):
-        (folder / f"test1_session0{number}_recording01.csv").write_text(csv(table), "utf-8")
+        (folder / f"condition1_session0{number}_recording01.csv").write_text(csv(table), "utf-8")
     recipe = Recipe(
-        names=NameRules(r"(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_"),
+        names=NameRules(r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_"),
         channels={name: ChannelMapping.from_dict(values) for name, values in CHANNELS.items()},
         cylinder=cylinder.name,
         limits=CheckLimits(cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2),
@@ -301,7 +301,7 @@ def of_the_damaged(recordings: list[Recording]) -> list[Recording]:
     return [
         recording
         for recording in recordings
-        if not recording.name.startswith("test1_session0") or recording.name.startswith(DAMAGED)
+        if not recording.name.startswith("condition1_session0") or recording.name.startswith(DAMAGED)
     ]
 
 
@@ -311,7 +311,10 @@ def test_damaged_file(damaged: Case, source: Source, logs: list[pd.DataFrame], t
     result = ingest_folder(source, tmp_path / "recordings", tmp_path / "quarantine.json")
     recordings = read_recordings(tmp_path / "recordings")
     good = [recording for recording in recordings if recording not in of_the_damaged(recordings)]
-    assert [recording.name for recording in good] == ["test1_session01_recording01", "test1_session02_recording01"]
+    assert [recording.name for recording in good] == [
+        "condition1_session01_recording01",
+        "condition1_session02_recording01",
+    ]
     assert all(recording.metadata.repairs == () for recording in good)
     bad = of_the_damaged(recordings)
     assert {recording.name for recording in bad} <= {DAMAGED, f"{DAMAGED}_part1", f"{DAMAGED}_part2"}

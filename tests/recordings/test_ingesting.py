@@ -26,7 +26,7 @@ LIMITS = CheckLimits(stroke_m=0.25)
 
 
 def log(recording: Recording, path: Path) -> None:
-    """Writes a recording as the rig's logger does."""
+    """Write a recording as the rig's logger does."""
     path.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(
         {
@@ -42,12 +42,12 @@ def log(recording: Recording, path: Path) -> None:
 def source(tmp_path: Path, labelled_recordings: list[Recording]) -> Source:
     folder = tmp_path / "raw"
     for number, recording in enumerate(labelled_recordings[:3]):
-        log(recording, folder / f"test1_session0{number}_recording01.csv")
+        log(recording, folder / f"condition1_session0{number}_recording01.csv")
     return Source(
         folder,
         "*.csv",
         Recipe(
-            NameRules(r"(?P<session>test(?P<test>[^_/]+)_session[^_/]+)_[^/]*\.csv$"),
+            NameRules(r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"),
             {
                 "time_s": ChannelMapping("Time [s]", "s"),
                 "pressure_1_pa": ChannelMapping("P1 [bar]", "bar"),
@@ -67,7 +67,7 @@ def ingest(source: Source, into: Path) -> Ingested:
 def test_good_files_become_recordings(source: Source, tmp_path: Path, labelled_recordings: list[Recording]) -> None:
     result = ingest(source, tmp_path / "out")
     recordings = read_recordings(tmp_path / "out")
-    assert [recording.name for recording in recordings] == [f"test1_session0{n}_recording01" for n in range(3)]
+    assert [recording.name for recording in recordings] == [f"condition1_session0{n}_recording01" for n in range(3)]
     assert result.quarantined == []
     assert read_json(tmp_path / "out.json") == []
     for recording, original in zip(recordings, labelled_recordings, strict=False):
@@ -80,40 +80,42 @@ def test_good_files_become_recordings(source: Source, tmp_path: Path, labelled_r
 def test_bad_files_are_set_aside_and_stop_nobody(
     source: Source, tmp_path: Path, labelled_recordings: list[Recording]
 ) -> None:
-    good = source.folder / "test1_session00_recording01.csv"
-    (source.folder / "test1_session03_recording01.csv").write_bytes(good.read_bytes())
-    (source.folder / "test1_session04_recording01.csv").write_text(f"{good.read_text()}1.0,2.0\n")
-    (source.folder / "test1_session05_recording01.csv").write_text("")
+    good = source.folder / "condition1_session00_recording01.csv"
+    (source.folder / "condition1_session03_recording01.csv").write_bytes(good.read_bytes())
+    (source.folder / "condition1_session04_recording01.csv").write_text(f"{good.read_text()}1.0,2.0\n")
+    (source.folder / "condition1_session05_recording01.csv").write_text("")
     (source.folder / "notes.csv").write_text("a\n1\n")
     slow = labelled_recordings[3]
     slow = slow.with_columns(time_s=slow.column("time_s") * 2.0)
-    log(slow, source.folder / "test1_session06_recording01.csv")
+    log(slow, source.folder / "condition1_session06_recording01.csv")
     ingest(source, tmp_path / "out")
     assert len(read_recordings(tmp_path / "out")) == 3
     reasons = {entry["file"]: entry["reason"] for entry in read_json(tmp_path / "out.json")}
-    assert list(reasons) == ["notes.csv", *(f"test1_session0{n}_recording01.csv" for n in (3, 4, 5, 6))]
+    assert list(reasons) == ["notes.csv", *(f"condition1_session0{n}_recording01.csv" for n in (3, 4, 5, 6))]
     assert "does not tell test and session" in reasons["notes.csv"]
-    assert "same bytes as test1_session00_recording01.csv" in reasons["test1_session03_recording01.csv"]
-    assert "line 4002 holds 2 values" in reasons["test1_session04_recording01.csv"]
-    assert "the file is empty" in reasons["test1_session05_recording01.csv"]
-    assert "sample time of 0.01 s, but 3 of 4 recordings have 0.005 s" in reasons["test1_session06_recording01.csv"]
+    assert "same bytes as condition1_session00_recording01.csv" in reasons["condition1_session03_recording01.csv"]
+    assert "line 4002 holds 2 values" in reasons["condition1_session04_recording01.csv"]
+    assert "the file is empty" in reasons["condition1_session05_recording01.csv"]
+    assert (
+        "sample time of 0.01 s, but 3 of 4 recordings have 0.005 s" in reasons["condition1_session06_recording01.csv"]
+    )
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".parquet"}
 
 
 def test_two_files_of_one_name(source: Source, tmp_path: Path, labelled_recordings: list[Recording]) -> None:
-    log(labelled_recordings[4], source.folder / "x/test1_session00_recording01.csv")
-    log(labelled_recordings[5], source.folder / "x-test1_session00_recording01.csv")
+    log(labelled_recordings[4], source.folder / "x/condition1_session00_recording01.csv")
+    log(labelled_recordings[5], source.folder / "x-condition1_session00_recording01.csv")
     result = ingest(replace(source, pattern="**/*.csv"), tmp_path / "out")
     (entry,) = result.quarantined
-    assert entry.file == "x-test1_session00_recording01.csv"
-    assert "has the name 'x-test1_session00_recording01', which x/test1_session00" in entry.reason
+    assert entry.file == "x-condition1_session00_recording01.csv"
+    assert "has the name 'x-condition1_session00_recording01', which x/condition1_session00" in entry.reason
 
 
 def test_nothing_usable_is_an_error_and_leaves_the_old_output(source: Source, tmp_path: Path) -> None:
     ingest(source, tmp_path / "out")
     for path in source.folder.glob("*.csv"):
         path.write_text("a\n1\n")
-    with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, test1_session00_.*csv: "):
+    with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, condition1_session00_.*csv: "):
         ingest(source, tmp_path / "out")
     assert len(read_recordings(tmp_path / "out")) == 3
 
@@ -131,16 +133,16 @@ def test_equal_input_gives_equal_bytes(source: Source, tmp_path: Path) -> None:
 
 
 def test_a_link_that_leads_nowhere_is_set_aside(source: Source, tmp_path: Path) -> None:
-    (source.folder / "test1_session07_recording01.csv").symlink_to(tmp_path / "gone.csv")
+    (source.folder / "condition1_session07_recording01.csv").symlink_to(tmp_path / "gone.csv")
     (entry,) = ingest(source, tmp_path / "out").quarantined
-    assert entry.file == "test1_session07_recording01.csv"
+    assert entry.file == "condition1_session07_recording01.csv"
     assert "No such file" in entry.reason
 
 
 def test_files_that_the_pattern_leaves_out_are_said(source: Source, tmp_path: Path) -> None:
-    (source.folder / "test1_session07_recording01.CSV").write_text("a\n1\n")
+    (source.folder / "condition1_session07_recording01.CSV").write_text("a\n1\n")
     (source.folder / ".gitignore").write_text("/x\n")
     result = ingest(source, tmp_path / "out")
     assert result.notes == [
-        "1 file not read, for '*.csv' does not match (first: test1_session07_recording01.CSV); see ingest.pattern"
+        "1 file not read, for '*.csv' does not match (first: condition1_session07_recording01.CSV); see ingest.pattern"
     ]

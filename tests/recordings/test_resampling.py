@@ -22,7 +22,7 @@ def sine(frequency_hz: float, time_s: np.ndarray) -> np.ndarray:
 
 
 def downsampled(frequency_hz: float, phase: float, to_hz: float = 200.0) -> tuple[np.ndarray, np.ndarray]:
-    """Returns wanted instants and a sine taken from 1000 Hz there, away from the ends."""
+    """Return wanted instants and a sine taken from 1000 Hz there, away from the ends."""
     wanted_s = np.arange(0.0, 5.9, 1.0 / to_hz) + phase / to_hz
     values = windowed_sinc(sine(frequency_hz, np.arange(6000) / 1000.0), 1000.0 * wanted_s, to_hz / 1000.0)
     return wanted_s[AWAY:-AWAY], values[AWAY:-AWAY]

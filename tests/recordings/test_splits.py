@@ -12,8 +12,8 @@ from cylinder_friction.recordings.splits import ROLES, split_sessions
 
 def campaign(sessions: dict[str, int], recordings: int = 2) -> list[RecordingMetadata]:
     return [
-        RecordingMetadata(f"test{test}_s{session}_r{take}", test, f"test{test}_s{session}", 0.005)
-        for test, count in sessions.items()
+        RecordingMetadata(f"test{condition}_s{session}_r{take}", condition, f"test{condition}_s{session}", 0.005)
+        for condition, count in sessions.items()
         for session in range(count)
         for take in range(recordings)
     ]
@@ -33,13 +33,13 @@ def test_sessions_stay_whole_and_every_test_is_everywhere(
     assert sorted(name for names in split.values() for name in names) == sorted(by_name)
     roles_of: dict[str, set[str]] = {}
     for role, names in split.items():
-        assert {by_name[name].test for name in names} == set(sessions)
+        assert {by_name[name].condition for name in names} == set(sessions)
         for name in names:
             roles_of.setdefault(by_name[name].session, set()).add(role)
     assert all(len(roles) == 1 for roles in roles_of.values())
-    for test in sessions:
+    for condition in sessions:
         counts = {
-            role: len({by_name[name].session for name in names if by_name[name].test == test})
+            role: len({by_name[name].session for name in names if by_name[name].condition == condition})
             for role, names in split.items()
         }
         assert (counts["test"], counts["validation"]) == (test_sessions, validation_sessions)

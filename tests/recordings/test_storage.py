@@ -36,7 +36,7 @@ METADATA = RecordingMetadata(
 
 
 def made(rows: int = 4000, bits: int | None = 12, **columns: object) -> Recording:
-    """Returns a recording as a converter gives it, or with all bits of a float if ``bits`` is None."""
+    """Return a recording as a converter gives it, or with all bits of a float if ``bits`` is None."""
     generator = np.random.default_rng(rows)
     samples = np.cumsum(generator.normal(size=(rows, 3)), axis=0)
     if bits is not None:

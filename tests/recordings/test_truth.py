@@ -28,7 +28,7 @@ def test_truth_of_something_else_is_refused(tmp_path: Path, labelled_recordings:
     recording = labelled_recordings[0]
     table, message = {
         "column": (recording.table.drop(columns="friction_n"), "column 'friction_n' is missing"),
-        "rows": (recording.table.iloc[:-1], r"has 3999 rows, but recording 'test1_session1' has 4000"),
+        "rows": (recording.table.iloc[:-1], r"has 3999 rows, but recording 'condition1_session1' has 4000"),
         "times": (recording.table.assign(time_s=recording.column("time_s") * 2), "expected the truth of this very"),
     }[what]
     table.to_parquet(tmp_path / f"{recording.name}.parquet")

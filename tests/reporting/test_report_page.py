@@ -49,8 +49,8 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(findings):
         "figure9_residuals_lugre",
         "quantiles",
         "autocorrelation",
-        "errors_by_test",
-        "errors_by_test_truth",
+        "errors_by_condition",
+        "errors_by_condition_truth",
         "errors_by_stratum",
         "friction_against_velocity",
     }
@@ -64,7 +64,7 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(findings):
 
 def test_without_truth_there_is_no_truth_figure_and_the_report_says_so(compared, curves):
     bare = look_into(compared(hybrid=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
-    assert "errors_by_test_truth" not in all_figures(bare)
+    assert "errors_by_condition_truth" not in all_figures(bare)
     page = report_html(bare, ReportInputs({}, {}, {}, None))
     assert "True friction is not known for these recordings." in page
     assert "Label audit" not in page
@@ -144,7 +144,7 @@ def test_an_audit_without_truth_says_its_note(findings):
 
 def test_plot_tables_have_equal_columns_in_every_row(findings):
     tables = plot_tables(findings)
-    assert {"learning_curve_hybrid.csv", "errors_by_test.csv", "residuals_lugre.csv"} <= set(tables)
+    assert {"learning_curve_hybrid.csv", "errors_by_condition.csv", "residuals_lugre.csv"} <= set(tables)
     for text in tables.values():
         assert len({line.count(",") for line in text.splitlines()}) == 1
     assert tables["learning_curve_hybrid.csv"].splitlines()[2] == "2,20,25"

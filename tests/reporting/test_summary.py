@@ -26,7 +26,7 @@ def test_a_hybrid_that_wins_everywhere_is_said_to(compared):
 def test_a_ridge_that_wins_is_said_to(compared):
     comparison = compared(hybrid=3.0, ridge=1.0, lugre=40.0)
     words = summary(comparison, "hybrid")
-    assert [winner(comparison.label, test) for test in comparison.tests] == ["ridge"] * 4
+    assert [winner(comparison.label, condition) for condition in comparison.conditions] == ["ridge"] * 4
     assert words[0].endswith("in 0 of 4 tests: ridge on lagged samples is better in tests 1, 2, 3 and 4.")
     assert any(s.startswith("Test 1: ridge on lagged samples has the smallest error, 0.33 % (1.0 N)") for s in words)
     expected = "The hybrid does not beat ridge on lagged samples in any test: it is behind by 0.33 to 0.67 percentage"
@@ -59,8 +59,8 @@ def test_truth_is_judged_in_sentences_of_its_own(compared, strokes):
 
 
 def test_the_error_table_states_its_denominator_and_marks_the_smallest(compared, strokes):
-    table = error_table((comparison := compared(hybrid=1.0, lugre=40.0)).label, comparison.tests, "label", True)
-    labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.test == "1"])
+    table = error_table((comparison := compared(hybrid=1.0, lugre=40.0)).label, comparison.conditions, "label", True)
+    labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.condition == "1"])
     denominator = np.abs(labels).mean()
     assert table.head[1] == f"Test 1 [% of mean |label| = {denominator:.0f} N]"
     assert table.rows[0][1] == f"{100 / denominator:.2f} % (1.0 N)"

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def rigs(cylinder: Cylinder) -> dict[str, RigParameters]:
-    return {test: default_rig(cylinder).with_throttle(gain) for test, gain in THROTTLE_GAINS.items()}
+    return {condition: default_rig(cylinder).with_throttle(gain) for condition, gain in THROTTLE_GAINS.items()}
 
 
 @pytest.fixture(scope="session")
 def traces(rigs: dict[str, RigParameters]) -> dict[str, pd.DataFrame]:
     """Two minutes by hand at each setting, in one table each."""
     made = {}
-    for test, rig in rigs.items():
-        generator = np.random.default_rng([7, int(test)])
+    for condition, rig in rigs.items():
+        generator = np.random.default_rng([7, int(condition)])
         hand = programme(rig, generator, 120.0)
-        made[test] = simulate(rig, hand, balanced_state(rig, 0.1, 8e5, 35.0), 120.0)
+        made[condition] = simulate(rig, hand, balanced_state(rig, 0.1, 8e5, 35.0), 120.0)
     return made

@@ -15,7 +15,7 @@ from cylinder_friction.rig.variation import draw_rig, draw_session
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
 
-SHORT = CampaignPlan(seed=3, sessions_per_test=1, recordings_per_session=2, duration_s=15.0)
+SHORT = CampaignPlan(seed=3, sessions_per_condition=1, recordings_per_session=2, duration_s=15.0)
 
 
 @pytest.fixture(scope="module")
@@ -25,10 +25,10 @@ def recordings(cylinder: Cylinder) -> list[RigRecording]:
 
 def test_every_test_session_and_recording_is_there_by_name(recordings: list[RigRecording]) -> None:
     assert [recording.metadata.name for recording in recordings] == [
-        f"test{test}_session01_recording{take:02d}" for test in "1234" for take in (1, 2)
+        f"condition{condition}_session01_recording{take:02d}" for condition in "1234" for take in (1, 2)
     ]
-    assert recordings[2].metadata.session == "test2_session01"
-    assert recordings[2].metadata.test == "2"
+    assert recordings[2].metadata.session == "condition2_session01"
+    assert recordings[2].metadata.condition == "2"
     assert len(recordings) == SHORT.recordings
 
 
@@ -60,13 +60,13 @@ def test_equal_plans_give_equal_bits(cylinder: Cylinder, recordings: list[RigRec
 
 
 def test_another_seed_gives_another_campaign(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
-    other = next(campaign(cylinder, CampaignPlan(seed=4, sessions_per_test=1, duration_s=15.0)))
+    other = next(campaign(cylinder, CampaignPlan(seed=4, sessions_per_condition=1, duration_s=15.0)))
     assert not other.truth["friction_n"].equals(recordings[0].truth["friction_n"])
 
 
 def test_a_longer_campaign_begins_with_the_shorter_one(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
     longer = next(
-        campaign(cylinder, CampaignPlan(seed=3, sessions_per_test=5, recordings_per_session=2, duration_s=15.0))
+        campaign(cylinder, CampaignPlan(seed=3, sessions_per_condition=5, recordings_per_session=2, duration_s=15.0))
     )
     assert longer.truth.equals(recordings[0].truth)
 

@@ -24,7 +24,7 @@ STROKE_M = 0.25
 
 
 def reversing(seconds: float, level: float = 0.5) -> NDArray[np.float64]:
-    """Returns a lever swung to and fro."""
+    """Return a lever swung to and fro."""
     time_s = 0.001 * np.arange(round((seconds + 0.01) / 0.001))
     swing = np.sin(2.0 * np.pi * 1.1 * (time_s - 0.05)) * np.clip((time_s - 0.05) / 0.2, 0.0, 1.0)
     return np.asarray(level * swing)
@@ -114,9 +114,9 @@ def test_a_balanced_start_carries_the_load_at_rest(rigs: dict[str, RigParameters
     assert trace["friction_n"].abs().max() < 1e-3
 
 
-@pytest.mark.parametrize("test", ["1", "4"])
-def test_oil_less_inertia_and_load_is_friction(rigs: dict[str, RigParameters], test: str) -> None:
-    rig, seconds = rigs[test], 3.0
+@pytest.mark.parametrize("condition", ["1", "4"])
+def test_oil_less_inertia_and_load_is_friction(rigs: dict[str, RigParameters], condition: str) -> None:
+    rig, seconds = rigs[condition], 3.0
     load = boom_with_steps(seconds)
     start = balanced_state(rig, 0.12, 10e5, 35.0, load.at_start(0.12, STROKE_M))
     trace = simulate(rig, reversing(seconds), start, seconds, external_force=load)

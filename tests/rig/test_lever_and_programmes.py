@@ -108,11 +108,11 @@ def test_no_load_recordings_have_ten_steady_speeds_in_either_direction(traces: d
         assert speeds.max() / speeds.min() > 10.0
 
 
-@pytest.mark.parametrize("test", ["1", "4"])
+@pytest.mark.parametrize("condition", ["1", "4"])
 def test_a_person_at_the_lever_uses_the_stroke_and_rests_now_and_then(
-    traces: dict[str, pd.DataFrame], test: str
+    traces: dict[str, pd.DataFrame], condition: str
 ) -> None:
-    trace = traces[test]
+    trace = traces[condition]
     assert np.ptp(trace["position_m"]) > 0.1
     moving = trace["velocity_m_s"].abs() > 2e-3
     assert 0.45 < moving.mean() < 0.95

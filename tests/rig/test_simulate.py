@@ -22,24 +22,24 @@ TESTS = ("1", "2", "3", "4")
 
 
 def held(level: float, seconds: float, after_s: float = 0.3) -> np.ndarray:
-    """Returns a lever that is pulled at 0.1 s and held."""
+    """Return a lever that is pulled at 0.1 s and held."""
     time_s = 0.001 * np.arange(round((seconds + 0.01) / 0.001))
     return level * np.clip((time_s - 0.1) / (after_s - 0.1), 0.0, 1.0)
 
 
 def reversing(seconds: float) -> np.ndarray:
-    """Returns a lever swung to and fro, then let go."""
+    """Return a lever swung to and fro, then let go."""
     time_s = 0.001 * np.arange(round((seconds + 0.01) / 0.001))
     lever = 0.5 * np.sin(2.0 * np.pi * 1.1 * (time_s - 0.05)) * np.clip((time_s - 0.05) / 0.2, 0.0, 1.0)
     return np.where(time_s < 0.8 * seconds, lever, 0.0)
 
 
-@pytest.mark.parametrize("test", ["1", "3"])
+@pytest.mark.parametrize("condition", ["1", "3"])
 def test_fixed_step_agrees_with_the_stiff_reference_solver_over_reversals(
-    rigs: dict[str, RigParameters], test: str
+    rigs: dict[str, RigParameters], condition: str
 ) -> None:
-    rig, seconds = rigs[test], 2.2
-    lever, start = reversing(seconds), balanced_state(rigs[test], 0.12, 10e5, 35.0)
+    rig, seconds = rigs[condition], 2.2
+    lever, start = reversing(seconds), balanced_state(rigs[condition], 0.12, 10e5, 35.0)
     found, reference = simulate(rig, lever, start, seconds), solve_reference(rig, lever, start, seconds, 1e-6)
     velocity = reference["velocity_m_s"]
     assert velocity.max() > 0.03
@@ -85,9 +85,11 @@ def test_nothing_moves_while_the_lever_rests_but_by_leakage(rigs: dict[str, RigP
     assert (leaking["position_m"] - 0.1).abs().max() < leak_m3 / rig.hydraulics.annulus_area_m2
 
 
-@pytest.mark.parametrize("test", TESTS)
-def test_oil_volume_is_balanced(traces: dict[str, pd.DataFrame], rigs: dict[str, RigParameters], test: str) -> None:
-    trace, y = traces[test], hydraulic_constants(rigs[test].hydraulics)
+@pytest.mark.parametrize("condition", TESTS)
+def test_oil_volume_is_balanced(
+    traces: dict[str, pd.DataFrame], rigs: dict[str, RigParameters], condition: str
+) -> None:
+    trace, y = traces[condition], hydraulic_constants(rigs[condition].hydraulics)
     sides = (
         (1, y.dead_volume_1_m3 + y.piston_area_m2 * trace["position_m"], y.piston_area_m2),
         (2, y.dead_volume_2_m3 + y.annulus_area_m2 * (y.stroke_m - trace["position_m"]), -y.annulus_area_m2),
@@ -103,11 +105,11 @@ def test_oil_volume_is_balanced(traces: dict[str, pd.DataFrame], rigs: dict[str,
         assert abs((entered - displaced - squeezed).sum()) < 1e-3 * turned_over
 
 
-@pytest.mark.parametrize("test", TESTS)
+@pytest.mark.parametrize("condition", TESTS)
 def test_force_balance_holds_in_steady_motion(
-    traces: dict[str, pd.DataFrame], rigs: dict[str, RigParameters], test: str
+    traces: dict[str, pd.DataFrame], rigs: dict[str, RigParameters], condition: str
 ) -> None:
-    trace, y = traces[test], rigs[test].hydraulics
+    trace, y = traces[condition], rigs[condition].hydraulics
     oil = trace["pressure_1_pa"] * y.piston_area_m2 - trace["pressure_2_pa"] * y.annulus_area_m2
     residual = oil + trace["stop_force_n"] - trace["friction_n"]
     acceleration = np.gradient(trace["velocity_m_s"], 0.001)
@@ -117,22 +119,22 @@ def test_force_balance_holds_in_steady_motion(
     assert np.abs(residual - y.mass_kg * acceleration).mean() < 2.0
 
 
-@pytest.mark.parametrize("test", TESTS)
-def test_friction_takes_energy_out_of_sliding_motion(traces: dict[str, pd.DataFrame], test: str) -> None:
-    power = traces[test]["friction_n"] * traces[test]["velocity_m_s"]
+@pytest.mark.parametrize("condition", TESTS)
+def test_friction_takes_energy_out_of_sliding_motion(traces: dict[str, pd.DataFrame], condition: str) -> None:
+    power = traces[condition]["friction_n"] * traces[condition]["velocity_m_s"]
     # After a reversal the elements first give back what they stored, over some hundred micrometres.
-    travelled = traces[test]["velocity_m_s"].abs().rolling(100).min()
+    travelled = traces[condition]["velocity_m_s"].abs().rolling(100).min()
     assert (power[travelled > 2e-3] > 0.0).all()
     assert power.sum() > 0.0
     given_back = -power[power < 0.0].sum() / power[power > 0.0].sum()
     assert given_back < 0.02
 
 
-@pytest.mark.parametrize("test", TESTS)
+@pytest.mark.parametrize("condition", TESTS)
 def test_pressures_keep_between_cavitation_and_the_boosted_supply(
-    traces: dict[str, pd.DataFrame], rigs: dict[str, RigParameters], test: str
+    traces: dict[str, pd.DataFrame], rigs: dict[str, RigParameters], condition: str
 ) -> None:
-    trace, y = traces[test], rigs[test].hydraulics
+    trace, y = traces[condition], rigs[condition].hydraulics
     relief_pa = y.relief_factor * y.pump_pressure_pa
     boosted_pa = relief_pa * y.piston_area_m2 / y.annulus_area_m2
     assert trace[["pressure_1_pa", "pressure_2_pa"]].to_numpy().min() > -1.0e5
@@ -166,16 +168,16 @@ def test_full_lever_gives_the_speed_of_the_pump_flow(cylinder: Cylinder, supply:
 def test_the_throttle_loads_extension_alone(rigs: dict[str, RigParameters]) -> None:
     rod_side = {}
     for sign in (1.0, -1.0):
-        for test, rig in rigs.items():
+        for condition, rig in rigs.items():
             trace = simulate(rig, held(sign * 0.6, 1.5), balanced_state(rig, 0.125, 8e5, 35.0), 1.5)
-            rod_side[sign, test] = float(trace["pressure_2_pa"].tail(200).mean())
+            rod_side[sign, condition] = float(trace["pressure_2_pa"].tail(200).mean())
     assert rod_side[1.0, "1"] < rod_side[1.0, "2"] < rod_side[1.0, "3"] < rod_side[1.0, "4"]
-    assert len({round(rod_side[-1.0, test], -3) for test in TESTS}) == 1
+    assert len({round(rod_side[-1.0, condition], -3) for condition in TESTS}) == 1
 
 
 def test_friction_is_hundreds_of_newtons_and_grows_from_test_to_test(traces: dict[str, pd.DataFrame]) -> None:
-    extending = {test: trace[trace["velocity_m_s"] > 0.003] for test, trace in traces.items()}
-    means = [float(extending[test]["friction_n"].mean()) for test in TESTS]
+    extending = {condition: trace[trace["velocity_m_s"] > 0.003] for condition, trace in traces.items()}
+    means = [float(extending[condition]["friction_n"].mean()) for condition in TESTS]
     assert means == sorted(means)
     assert 250.0 < means[0] < 450.0
     assert 450.0 < means[-1] < 750.0

@@ -82,7 +82,7 @@ def test_eight_seeds_are_eight_clearly_different_rigs(drawn: list[RigParameters]
 def test_fifty_of_them_work(cylinder: Cylinder) -> None:
     mean_n, speeds = [], []
     for seed in range(50):
-        plan = CampaignPlan(seed, sessions_per_test=1, recordings_per_session=1, duration_s=8.0, specimen="wide")
+        plan = CampaignPlan(seed, sessions_per_condition=1, recordings_per_session=1, duration_s=8.0, specimen="wide")
         truths = [recording.truth for recording in campaign(cylinder, plan)]
         pressures = np.array([truth[["pressure_1_pa", "pressure_2_pa"]].to_numpy() for truth in truths])
         assert pressures.min() > -1.0e5

@@ -21,7 +21,7 @@ HALF_WIDTH, STEP_S = 4e-5, 0.005
 
 
 def pushed_through(positions: np.ndarray, centring: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Returns whether each position pushed, and the play after the last."""
+    """Return whether each position pushed, and the play after the last."""
     play = new_play()
     return np.array([push(at, play, HALF_WIDTH, centring, STEP_S) for at in positions], dtype=bool), play
 

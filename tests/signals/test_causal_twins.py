@@ -63,7 +63,7 @@ def test_constant_velocity_is_found(block: CausalBlock) -> None:
 
 
 def lag_s(rate: float, seen: np.ndarray, derivative: int) -> float:
-    """Returns how late a filtered sine is, from its phase."""
+    """Return how late a filtered sine is, from its phase."""
     time_s = STEP_S * np.arange(len(seen))
     late = slice(len(seen) // 2, None)
     design = np.column_stack([np.sin(rate * time_s), np.cos(rate * time_s)])[late]

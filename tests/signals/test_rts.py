@@ -11,7 +11,7 @@ STEP_S = 0.005
 
 
 def least_squares(model: KalmanModel, measured: np.ndarray) -> np.ndarray:
-    """Returns the most likely states by solving for all of them at once: what the smoother must give."""
+    """Return the most likely states by solving for all of them at once: what the smoother must give."""
     rows, size = len(measured), len(model.transition)
 
     def root(covariance: np.ndarray) -> np.ndarray:

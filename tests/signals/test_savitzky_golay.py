@@ -62,7 +62,7 @@ def test_edges_are_the_fitted_polynomial_s(window: int, order: int, derivative: 
 
 
 def solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]:
-    """Returns the exact solution of a system of linear equations, by elimination."""
+    """Return the exact solution of a system of linear equations, by elimination."""
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
     for at, pivot in enumerate(rows):
         for place, row in enumerate(rows):

@@ -26,7 +26,7 @@ def zero_phase(request: pytest.FixtureRequest) -> SignalFilter:
 
 
 def best_lag(seen: np.ndarray, true: np.ndarray) -> int:
-    """Returns the lag, in samples, at which the two correlate best."""
+    """Return the lag, in samples, at which the two correlate best."""
     lags = range(-40, 41)
     inner = slice(200, len(true) - 200)
     return max(lags, key=lambda lag: float(np.dot(np.roll(seen, -lag)[inner], true[inner])))

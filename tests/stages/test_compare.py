@@ -77,8 +77,8 @@ def workplace(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> Path:
     monkeypatch.chdir(tmp_path)
-    train, test = labelled_recordings[::2], labelled_recordings[1::2]
-    for recording in test:
+    train, condition = labelled_recordings[::2], labelled_recordings[1::2]
+    for recording in condition:
         write_recording(Path("data/processed/test"), recording)
         TRUTH_FOLDER.mkdir(parents=True, exist_ok=True)
         truth = recording.table[["time_s", "friction_n", "velocity_m_s"]]
@@ -122,7 +122,7 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(workplace, lab
     error = np.abs(estimate - held_out.column("friction_n"))
     expected = 100 * error.mean() / np.abs(held_out.column("friction_n")).mean()
     assert metrics["hybrid"]["1"]["label_percent"] == pytest.approx(expected)
-    assert record.metrics["hybrid.test_1.label_percent"] == metrics["hybrid"]["1"]["label_percent"]
+    assert record.metrics["hybrid.condition_1.label_percent"] == metrics["hybrid"]["1"]["label_percent"]
     assert metrics["hybrid"]["1"]["truth_mae_n"] != metrics["hybrid"]["1"]["label_mae_n"]
     assert metrics["hybrid"]["1"]["multiply_adds"] == 36
     for path, recorded in record.artifacts.items():
@@ -154,7 +154,7 @@ def test_truth_of_another_run_is_refused(workplace, labelled_recordings):
     recording = labelled_recordings[1]
     short = pd.DataFrame({"time_s": [0.0, 0.005], "friction_n": [1.0, 2.0], "velocity_m_s": [0.0, 0.0]})
     short.to_parquet(TRUTH_FOLDER / f"{recording.name}.parquet")
-    with pytest.raises(RecordingError, match="has 2 rows, but recording 'test1_session2' has 4000"):
+    with pytest.raises(RecordingError, match="has 2 rows, but recording 'condition1_session2' has 4000"):
         compare.run(tiny_params())
     assert not Path("reports/metrics.json").exists()
 

@@ -23,7 +23,7 @@ ADDED = ["pressure_1_smooth_pa", "pressure_2_smooth_pa", "velocity_m_s", "accele
 
 
 def shipped(name: str) -> dict[str, Any]:
-    """Returns a recipe over those that it builds on, as Hydra composes it."""
+    """Return a recipe over those that it builds on, as Hydra composes it."""
     content: dict[str, Any] = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
     for base in content.pop("defaults", []):
         content = content if base == "_self_" else shipped(base) | content

@@ -43,7 +43,7 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
     folder = workplace / "data/raw/rig"
     folder.mkdir(parents=True)
     for recording in labelled_recordings[:3]:
-        test, take = recording.metadata.test, recording.name[-1]
+        condition, take = recording.metadata.condition, recording.name[-1]
         log = pd.DataFrame(
             {
                 "Time [s]": recording.column("time_s"),
@@ -53,14 +53,14 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
                 "Oil temperature [degC]": np.full(len(recording), 37.0),
             }
         )
-        log.to_csv(folder / f"test{test}_session0{take}_recording01.csv", index=False)
+        log.to_csv(folder / f"condition{condition}_session0{take}_recording01.csv", index=False)
     (folder / "test9_session01_recording01.csv").write_text("Time [s]\n0.0\n", encoding="utf-8")
     record = ingest.run(params_for("rig"))
     recordings = read_recordings(RECORDINGS_FOLDER)
-    assert [(entry.metadata.test, entry.metadata.session) for entry in recordings] == [
-        ("1", "test1_session01"),
-        ("1", "test1_session02"),
-        ("2", "test2_session01"),
+    assert [(entry.metadata.condition, entry.metadata.session) for entry in recordings] == [
+        ("1", "condition1_session01"),
+        ("1", "condition1_session02"),
+        ("2", "condition2_session01"),
     ]
     np.testing.assert_allclose(recordings[0].samples(), labelled_recordings[0].samples(), rtol=1e-12)
     (entry,) = read_json(ingest.QUARANTINE_FILE)
@@ -72,8 +72,8 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
         "repaired": 0.0,
         "quarantined": 1.0,
         "sessions": 3.0,
-        "test_1.seconds": 40.0,
-        "test_2.seconds": 20.0,
+        "condition_1.seconds": 40.0,
+        "condition_2.seconds": 20.0,
     }
     assert record == ingest.run(params_for("rig"))
 
@@ -95,7 +95,7 @@ def test_own_logs_as_the_example_says(
     log.to_csv(path, index=False, sep=";", decimal=",")
     ingest.run(params_for("own"))
     (own,) = read_recordings(RECORDINGS_FOLDER)
-    assert (own.metadata.test, own.metadata.session) == ("no-load", "no-load_2026-03-14_monday")
+    assert (own.metadata.condition, own.metadata.session) == ("no-load", "no-load_2026-03-14_monday")
     assert own.name == "no-load_2026-03-14_monday-stroke_07"
     assert own.metadata.cylinder == cylinder.name
     np.testing.assert_allclose(own.samples(), recording.samples(), rtol=1e-12)
@@ -105,7 +105,7 @@ def test_own_logs_as_the_example_says(
     ("change", "message"),
     [
         ({"channels": {"time_s": {"channel": "t", "unit": "s"}}}, "'pressure_1_pa' has no channel"),
-        ({"name_pattern": "(?P<test>.)"}, "has no group 'session'"),
+        ({"name_pattern": "(?P<condition>.)"}, "has no group 'session'"),
         ({"name_pattern": None}, "name_pattern or name_table must be set, and the other null"),
         ({"format": "xlsx"}, "Input should be 'auto', 'csv', 'matlab'"),
         ({"csv": {"delimiter": ";;", "decimal": ".", "encoding": "utf-8", "header": "auto"}}, "one character"),

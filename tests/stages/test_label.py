@@ -42,7 +42,7 @@ RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
 TRUTH = ["time_s", "friction_n", "velocity_m_s"]
 
 
-def params_for(cylinder: Cylinder, lugre_test: str = "1", **label_changes: Any) -> Params:
+def params_for(cylinder: Cylinder, lugre_condition: str = "1", **label_changes: Any) -> Params:
     content = {
         "ingest": yaml.safe_load((CONF / "ingest/rig.yaml").read_text(encoding="utf-8")),
         "filter": yaml.safe_load((CONF / "filter/savitzky_golay.yaml").read_text(encoding="utf-8")),
@@ -56,7 +56,7 @@ def params_for(cylinder: Cylinder, lugre_test: str = "1", **label_changes: Any) 
         filter=FilterParams.model_validate(content["filter"]),
         label=LabelParams.model_validate(content["label"]),
         lugre=LugreParams.model_validate(
-            yaml.safe_load((CONF / "lugre/default.yaml").read_text(encoding="utf-8")) | {"test": lugre_test}
+            yaml.safe_load((CONF / "lugre/default.yaml").read_text(encoding="utf-8")) | {"condition": lugre_condition}
         ),
     )
 
@@ -67,8 +67,8 @@ def made(labelled_recordings: list[Recording]) -> list[Recording]:
     chosen = labelled_recordings[:3] + labelled_recordings[3:6]
     sessions = [("1", "1-a"), ("1", "1-b"), ("1", "1-c"), ("2", "2-a"), ("2", "2-b"), ("2", "2-c")]
     result = []
-    for recording, (test, session) in zip(chosen, sessions, strict=True):
-        details = recording.metadata.to_dict() | {"name": f"r{session}", "test": test, "session": session}
+    for recording, (condition, session) in zip(chosen, sessions, strict=True):
+        details = recording.metadata.to_dict() | {"name": f"r{session}", "condition": condition, "session": session}
         result.append(Recording(recording.metadata.from_dict(details), recording.table))
     return result
 
@@ -92,7 +92,7 @@ def test_labels_are_near_friction_and_sessions_are_split(
     seen = []
     for role, folder in PROCESSED_FOLDERS.items():
         recordings = read_recordings(folder)
-        assert {recording.metadata.test for recording in recordings} == {"1", "2"}
+        assert {recording.metadata.condition for recording in recordings} == {"1", "2"}
         assert record.metrics[f"{role}.recordings"] == len(recordings) == 2
         for recording in recordings:
             seen.append(recording.name)
@@ -110,21 +110,21 @@ def test_audit_judges_every_filter_in_every_test(workplace: Path, cylinder: Cyli
     record = label.run(params_for(cylinder))
     audit = read_json(AUDIT_FOLDER / "audit.json")
     assert set(audit) == {"moving_average", "moving_average_centred", "savitzky_golay", "rts"}
-    for tests in audit.values():
-        assert set(tests) == {"1", "2", "all"}
-        assert {"all", "steady", "events", "reversal"} <= set(tests["1"])
-        assert set(tests["1"]["steady"]) == {"rows", "mae_n", "max_n", "bias_n", "mean_friction_n", "mae_percent"}
+    for conditions in audit.values():
+        assert set(conditions) == {"1", "2", "all"}
+        assert {"all", "steady", "events", "reversal"} <= set(conditions["1"])
+        assert set(conditions["1"]["steady"]) == {"rows", "mae_n", "max_n", "bias_n", "mean_friction_n", "mae_percent"}
     # The causal chain is late, which shows where friction changes fast.
     late, in_time = (audit[name]["all"]["events"]["mae_n"] for name in ("moving_average", "savitzky_golay"))
     assert late > 2.0 * in_time
     rows = {audit[name]["all"]["all"]["rows"] for name in audit}
     assert len(rows) == 1
     table = pd.read_csv(AUDIT_FOLDER / "audit.csv")
-    (line,) = table[(table["filter"] == "rts") & (table["test"] == "2") & (table["stratum"] == "steady")].to_dict(
+    (line,) = table[(table["filter"] == "rts") & (table["condition"] == "2") & (table["stratum"] == "steady")].to_dict(
         "records"
     )
     assert line["mae_n"] == audit["rts"]["2"]["steady"]["mae_n"]
-    assert record.metrics["audit.rts.test_2.steady_mae_n"] == line["mae_n"]
+    assert record.metrics["audit.rts.condition_2.steady_mae_n"] == line["mae_n"]
     assert record.metrics["audited_recordings"] == 6.0
 
 
@@ -210,5 +210,5 @@ def test_a_test_that_lugre_cannot_find_is_refused_before_anything_is_trained(
     workplace: Path, cylinder: Cylinder
 ) -> None:
     with pytest.raises(RecordingError, match=r"lugre\.test is 'no-load', but the recordings are of tests \['1', '2'\]"):
-        label.run(params_for(cylinder, lugre_test="no-load"))
+        label.run(params_for(cylinder, lugre_condition="no-load"))
     assert not PROCESSED_FOLDERS["train"].exists()

@@ -64,7 +64,7 @@ def rate(session: int) -> float:
 
 
 def write_log(path: Path, session: int, cylinder: Cylinder) -> None:
-    """Writes pressures at 1 kHz and position at 100 Hz, 37 ms later, vented for 3 s; 0.7 s of pressures are lost."""
+    """Write pressures at 1 kHz and position at 100 Hz, 37 ms later, vented for 3 s; 0.7 s of pressures are lost."""
     generator = np.random.default_rng(session)
     time_s: Array = np.arange(round(SECONDS * 1000)) * 1e-3
     working = np.clip((time_s - VENTED_S) / (PRESSURISED_S - VENTED_S), 0.0, 1.0)
@@ -96,7 +96,7 @@ def sampled(values: Array, noise: float, step: float, generator: np.random.Gener
 
 
 def params_for(method: str) -> Params:
-    content = compose_params(CONF, ["experiment=own", "lugre.test=no-load", "ingest.time.rate_hz=200.0"])
+    content = compose_params(CONF, ["experiment=own", "lugre.condition=no-load", "ingest.time.rate_hz=200.0"])
     content["ingest"] |= {"pattern": "**/*.tdms", "channels": CHANNELS}
     content["ingest"]["zero"] |= {"method": method, "window_s": [0.0, 2.5] if method == "window" else None}
     return check_params(content, "test")

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from cylinder_friction.tracking.run_record import RunRecord
 
 
-def tiny_params(cylinder: Cylinder, test: str = "1") -> Params:
+def tiny_params(cylinder: Cylinder, condition: str = "1") -> Params:
     section = LugreParams(
         seed=1,
-        test=test,
+        condition=condition,
         population=2,
         generations=2,
         simulated_recordings=1,
@@ -59,7 +59,7 @@ def test_the_stage_leaves_both_estimators_and_the_points(workplace: Path, cylind
     assert points["curve"]["coulomb_n"] > 0.0
     assert record.name == "lugre"
     assert record.artifacts == {"models/lugre": hash_of(LUGRE_FOLDER)}
-    assert record.params["test"] == "1"
+    assert record.params["condition"] == "1"
 
 
 def test_two_runs_leave_the_same_bytes(workplace: Path, cylinder: Cylinder) -> None:
@@ -70,7 +70,7 @@ def test_two_runs_leave_the_same_bytes(workplace: Path, cylinder: Cylinder) -> N
 
 def test_a_test_that_nobody_recorded_is_refused_and_nothing_is_written(workplace: Path, cylinder: Cylinder) -> None:
     with pytest.raises(RecordingError, match=r"no recording of test '7'; got tests \['1', '2'\]; name one of them"):
-        lugre.run(tiny_params(cylinder, test="7"))
+        lugre.run(tiny_params(cylinder, condition="7"))
     assert not LUGRE_FOLDER.exists()
 
 

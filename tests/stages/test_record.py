@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SETTINGS: dict[str, Any] = {
     "seed": 5,
-    "sessions_per_test": 1,
+    "sessions_per_condition": 1,
     "recordings_per_session": 1,
     "duration_s": 3.0,
     "sample_time_s": 0.005,
@@ -45,7 +45,7 @@ def _workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_it_writes_what_a_logger_would_and_the_truth_elsewhere(cylinder: Cylinder) -> None:
     done = record.run(params(cylinder))
-    names = [f"test{test}_session01_recording01" for test in "1234"]
+    names = [f"condition{condition}_session01_recording01" for condition in "1234"]
     assert sorted(path.name for path in RIG_FOLDER.iterdir()) == [f"{name}.csv" for name in names]
     assert sorted(path.name for path in RIG_TRUTH_FOLDER.iterdir()) == [f"{name}.parquet" for name in names]
     lines = (RIG_FOLDER / f"{names[0]}.csv").read_text(encoding="utf-8").splitlines()
@@ -56,7 +56,7 @@ def test_it_writes_what_a_logger_would_and_the_truth_elsewhere(cylinder: Cylinde
     assert tuple(truth.columns) == TRUTH_COLUMNS
     assert done.metrics["recordings"] == 4.0
     assert done.metrics["seconds"] == 12.0
-    assert done.metrics["test_4.mean_friction_n"] > 0.0
+    assert done.metrics["condition_4.mean_friction_n"] > 0.0
     assert done.datasets == {"rig": hash_of(RIG_FOLDER), "rig_truth": hash_of(RIG_TRUTH_FOLDER)}
 
 
@@ -69,7 +69,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(cylinder: Cylin
 
 def test_no_sessions_leave_a_note_in_both_folders(cylinder: Cylinder) -> None:
     record.run(params(cylinder, duration_s=1.0))
-    done = record.run(params(cylinder, sessions_per_test=0))
+    done = record.run(params(cylinder, sessions_per_condition=0))
     assert [path.name for path in RIG_FOLDER.iterdir()] == ["README.txt"]
     assert [path.name for path in RIG_TRUTH_FOLDER.iterdir()] == ["README.txt"]
     assert done.metrics["recordings"] == 0.0
@@ -77,9 +77,9 @@ def test_no_sessions_leave_a_note_in_both_folders(cylinder: Cylinder) -> None:
 
 def test_a_load_is_logged_and_its_truth_kept(cylinder: Cylinder) -> None:
     record.run(params(cylinder, external_load="varied"))
-    log = pd.read_csv(RIG_FOLDER / "test2_session01_recording01.csv")
+    log = pd.read_csv(RIG_FOLDER / "condition2_session01_recording01.csv")
     assert list(log.columns)[-1] == "Load [N]"
-    truth = pd.read_parquet(RIG_TRUTH_FOLDER / "test2_session01_recording01.parquet")
+    truth = pd.read_parquet(RIG_TRUTH_FOLDER / "condition2_session01_recording01.parquet")
     assert (log["Load [N]"] - truth["load_force_n"]).abs().mean() < 20.0
 
 

@@ -69,9 +69,9 @@ def test_the_candidate_is_registered_and_the_file_says_on_what_grounds(repositor
     assert list(content["candidate"]["origin"]["data"]) == sorted(content["candidate"]["origin"]["data"])
     assert content["candidate"]["origin"]["raw"] == "data/raw/rig"
     assert str(repository) not in registered(repository), "no absolute path in a file that DVC tracks"
-    assert record.metrics == {f"test_{test}.label_percent": 2.0 + 0.1 * test for test in (1, 2, 3, 4)} | {
-        "promoted": 1.0
-    }
+    assert record.metrics == {
+        f"condition_{condition}.label_percent": 2.0 + 0.1 * condition for condition in (1, 2, 3, 4)
+    } | {"promoted": 1.0}
     assert record.tags["gate_reason"].startswith("promoted: there is no incumbent")
     client = MlflowClient(tracking_uri(repository))
     assert client.get_model_version_by_alias(NAME, "champion").tags["model_key"] == content["candidate"]["model_key"]

@@ -58,7 +58,7 @@ def test_a_promoted_candidate_is_better_overall_and_nowhere_worse_than_tolerated
     if decide(candidate, incumbent, tolerance).promote:
         assert candidate.keys() == incumbent.keys()
         assert sum(candidate.values()) < sum(incumbent.values())
-        assert all(candidate[test] <= incumbent[test] + tolerance for test in candidate)
+        assert all(candidate[condition] <= incumbent[condition] + tolerance for condition in candidate)
 
 
 @given(FIGURES, FIGURES)
@@ -70,6 +70,6 @@ def test_two_models_never_each_replace_the_other(one: dict[str, float], other: d
 def test_one_impossible_figure_refuses_whatever_the_rest(
     figures: dict[str, float], impossible: float, data: st.DataObject
 ) -> None:
-    test = data.draw(st.sampled_from(sorted(figures)))
-    assert not decide({**figures, test: impossible}, None, 0.0).promote
-    assert not decide({**figures, test: impossible}, figures, 1e6).promote
+    condition = data.draw(st.sampled_from(sorted(figures)))
+    assert not decide({**figures, condition: impossible}, None, 0.0).promote
+    assert not decide({**figures, condition: impossible}, figures, 1e6).promote

@@ -23,7 +23,7 @@ EXPORT_PART = "lstm: without the forest; base: the filtered force balance alone"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command; returns 0, or 1 with a message where the user can do something about it."""
+    """Run one command; returns 0, or 1 with a message where the user can do something about it."""
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options) or 0)

@@ -47,11 +47,13 @@ FOREST = ForestPlan(trees=16, depth=6, rows=20_000, leaf=40)
 
 
 def train_golden_model(folder: Path, params: Params) -> None:
-    """Trains the small model of the golden trajectories on the first training recording of each test."""
-    firsts = {recording.metadata.test: recording for recording in reversed(read_recordings(PROCESSED_FOLDERS["train"]))}
+    """Train the small model of the golden trajectories on the first training recording of each test."""
+    firsts = {
+        recording.metadata.condition: recording for recording in reversed(read_recordings(PROCESSED_FOLDERS["train"]))
+    }
     hybrid = HybridEstimator(cylinder_from(params.cylinder), "force_balance", ARCHITECTURE, PLAN, FOREST)
     hybrid.fit_with_validation(
-        [firsts[test] for test in sorted(firsts)], read_recordings(PROCESSED_FOLDERS["validation"])
+        [firsts[condition] for condition in sorted(firsts)], read_recordings(PROCESSED_FOLDERS["validation"])
     )
     with whole_folder(folder / MODEL_FOLDER) as draft:
         hybrid.save(draft)
@@ -70,7 +72,7 @@ def record_golden(folder: Path) -> str:
 
 
 def check_golden(folder: Path) -> tuple[str, bool]:
-    """Compares what the reference and the compiled step make of the trajectories with what was recorded.
+    """Compare what the reference and the compiled step make of the trajectories with what was recorded.
 
     Returns:
         One line a trajectory, and whether every number and every flag is the same bit for bit.
@@ -89,7 +91,7 @@ def check_golden(folder: Path) -> tuple[str, bool]:
 
 
 def golden_samples(recordings: list[Recording]) -> dict[str, Array]:
-    """Returns the raw samples of every trajectory by name, each of shape ``(n, 3)``.
+    """Return the raw samples of every trajectory by name, each of shape ``(n, 3)``.
 
     Raises:
         RecordingError: The recordings are too short to be cut from.
@@ -119,7 +121,7 @@ def _model(folder: Path) -> StepModel:
 
 
 def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
-    """Returns 1 where the piston first moves against its last motion, else 0."""
+    """Return 1 where the piston first moves against its last motion, else 0."""
     rows = np.flatnonzero(moving)
     direction = np.sign(recording.column("velocity_m_s")[rows])
     result = np.zeros(len(moving))
@@ -128,7 +130,7 @@ def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
 
 
 def _busiest(recordings: list[Recording], measures: list[Array], rows: int) -> Array:
-    """Returns the samples of the window of all recordings in which a measure, one value a row, sums up highest."""
+    """Return the samples of the window of all recordings in which a measure, one value a row, sums up highest."""
     best, chosen = -1.0, np.empty((0, 3))
     for recording, measure in zip(recordings, measures, strict=True):
         sums = np.convolve(measure, np.ones(rows), "valid")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
-    """Writes the page of a file, or of the files of a folder; returns the report and whether anything was refused.
+    """Write the page of a file, or of the files of a folder; returns the report and whether anything was refused.
 
     Files of a folder are those that ``ingest.pattern`` matches. Memory holds the recordings that are drawn, no more.
 
@@ -48,7 +48,7 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
 
 
 def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter, params: Params) -> Inspected:
-    """Returns a subject whose recording has the load that its own strokes tell, where position decides it.
+    """Return a subject whose recording has the load that its own strokes tell, where position decides it.
 
     ``label`` asks whole sessions; here each recording speaks for itself. What is refused is not asked.
     """
@@ -81,7 +81,7 @@ def _files(path: Path, params: Params) -> dict[str, Path]:
 
 
 def _shown(path: Path, *folders: Path) -> str:
-    """Returns a file's path below the first of the folders that it lies in, its name where it lies in none."""
+    """Return a file's path below the first of the folders that it lies in, its name where it lies in none."""
     for folder in folders:
         if path.resolve().is_relative_to(folder.resolve()):
             return path.resolve().relative_to(folder.resolve()).as_posix()

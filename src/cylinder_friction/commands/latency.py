@@ -38,7 +38,7 @@ RECORDINGS = 4
 
 
 def bench(folders: Sequence[Path], effort: Effort) -> str:
-    """Measures models, writes ``reports/latency.json`` and its run, tells MLflow, and returns the tables.
+    """Measure models, writes ``reports/latency.json`` and its run, tells MLflow, and returns the tables.
 
     Args:
         folders: Of hybrids and LuGre; none for the pipeline's own.
@@ -63,7 +63,7 @@ def bench(folders: Sequence[Path], effort: Effort) -> str:
 
 
 def run_record(measured: Measured) -> RunRecord:
-    """Returns what MLflow is told; ``reports/latency.json`` and the test recordings must be there."""
+    """Return what MLflow is told; ``reports/latency.json`` and the test recordings must be there."""
     effort, quiet = measured.effort, measured.quiet
     return RunRecord(
         name="latency",
@@ -87,6 +87,6 @@ def run_record(measured: Measured) -> RunRecord:
 
 
 def _named(folders: Sequence[Path]) -> dict[str, Path]:
-    """Returns each folder by its name; by its whole path where two have one name."""
+    """Return each folder by its name; by its whole path where two have one name."""
     names = [folder.name for folder in folders]
     return {folder.name if names.count(folder.name) == 1 else folder.as_posix(): folder for folder in folders}

@@ -22,7 +22,7 @@ HEADER = "# Composed from conf/ by `make params`; change it there, or here for o
 
 
 def compose_params(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """Returns the configuration that ``conf`` and Hydra overrides (``experiment=smoke``, ``search.trials=5``) make.
+    """Return the configuration that ``conf`` and Hydra overrides (``experiment=smoke``, ``search.trials=5``) make.
 
     Raises:
         ParamsError: Hydra knows no such group or key, or the result is refused.

@@ -15,7 +15,7 @@ PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.pn
 
 
 def update_readme(readme: Path, reports: Path) -> None:
-    """Puts ``reports/table.md`` between the markers and the pictures into ``docs/images``.
+    """Put ``reports/table.md`` between the markers and the pictures into ``docs/images``.
 
     Raises:
         FileNotFoundError: The pipeline has not run.

@@ -51,7 +51,7 @@ class DistilReport:
     pupil_multiply_adds: int
 
     def text(self) -> str:
-        """Returns the report as a few lines."""
+        """Return the report as a few lines."""
         cost = self.pupil_mae_n / self.teacher_mae_n - 1.0
         teacher, pupil = f"{self.teacher_multiply_adds} operations", f"{self.pupil_multiply_adds} operations"
         return (
@@ -70,7 +70,7 @@ def distil(
     plan: TrainingPlan = PLAN,
     seed: int = 0,
 ) -> tuple[HybridEstimator, DistilReport]:
-    """Returns an LSTM of one layer that imitates ``teacher``, without a forest, and what it costs.
+    """Return an LSTM of one layer that imitates ``teacher``, without a forest, and what it costs.
 
     Args:
         teacher: A fitted hybrid, with or without a forest.
@@ -122,7 +122,7 @@ def distil_from_folder(teacher: HybridEstimator, nodes: int, folder: Path) -> tu
 
 
 def compare(teacher: FrictionEstimator, pupil: FrictionEstimator, recordings: Sequence[Recording]) -> DistilReport:
-    """Returns what the pupil costs on labelled recordings."""
+    """Return what the pupil costs on labelled recordings."""
     rows = []
     for recording in recordings:
         columns = (recording.column("friction_n"), teacher.estimate(recording), pupil.estimate(recording))
@@ -152,5 +152,5 @@ class _Lesson:
         return cls(features, teacher.estimate(recording) - base_n, recording.usable())
 
     def sequence(self, mean_n: float, scale_n: float) -> SequenceData:
-        """Returns the lesson in the units of the network."""
+        """Return the lesson in the units of the network."""
         return SequenceData(self.features, ((self.left_n - mean_n) / scale_n).astype(np.float32), self.usable)

@@ -35,7 +35,7 @@ class OnnxHybrid(HybridEstimator):
 
 
 def load_onnx(folder: Path) -> FrictionEstimator:
-    """Returns the estimator saved in ``folder``, a hybrid running on ONNX Runtime and any other kind as it is.
+    """Return the estimator saved in ``folder``, a hybrid running on ONNX Runtime and any other kind as it is.
 
     Raises:
         FileNotFoundError: The folder holds no saved estimator.
@@ -88,7 +88,7 @@ class OnnxForest(Forest):
 
 
 def onnx_forest(model: onnx.ModelProto) -> OnnxForest:
-    """Returns the forest of an ONNX graph, run by ONNX Runtime."""
+    """Return the forest of an ONNX graph, run by ONNX Runtime."""
     arrays = forest_from_onnx(model)
     forest = OnnxForest(**{name: getattr(arrays, name) for name in Forest.__dataclass_fields__})
     object.__setattr__(forest, "session", one_thread_session(model))
@@ -96,7 +96,7 @@ def onnx_forest(model: onnx.ModelProto) -> OnnxForest:
 
 
 def one_thread_session(model: onnx.ModelProto) -> Any:
-    """Returns a session on one thread that never spins, so that a server's other work is not starved."""
+    """Return a session on one thread that never spins, so that a server's other work is not starved."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1

@@ -26,7 +26,7 @@ class ScoringError(ValueError):
 
 
 def score(estimator: FrictionEstimator, rows: pd.DataFrame) -> pd.DataFrame:
-    """Returns one row out for each row in, in their order.
+    """Return one row out for each row in, in their order.
 
     Args:
         estimator: A loaded estimator.
@@ -82,7 +82,7 @@ def _checked_samples(rows: pd.DataFrame) -> NDArray[np.float64]:
 
 
 def _checked_names(rows: pd.DataFrame) -> Any:
-    """Returns what tells recordings apart, one value a row; zeros where all rows are one recording."""
+    """Return what tells recordings apart, one value a row; zeros where all rows are one recording."""
     if RECORDING_COLUMN not in rows.columns:
         return np.zeros(len(rows), dtype=np.int64)
     names = rows[RECORDING_COLUMN].tolist()
@@ -96,7 +96,7 @@ def _checked_names(rows: pd.DataFrame) -> Any:
 
 
 def _no_doubt_within(inside: NDArray[np.bool_], memory: int) -> NDArray[np.bool_]:
-    """Returns where this row and the ``memory - 1`` rows before it are all inside."""
+    """Return where this row and the ``memory - 1`` rows before it are all inside."""
     outside_so_far = np.concatenate([[0], np.cumsum(~inside)])
     ends = np.arange(1, len(inside) + 1)
     return np.asarray(outside_so_far[ends] == outside_so_far[np.maximum(0, ends - memory)])

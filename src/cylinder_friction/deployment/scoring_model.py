@@ -19,11 +19,11 @@ class FrictionScoringModel(PythonModel):
     """Friction from rows of raw samples; see ``cylinder_friction.deployment.scoring.score``."""
 
     def load_context(self, context: Any) -> None:
-        """Loads the estimator from the model's artifact ``estimator``."""
+        """Load the estimator from the model's artifact ``estimator``."""
         self._estimator = load_onnx(Path(context.artifacts["estimator"]))
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
-        """Returns ``friction_n`` and ``in_training_range`` a row; what cannot be scored is answered with 400."""
+        """Return ``friction_n`` and ``in_training_range`` a row; what cannot be scored is answered with 400."""
         try:
             return score(self._estimator, model_input)
         except ScoringError as error:

@@ -26,7 +26,7 @@ _START_TIMEOUT_S = 120.0
 
 
 def run_server(model: str, root: Path) -> int:
-    """Serves a registered model until interrupted, and says how to ask it for friction."""
+    """Serve a registered model until interrupted, and says how to ask it for friction."""
     example = _example_of(model, root)
     with served_model(model, root) as url:
         sys.stdout.write(
@@ -39,7 +39,7 @@ def run_server(model: str, root: Path) -> int:
 
 
 def run_ui(root: Path) -> int:
-    """Opens the MLflow UI on the repository's runs until interrupted."""
+    """Open the MLflow UI on the repository's runs until interrupted."""
     from cylinder_friction.tracking.run_record import BENCHMARK
 
     with served_ui(root) as url:
@@ -54,7 +54,7 @@ def run_ui(root: Path) -> int:
 
 @contextmanager
 def served_model(model: str, root: Path) -> Iterator[str]:
-    """Yields the URL of ``mlflow models serve`` on a free port, once it answers.
+    """Yield the URL of ``mlflow models serve`` on a free port, once it answers.
 
     Raises:
         TrackingError: It ended, or did not answer in two minutes; the message holds what it said.
@@ -67,7 +67,7 @@ def served_model(model: str, root: Path) -> Iterator[str]:
 
 @contextmanager
 def served_ui(root: Path) -> Iterator[str]:
-    """Yields the URL of the MLflow UI on a free port, once it answers."""
+    """Yield the URL of the MLflow UI on a free port, once it answers."""
     from cylinder_friction.tracking.store import artifact_folder, tracking_uri
 
     uri = tracking_uri(root)
@@ -82,7 +82,7 @@ def served_ui(root: Path) -> Iterator[str]:
 
 
 def runs_page(url: str, root: Path, experiment: str = "") -> str:
-    """Returns the address, within the UI at ``url``, of the pipeline's runs, or of those in another experiment."""
+    """Return the address, within the UI at ``url``, of the pipeline's runs, or of those in another experiment."""
     from cylinder_friction.tracking.store import open_store
 
     with open_store(root) as store:
@@ -90,20 +90,20 @@ def runs_page(url: str, root: Path, experiment: str = "") -> str:
 
 
 def curl(url: str, rows: dict[str, Any]) -> str:
-    """Returns a command that asks the served model about some rows and can be pasted into a shell."""
+    """Return a command that asks the served model about some rows and can be pasted into a shell."""
     body = json.dumps({"dataframe_split": rows})
     return f"curl -s {url}/invocations -H 'Content-Type: application/json' \\\n  -d '{body}'"
 
 
 def free_port() -> int:
-    """Returns a port of this machine that nobody listens on just now."""
+    """Return a port of this machine that nobody listens on just now."""
     with socket.socket() as probe:
         probe.bind((_HOST, 0))
         return int(probe.getsockname()[1])
 
 
 def _example_of(model: str, root: Path) -> dict[str, Any]:
-    """Returns the example that the model carries: real rows of a held-out recording."""
+    """Return the example that the model carries: real rows of a held-out recording."""
     from cylinder_friction.tracking.model_folder import example_rows
 
     return example_rows(model, root)
@@ -147,7 +147,7 @@ def _wait_until_it_answers(process: subprocess.Popen[bytes], url: str, log_path:
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    """Ends the server and its workers, which are one process group of their own."""
+    """End the server and its workers, which are one process group of their own."""
     for sign in (signal.SIGTERM, signal.SIGKILL):
         try:
             os.killpg(process.pid, sign)
@@ -161,7 +161,7 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
 
 
 def _wait_for_interrupt() -> int:
-    """Waits for Ctrl-C or a polite kill; either way the server is stopped behind it, not orphaned."""
+    """Wait for Ctrl-C or a polite kill; either way the server is stopped behind it, not orphaned."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         signal.pause()

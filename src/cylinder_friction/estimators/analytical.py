@@ -52,7 +52,7 @@ class AnalyticalEstimator(FrictionEstimator):
         cylinder: For the moving mass.
         model: What is identified.
         inputs: Columns of a sample; ``position_m`` must be one, and a pair of pressures for a model scaled by them.
-        test: The ``metadata.test`` of the recordings that it is identified on; None for all.
+        test: The ``metadata.condition`` of the recordings that it is identified on; None for all.
         effort: How hard to search.
         velocity_dead_band_m_s: Slower counts as standstill, where no play tells it [m/s].
         damping_ratio: Damping ratio of the moving mass on the bristles.
@@ -75,14 +75,14 @@ class AnalyticalEstimator(FrictionEstimator):
         cylinder: Cylinder,
         model: FrictionModel,
         inputs: Sequence[str] = SAMPLE_COLUMNS,
-        test: str | None = None,
+        condition: str | None = None,
         effort: SearchEffort | None = None,
         velocity_dead_band_m_s: float = 1e-3,
         damping_ratio: float = 0.5,
         confidence: float = 0.95,
     ) -> None:
         super().__init__(inputs)
-        self.cylinder, self.model, self.test = cylinder, model, test
+        self.cylinder, self.model, self.condition = cylinder, model, condition
         self.effort = scaled_effort(1.0) if effort is None else effort
         self.velocity_dead_band_m_s = velocity_dead_band_m_s
         self.damping_ratio = damping_ratio
@@ -96,16 +96,16 @@ class AnalyticalEstimator(FrictionEstimator):
         self._values = np.zeros(0)
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Identifies the model on the recordings of its test; the others are not looked at.
+        """Identify the model on the recordings of its test; the others are not looked at.
 
         Raises:
             RecordingError: There is no recording of that test.
         """
-        chosen = [recording for recording in recordings if self.test in (None, recording.metadata.test)]
+        chosen = [recording for recording in recordings if self.condition in (None, recording.metadata.condition)]
         if recordings and not chosen:
             raise RecordingError(
-                f"{self.kind}: no recording of test {self.test!r}; got tests "
-                f"{sorted({recording.metadata.test for recording in recordings})}; name one of them as its test"
+                f"{self.kind}: no recording of condition {self.condition!r}; got tests "
+                f"{sorted({recording.metadata.condition for recording in recordings})}; name one of them as its test"
             )
         self._begin_fit(chosen)
         found = self._identify(chosen, self.effort)
@@ -113,7 +113,7 @@ class AnalyticalEstimator(FrictionEstimator):
         self._use(found.parameters, self._senses()[found.velocity])
 
     def best_possible(self, recordings: Sequence[Recording], effort: SearchEffort) -> Identification:
-        """Returns what the best parameters of this model's class reach on given recordings, fitted to them directly.
+        """Return what the best parameters of this model's class reach on given recordings, fitted to them directly.
 
         The search starts from this estimator's own parameters too; the estimator stays as it was. The result is a
         bound for a fit that has not seen those recordings.
@@ -178,7 +178,7 @@ class AnalyticalEstimator(FrictionEstimator):
         return {
             "cylinder": asdict(self.cylinder),
             "friction_model": self.model.name,
-            "test": self.test,
+            "condition": self.condition,
             "sample_time_s": self.sample_time_s,
             "velocity": asdict(self.sense),
             "least_velocity_dead_band_m_s": self.velocity_dead_band_m_s,
@@ -203,7 +203,7 @@ class AnalyticalEstimator(FrictionEstimator):
             Cylinder(**parameters["cylinder"]),
             model_named(parameters["friction_model"]),
             parameters["inputs"],
-            parameters["test"],
+            parameters["condition"],
             velocity_dead_band_m_s=parameters["least_velocity_dead_band_m_s"],
             damping_ratio=parameters["damping_ratio"],
             confidence=parameters["confidence"],
@@ -222,7 +222,7 @@ class AnalyticalEstimator(FrictionEstimator):
 
 
 def scaled_effort(effort: float, seed: int = 0) -> SearchEffort:
-    """Returns the search for a share of the full effort, in (0, 1]; it cuts generations and simulations of each search.
+    """Return the search for a share of the full effort, in (0, 1]; it cuts generations and simulations of each search.
 
     Raises:
         ValueError: The share is not in (0, 1].

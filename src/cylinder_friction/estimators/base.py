@@ -67,34 +67,34 @@ class FrictionEstimator(ABC):
 
     @abstractmethod
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learns from labelled recordings (columns ``friction_n`` and ``usable``); call ``_begin_fit`` first."""
+        """Learn from labelled recordings (columns ``friction_n`` and ``usable``); call ``_begin_fit`` first."""
 
     @abstractmethod
     def new_state(self) -> Any:
-        """Returns the state before the first sample."""
+        """Return the state before the first sample."""
 
     @abstractmethod
     def advance(self, state: Any, samples: Array) -> Array:
-        """Returns friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, inputs)``; changes ``state``.
+        """Return friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, inputs)``; changes ``state``.
 
         Cutting the samples into pieces must not change one bit of the output.
         """
 
     @abstractmethod
     def multiply_adds(self) -> int:
-        """Returns the multiply-add operations of one step, the usual measure of a network's cost."""
+        """Return the multiply-add operations of one step, the usual measure of a network's cost."""
 
     @abstractmethod
     def _write(self, folder: Path) -> dict[str, Any]:
-        """Writes what is not JSON into ``folder`` and returns the rest as JSON content."""
+        """Write what is not JSON into ``folder`` and returns the rest as JSON content."""
 
     @classmethod
     @abstractmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
-        """Returns the estimator that ``_write`` wrote."""
+        """Return the estimator that ``_write`` wrote."""
 
     def estimate(self, recording: Recording) -> Array:
-        """Returns friction [N], shape ``(n,)``, one a sample, from a fresh state.
+        """Return friction [N], shape ``(n,)``, one a sample, from a fresh state.
 
         Raises:
             RecordingError: The recording has another sample time, or a sample is NaN or infinite.
@@ -111,12 +111,12 @@ class FrictionEstimator(ABC):
         return self.advance(self.new_state(), samples)
 
     def stream(self) -> EstimatorStream:
-        """Returns a fresh stream; streams of one estimator do not touch each other."""
+        """Return a fresh stream; streams of one estimator do not touch each other."""
         self._refuse_unfitted()
         return EstimatorStream(self.new_state, self.advance, self.inputs)
 
     def calibrate(self, largest_friction_n: float, validation: Sequence[Recording]) -> None:
-        """Sets guard and bounds, the latter from the errors on recordings that the estimator did not learn from.
+        """Set guard and bounds, the latter from the errors on recordings that the estimator did not learn from.
 
         Args:
             largest_friction_n: Largest absolute label of training [N].
@@ -129,7 +129,7 @@ class FrictionEstimator(ABC):
         self.bounds = calibrate_bounds(self, validation, self.guard.warm_up_samples)
 
     def save(self, folder: Path) -> None:
-        """Writes the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
+        """Write the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
         self._refuse_unfitted()
         assert self.training_range is not None
         folder.mkdir(parents=True, exist_ok=True)
@@ -156,7 +156,7 @@ class FrictionEstimator(ABC):
 
     @classmethod
     def load(cls, folder: Path) -> FrictionEstimator:
-        """Returns the estimator saved in ``folder``, of whichever kind it is.
+        """Return the estimator saved in ``folder``, of whichever kind it is.
 
         Raises:
             FileNotFoundError: The folder holds no saved estimator.
@@ -182,7 +182,7 @@ class FrictionEstimator(ABC):
         return estimator
 
     def _begin_fit(self, recordings: Sequence[Recording]) -> None:
-        """Checks the recordings and notes their sample time and range.
+        """Check the recordings and notes their sample time and range.
 
         Raises:
             RecordingError: There is no recording, or they do not share one sample time.
@@ -217,11 +217,11 @@ class EstimatorStream:
         self._state = new_state()
 
     def reset(self) -> None:
-        """Forgets everything; the next step is a first step."""
+        """Forget everything; the next step is a first step."""
         self._state = self._new_state()
 
     def step(self, *sample: float) -> float:
-        """Returns friction [N] at this sample: one number an input, by default P1 [Pa], P2 [Pa], position [m].
+        """Return friction [N] at this sample: one number an input, by default P1 [Pa], P2 [Pa], position [m].
 
         Raises:
             RecordingError: A value is NaN or infinite; the state stays as it was.

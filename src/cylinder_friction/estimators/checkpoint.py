@@ -35,7 +35,7 @@ class Checkpoint:
         draft.replace(self.path)
 
     def load(self) -> dict[str, NDArray[Any]] | None:
-        """Returns what was saved last, or None where nothing was."""
+        """Return what was saved last, or None where nothing was."""
         if not self.path.is_file():
             return None
         with np.load(self.path, allow_pickle=False) as stored:

@@ -14,7 +14,7 @@ KEPT_SESSIONS = 2
 
 
 def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Returns the recordings that teach, and those that early stopping listens to; both are all where there is one
+    """Return the recordings that teach, and those that early stopping listens to; both are all where there is one
     session.
 
     Held out is the last session, by name, of each test, so that every load is listened to: one session of one load
@@ -23,7 +23,7 @@ def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recordi
     """
     sessions: dict[str, set[str]] = {}
     for recording in recordings:
-        sessions.setdefault(recording.metadata.test, set()).add(recording.metadata.session)
+        sessions.setdefault(recording.metadata.condition, set()).add(recording.metadata.session)
     held = {max(names) for names in sessions.values()}
     if any(len(names - held) < KEPT_SESSIONS for names in sessions.values()):
         held = {max(held)}

@@ -108,7 +108,7 @@ class FeatureBlock:
         return FeatureState(self._linear.new_state(), _new_history())
 
     def advance(self, state: FeatureState, samples: Array) -> tuple[Any, Array]:
-        """Returns features, shape ``(n, k)``, float32, and the force balance to correct [N], shape ``(n,)``."""
+        """Return features, shape ``(n, k)``, float32, and the force balance to correct [N], shape ``(n,)``."""
         linear, base_n = self._linear.advance(state.front_end, samples)
         plan = self.features
         smooth_m = linear[:, self._smooth] * plan.front_end.scale[self._smooth] + plan.front_end.mean[self._smooth]
@@ -121,7 +121,7 @@ class FeatureBlock:
 
 
 def fit_features(inputs: Sequence[str], cylinder: Cylinder, recordings: Sequence[Recording]) -> Features:
-    """Returns the features of given inputs, their scaling learnt on the usable rows of these recordings alone.
+    """Return the features of given inputs, their scaling learnt on the usable rows of these recordings alone.
 
     Where both raw pressures are among the inputs, the least-squares smoothed force balance is what will be corrected;
     where they are not, there is nothing to correct and the estimate begins at nought.
@@ -153,14 +153,14 @@ def fit_features(inputs: Sequence[str], cylinder: Cylinder, recordings: Sequence
 
 
 def _new_history() -> Array:
-    """Returns the state before the first position, shape ``(7,)``: dwell [s], dwell before [s], place of the last
+    """Return the state before the first position, shape ``(7,)``: dwell [s], dwell before [s], place of the last
     reversal or start [m], NaN before the first position, time of motion [s]; then the play [m], its age in seconds."""
     return np.concatenate([[0.0, 0.0, np.nan, 0.0], new_play()])
 
 
 @numba.njit(cache=True)
 def _history(position_m: Array, state: Array, sample_time_s: float) -> Array:
-    """Returns, shape ``(n, 6)``: direction of the last motion; logarithms of the dwell so far and of the one before
+    """Return, shape ``(n, 6)``: direction of the last motion; logarithms of the dwell so far and of the one before
     this motion; travel since the last reversal or start, saturating over 0.2 mm and over 5 mm; time of motion so far.
 
     State: from ``_new_history``, changed in place.

@@ -39,7 +39,7 @@ class ForestEstimator(RealTimeEstimator):
         self.cylinder, self.plan, self.seed = cylinder, plan, seed
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learns from ``plan.rows`` usable rows."""
+        """Learn from ``plan.rows`` usable rows."""
         if self.cylinder is None or self.plan is None:
             raise ValueError("a forest needs cylinder and plan to be fitted; got a loaded one without")
         self._begin_fit(recordings)

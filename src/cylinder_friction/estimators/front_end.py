@@ -95,7 +95,7 @@ class FrontEndBlock:
         return FrontEndState(self._features.new_state(), self._base.new_state())
 
     def advance(self, state: FrontEndState, samples: Array) -> tuple[Any, Array]:
-        """Returns standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
+        """Return standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
         limits = self.front_end.limits
         filtered = self._features.advance(state.features, samples)
         soft = np.where(limits > 0.0, filtered / (np.abs(filtered) + np.where(limits > 0.0, limits, 1.0)), filtered)
@@ -110,14 +110,14 @@ class FeatureMaker(Protocol):
     """What turns samples into features: a ``FrontEndBlock``, or one that adds features to it."""
 
     def new_state(self) -> Any:
-        """Returns the state before the first sample."""
+        """Return the state before the first sample."""
 
     def advance(self, state: Any, samples: Array) -> tuple[Any, Array]:
-        """Returns features, shape ``(n, k)``, and the force to correct [N], shape ``(n,)``; changes ``state``."""
+        """Return features, shape ``(n, k)``, and the force to correct [N], shape ``(n,)``; changes ``state``."""
 
 
 def fit_front_end(design: Design, cylinder: Cylinder, recordings: Sequence[Recording]) -> FrontEnd:
-    """Returns the front end of a hybrid, its scaling (and the smoothing of its base) learnt on these recordings alone.
+    """Return the front end of a hybrid, its scaling (and the smoothing of its base) learnt on these recordings alone.
 
     Args:
         design: ``paper``: pressures through a moving average of 10 and velocity from differences of the averaged
@@ -135,14 +135,14 @@ def fit_front_end(design: Design, cylinder: Cylinder, recordings: Sequence[Recor
 
 
 def unscaled_front_end(rows: Sequence[FeatureRow], base_taps: Array | None) -> FrontEnd:
-    """Returns a front end that neither centres nor scales these features."""
+    """Return a front end that neither centres nor scales these features."""
     taps, limits = _stack([row.taps for row in rows]), np.array([row.limit for row in rows])
     names, count = tuple(row.name for row in rows), len(rows)
     return FrontEnd(names, taps, limits, np.zeros(count), np.ones(count), base_taps)
 
 
 def standardisation(block: FeatureMaker, inputs: Sequence[str], recordings: Sequence[Recording]) -> tuple[Array, Array]:
-    """Returns mean and standard deviation of each feature over the usable rows; 1 for one that never varies."""
+    """Return mean and standard deviation of each feature over the usable rows; 1 for one that never varies."""
     seen = [
         block.advance(block.new_state(), recording.samples(inputs))[0][recording.usable()].astype(np.float64)
         for recording in recordings
@@ -154,7 +154,7 @@ def standardisation(block: FeatureMaker, inputs: Sequence[str], recordings: Sequ
 
 
 def smoothed_force_balance_taps(cylinder: Cylinder, recordings: Sequence[Recording]) -> Array:
-    """Returns the taps, shape ``(1, 3, lags)``, of the causally smoothed force balance nearest to the labels.
+    """Return the taps, shape ``(1, 3, lags)``, of the causally smoothed force balance nearest to the labels.
 
     Least squares on the last ``SMOOTHING_LAGS`` values of P1·A1 - P2·A2 (a finite Wiener filter; Wiener 1949).
     """
@@ -171,7 +171,7 @@ def smoothed_force_balance_taps(cylinder: Cylinder, recordings: Sequence[Recordi
 
 
 def feature_count(design: Design) -> int:
-    """Returns how many features a design gives its network."""
+    """Return how many features a design gives its network."""
     if design == "paper":
         return len(_paper_rows(1.0))
     return len(_force_balance_rows(Cylinder("any", 2.0, 1.0, 1.0, 1.0), 1.0))
@@ -187,7 +187,7 @@ class FeatureRow:
 
 
 def feature_rows(inputs: Sequence[str], cylinder: Cylinder, sample_time_s: float) -> list[FeatureRow]:
-    """Returns the linear features of any set of inputs.
+    """Return the linear features of any set of inputs.
 
     Position gives itself, velocity, creep and acceleration; raw pressures, which then come first, what the default
     hybrid sees of them; every other column (a temperature, a pressure level) its moving average of 20.

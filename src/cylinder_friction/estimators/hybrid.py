@@ -112,7 +112,7 @@ class HybridEstimator(RealTimeEstimator):
         self.parts: HybridParts | None = None
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learns from all but the sessions that early stopping listens to: see ``held_out_for_stopping``."""
+        """Learn from all but the sessions that early stopping listens to: see ``held_out_for_stopping``."""
         self.fit_with_validation(*held_out_for_stopping(recordings))
 
     def fit_with_validation(
@@ -122,7 +122,7 @@ class HybridEstimator(RealTimeEstimator):
         checkpoint: Checkpoint | None = None,
         report: EpochReport | None = None,
     ) -> None:
-        """Learns front end, network and forest from ``train``; ``validation`` only stops the network's training.
+        """Learn front end, network and forest from ``train``; ``validation`` only stops the network's training.
 
         Args:
             train: Labelled recordings.
@@ -159,7 +159,7 @@ class HybridEstimator(RealTimeEstimator):
         self.calibrate(largest_friction_n(train), validation)
 
     def without_forest(self) -> HybridEstimator:
-        """Returns the LSTM alone: the same network, the forest left out."""
+        """Return the LSTM alone: the same network, the forest left out."""
         parts = self._fitted()
         alone = HybridEstimator(self.cylinder, self.design, self.architecture, self.plan, None, self.seed, self.device)
         alone.sample_time_s, alone.training_range, alone.guard = self.sample_time_s, self.training_range, self.guard
@@ -202,7 +202,7 @@ class HybridEstimator(RealTimeEstimator):
         return self.parts
 
     def _with_forest(self, train: Sequence[Recording], plan: ForestPlan) -> HybridParts:
-        """Fits the forest on ``plan.rows`` usable rows: on the label (paper) or on what the LSTM leaves of it."""
+        """Fit the forest on ``plan.rows`` usable rows: on the label (paper) or on what the LSTM leaves of it."""
         parts = self._fitted()
         inputs, targets = [], []
         for recording in train:
@@ -253,14 +253,14 @@ class HybridEstimator(RealTimeEstimator):
 
 
 def forest_input(design: Design, hidden: Any, head: Any, features: Any) -> Any:
-    """Returns what the forest sees, float32: the last hidden state; in ``force_balance`` head and features too."""
+    """Return what the forest sees, float32: the last hidden state; in ``force_balance`` head and features too."""
     if design == "paper":
         return hidden
     return np.concatenate([hidden, head[:, None], features], axis=1)
 
 
 def _target_scaling(front_end: FrontEnd, recordings: Sequence[Recording]) -> tuple[float, float]:
-    """Returns mean and standard deviation [N] of what the network is to learn, over the usable rows."""
+    """Return mean and standard deviation [N] of what the network is to learn, over the usable rows."""
     block = FrontEndBlock(front_end)
     left = np.concatenate([_left(block, recording)[1][recording.usable()] for recording in recordings])
     return float(left.mean()), float(left.std()) or 1.0

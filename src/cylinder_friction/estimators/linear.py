@@ -38,12 +38,12 @@ PAPER_ACCELERATION_WINDOW = 30
 
 
 def force_balance_taps(cylinder: Cylinder) -> Array:
-    """Returns taps, shape ``(1, 3, 1)``, of P1·A1 - P2·A2 [N] on raw samples; inertia (about 1 N) is left out."""
+    """Return taps, shape ``(1, 3, 1)``, of P1·A1 - P2·A2 [N] on raw samples; inertia (about 1 N) is left out."""
     return np.array([[[cylinder.piston_area_m2], [-cylinder.annulus_area_m2], [0.0]]])
 
 
 def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float) -> Array:
-    """Returns taps, shape ``(1, 3, length)``, of P1·A1 - P2·A2 - m·a [N] with the paper's causal filters.
+    """Return taps, shape ``(1, 3, length)``, of P1·A1 - P2·A2 - m·a [N] with the paper's causal filters.
 
     Pressures and position run through a moving average of 10 samples; acceleration, twice the difference of
     position, through one of 30.
@@ -59,7 +59,7 @@ def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float) -> Array:
 
 
 def on_inputs(taps: Array, inputs: Sequence[str]) -> Array:
-    """Returns taps on P1, P2 and position, shape ``(m, 3, length)``, as taps on other inputs that hold them by name.
+    """Return taps on P1, P2 and position, shape ``(m, 3, length)``, as taps on other inputs that hold them by name.
 
     Raises:
         ValueError: A raw pressure or the position is not among the inputs.
@@ -74,7 +74,7 @@ def on_inputs(taps: Array, inputs: Sequence[str]) -> Array:
 
 
 def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
-    """Returns the labels [N] of all usable rows, one after the other, and each recording's mask."""
+    """Return the labels [N] of all usable rows, one after the other, and each recording's mask."""
     masks = [recording.usable() for recording in recordings]
     labels = [recording.column("friction_n")[mask] for recording, mask in zip(recordings, masks, strict=True)]
     return np.concatenate(labels), masks
@@ -103,7 +103,7 @@ class ForceBalanceEstimator(FrictionEstimator):
         self._filter: FirFilter | None = None
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Takes the sample time from the recordings; there is nothing else to learn."""
+        """Take the sample time from the recordings; there is nothing else to learn."""
         self._begin_fit(recordings)
 
     def new_state(self) -> FirState:
@@ -165,7 +165,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         return FirFilter(on_inputs(force_balance_taps(self.cylinder), self.inputs))
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Chooses the weight with the smallest mean absolute error on the usable rows."""
+        """Choose the weight with the smallest mean absolute error on the usable rows."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         forces = [
@@ -221,7 +221,7 @@ class RidgeEstimator(FrictionEstimator):
         self._intercept_n = 0.0
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Solves the normal equations on all usable rows."""
+        """Solve the normal equations on all usable rows."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         rows = np.concatenate(
@@ -238,7 +238,7 @@ class RidgeEstimator(FrictionEstimator):
         self._intercept_n = float(model.intercept_ - coefficients @ mean)
 
     def _lagged(self, samples: Array) -> Array:
-        """Returns, shape ``(n, inputs · lags)``, each row's last samples, column by column, newest first."""
+        """Return, shape ``(n, inputs · lags)``, each row's last samples, column by column, newest first."""
         padded = np.concatenate([np.repeat(samples[:1], self.lags - 1, axis=0), samples])
         windows = np.lib.stride_tricks.sliding_window_view(padded, self.lags, axis=0)[:, :, ::-1]
         return windows.reshape(len(samples), -1)

@@ -35,7 +35,7 @@ class LugreEstimator(AnalyticalEstimator):
 
     Args:
         cylinder: For the moving mass.
-        test: The ``metadata.test`` of the recordings that it is identified on.
+        test: The ``metadata.condition`` of the recordings that it is identified on.
         seed: Seed of the search.
         population: Members of differential evolution, a coordinate.
         generations: Greatest number of generations.
@@ -56,7 +56,7 @@ class LugreEstimator(AnalyticalEstimator):
     def __init__(
         self,
         cylinder: Cylinder,
-        test: str = "1",
+        condition: str = "1",
         seed: int = 0,
         population: int = 12,
         generations: int = 60,
@@ -68,7 +68,7 @@ class LugreEstimator(AnalyticalEstimator):
         super().__init__(
             cylinder,
             LuGre(self.pressure_scaled),
-            test=test,
+            condition=condition,
             effort=SearchEffort(seed, population, generations, simulated_recordings),
             velocity_dead_band_m_s=velocity_dead_band_m_s,
             damping_ratio=damping_ratio,
@@ -90,7 +90,7 @@ class LugreEstimator(AnalyticalEstimator):
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003 - everything is JSON
         estimator = cls(
             Cylinder(**parameters["cylinder"]),
-            test=parameters["test"],
+            condition=parameters["condition"],
             velocity_dead_band_m_s=parameters["least_velocity_dead_band_m_s"],
             damping_ratio=parameters["damping_ratio"],
             confidence=parameters["confidence"],
@@ -111,5 +111,5 @@ class PressureLugreEstimator(LugreEstimator):
 
 
 def scaling_pressure(samples: Array) -> Array:
-    """Returns the pressure that scales dry friction, P1 + P2 [Pa], shape ``(n,)``, of raw samples, shape ``(n, 3)``."""
+    """Return the pressure that scales dry friction, P1 + P2 [Pa], shape ``(n,)``, of raw samples, shape ``(n, 3)``."""
     return np.ascontiguousarray(samples[:, 0] + samples[:, 1])

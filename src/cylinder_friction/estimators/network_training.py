@@ -40,7 +40,7 @@ class FrictionNetwork(nn.Module):
         nn.init.zeros_(self.head.bias)
 
     def forward(self, features: torch.Tensor, state: Any = None) -> tuple[torch.Tensor, Any]:
-        """Returns the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
+        """Return the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
         hidden, state = self.lstm(features, state)
         return self.head(self.dropout(hidden)).squeeze(-1), state
 
@@ -55,7 +55,7 @@ def train_network(
     checkpoint: Checkpoint | None = None,
     report: EpochReport | None = None,
 ) -> tuple[LstmWeights, LearningCurve]:
-    """Trains with Adam (Kingma and Ba 2015) on the mean absolute error, stops early, returns the best epoch's weights.
+    """Train with Adam (Kingma and Ba 2015) on the mean absolute error, stops early, returns the best epoch's weights.
 
     Args:
         architecture: Of the network.
@@ -210,7 +210,7 @@ class SideBySide:
 
 
 def side_by_side(recordings: Sequence[SequenceData], device: str = "cpu") -> SideBySide:
-    """Returns recordings of any lengths as one batch; what is padded weighs nothing."""
+    """Return recordings of any lengths as one batch; what is padded weighs nothing."""
     lengths = torch.tensor([len(recording.target) for recording in recordings])
     time, batch, inputs = int(lengths.max()), len(recordings), recordings[0].features.shape[1]
     features = torch.zeros(time, batch, inputs)
@@ -244,7 +244,7 @@ def reproducible(seed: int) -> Iterator[None]:
 
 
 def weights_of(network: FrictionNetwork) -> LstmWeights:
-    """Returns a network's weights as plain arrays, gates reordered from PyTorch's i, f, g, o to i, o, f, c."""
+    """Return a network's weights as plain arrays, gates reordered from PyTorch's i, f, g, o to i, o, f, c."""
     lstm, nodes, layers = network.lstm, network.lstm.hidden_size, network.lstm.num_layers
     order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (0, 3, 1, 2)])
     parts = {name: value.detach().cpu().numpy() for name, value in lstm.named_parameters()}

@@ -25,7 +25,7 @@ IR_VERSION = 8
 
 
 def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
-    """Returns the checked graph of a stack of LSTM layers with a linear head."""
+    """Return the checked graph of a stack of LSTM layers with a linear head."""
     nodes: list[onnx.NodeProto] = []
     constants = [
         _tensor("head_weight", weights.head[:, None]),
@@ -73,7 +73,7 @@ def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
 
 
 def network_from_onnx(model: onnx.ModelProto) -> LstmWeights:
-    """Returns the weights inside a graph that ``network_to_onnx`` made."""
+    """Return the weights inside a graph that ``network_to_onnx`` made."""
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     layers = sum(1 for name in stored if name.endswith("_R"))
     kernels = [stored[f"layer{layer}_W"][0].T for layer in range(layers)]

@@ -37,14 +37,14 @@ class TrainingRange:
 
     @classmethod
     def of(cls, recordings: Iterable[Recording], columns: Sequence[str] = SAMPLE_COLUMNS) -> Self:
-        """Returns the range of these recordings, at least one."""
+        """Return the range of these recordings, at least one."""
         samples = (recording.samples(columns) for recording in recordings)
         lowest, highest = zip(*((each.min(axis=0), each.max(axis=0)) for each in samples), strict=True)
         lower, upper = np.min(lowest, axis=0), np.max(highest, axis=0)
         return cls(tuple(columns), tuple(map(float, lower)), tuple(map(float, upper)))
 
     def widened(self, share: float = TRAINED_MARGIN) -> Self:
-        """Returns the range with ``share`` of each column's span more on either side."""
+        """Return the range with ``share`` of each column's span more on either side."""
         slack = [share * (upper - lower) for lower, upper in zip(self.lower, self.upper, strict=True)]
         return type(self)(
             self.columns,
@@ -53,6 +53,6 @@ class TrainingRange:
         )
 
     def holds(self, samples: Array) -> NDArray[np.bool_]:
-        """Returns which rows of ``samples``, shape ``(n, columns)``, lie in the range, widened by the margin."""
+        """Return which rows of ``samples``, shape ``(n, columns)``, lie in the range, widened by the margin."""
         wide = self.widened()
         return np.asarray(((samples >= np.array(wide.lower)) & (samples <= np.array(wide.upper))).all(axis=1))

@@ -29,7 +29,7 @@ class BlockSums:
 def block_sums(
     references_n: Sequence[Array], estimates_n: Sequence[Array], usable: Sequence[Mask], rows_per_block: int
 ) -> BlockSums:
-    """Returns the sums of every block that holds a usable row; a block never spans two recordings."""
+    """Return the sums of every block that holds a usable row; a block never spans two recordings."""
     errors: list[Array] = []
     frictions: list[Array] = []
     for reference, estimate, mask in zip(references_n, estimates_n, usable, strict=True):
@@ -43,7 +43,7 @@ def block_sums(
 
 
 def bootstrap_percent(sums: BlockSums, repeats: int, seed: int) -> Array:
-    """Returns ``repeats`` draws of MAE / mean |friction| [%], shape ``(repeats,)``.
+    """Return ``repeats`` draws of MAE / mean |friction| [%], shape ``(repeats,)``.
 
     Every draw takes as many blocks as there are, with replacement. One seed and one number of blocks give the
     same blocks whatever the estimator, so that the draws of two estimators may be subtracted: a paired comparison.
@@ -56,6 +56,6 @@ def bootstrap_percent(sums: BlockSums, repeats: int, seed: int) -> Array:
 
 
 def interval(draws: Array) -> tuple[float, float]:
-    """Returns the 95 % interval of draws, by percentiles."""
+    """Return the 95 % interval of draws, by percentiles."""
     low, high = np.quantile(draws, INTERVAL)
     return float(low), float(high)

@@ -61,7 +61,7 @@ class Trace:
     """
 
     name: str
-    test: str
+    condition: str
     sample_time_s: float
     time_s: Array
     velocity_m_s: Array
@@ -111,21 +111,21 @@ class Comparison:
     """
 
     estimators: tuple[str, ...]
-    tests: tuple[str, ...]
+    conditions: tuple[str, ...]
     label: Scores
     truth: Scores
     multiply_adds: dict[str, int]
     traces: tuple[Trace, ...]
 
-    def of_test(self, test: str) -> list[Trace]:
-        return [trace for trace in self.traces if trace.test == test]
+    def of_condition(self, condition: str) -> list[Trace]:
+        return [trace for trace in self.traces if trace.condition == condition]
 
-    def percent(self, estimator: str, test: str) -> float:
-        """Returns MAE / mean |label| [%]."""
-        return self.label[estimator][test].errors.percent
+    def percent(self, estimator: str, condition: str) -> float:
+        """Return MAE / mean |label| [%]."""
+        return self.label[estimator][condition].errors.percent
 
     def residuals(self, estimator: str) -> tuple[Array, Mask]:
-        """Returns label minus estimate [N] over all recordings in turn, with a row that does not count between two."""
+        """Return label minus estimate [N] over all recordings in turn, with a row that does not count between two."""
         return with_gaps(
             [trace.label_n - trace.estimates_n[estimator] for trace in self.traces],
             [trace.usable for trace in self.traces],
@@ -140,7 +140,7 @@ def compare(
     settings: ComparisonSettings,
     progress: bool = True,
 ) -> Comparison:
-    """Runs every estimator over every recording and scores it, one test at a time.
+    """Run every estimator over every recording and scores it, one test at a time.
 
     Args:
         estimators: Fitted estimators by name.
@@ -160,27 +160,29 @@ def compare(
         )
     with tqdm(total=len(recordings) * len(estimators), desc="compare", unit="estimate", disable=not progress) as bar:
         traces = tuple(_trace(estimators, recording, truth_n.get(recording.name), bar) for recording in recordings)
-    tests = tuple(sorted({trace.test for trace in traces}))
+    conditions = tuple(sorted({trace.condition for trace in traces}))
     label: Scores = {name: {} for name in estimators}
     truth: Scores = {}
-    for test in tests:
-        labelled = [trace for trace in traces if trace.test == test]
+    for condition in conditions:
+        labelled = [trace for trace in traces if trace.condition == condition]
         labels = [trace.label_n for trace in labelled]
         for name in estimators:
             estimates = [trace.estimates_n[name] for trace in labelled]
-            label[name][test] = _score(f"test {test}, {name} against the label", labelled, labels, estimates, settings)
+            label[name][condition] = _score(
+                f"condition {condition}, {name} against the label", labelled, labels, estimates, settings
+            )
         known = [trace for trace in labelled if trace.truth_n is not None and trace.usable.any()]
         truths = [trace.truth_n for trace in known if trace.truth_n is not None]
         for name in (*estimators, LABEL_ITSELF) if known else ():
             judged = [trace.label_n if name == LABEL_ITSELF else trace.estimates_n[name] for trace in known]
-            where = f"test {test}, {name} against the truth"
-            truth.setdefault(name, {})[test] = _score(where, known, truths, judged, settings)
+            where = f"condition {condition}, {name} against the truth"
+            truth.setdefault(name, {})[condition] = _score(where, known, truths, judged, settings)
     costs = {name: estimator.multiply_adds() for name, estimator in estimators.items()}
-    return Comparison(tuple(estimators), tests, label, truth, costs, traces)
+    return Comparison(tuple(estimators), conditions, label, truth, costs, traces)
 
 
 def with_gaps(parts: Sequence[Array], masks: Sequence[Mask], gap: int) -> tuple[Array, Mask]:
-    """Returns the parts end to end with ``gap`` unusable zeros after each, and the mask that goes with them."""
+    """Return the parts end to end with ``gap`` unusable zeros after each, and the mask that goes with them."""
     filler = np.zeros(gap)
     values = [np.concatenate([np.where(mask, part, 0.0), filler]) for part, mask in zip(parts, masks, strict=True)]
     usable = [np.concatenate([mask, filler.astype(np.bool_)]) for mask in masks]
@@ -202,7 +204,7 @@ def _trace(
         bar.update()
     return Trace(
         name=recording.name,
-        test=recording.metadata.test,
+        condition=recording.metadata.condition,
         sample_time_s=recording.sample_time_s,
         time_s=recording.column("time_s"),
         velocity_m_s=recording.column("velocity_m_s"),
@@ -241,7 +243,7 @@ def _score(
 
 
 def _strata_rows(traces: list[Trace], gap: int, limits: StrataLimits) -> dict[str, Mask]:
-    """Returns the usable rows of each stratum, laid out as ``with_gaps`` lays out its values."""
+    """Return the usable rows of each stratum, laid out as ``with_gaps`` lays out its values."""
     each = [strata_masks(trace.velocity_m_s, trace.sample_time_s, limits) for trace in traces]
     usable = [trace.usable for trace in traces]
     rows: dict[str, Mask] = {}

@@ -77,7 +77,7 @@ class Findings:
 def look_into(
     comparison: Comparison, main: str, rival: str, curves: Mapping[str, LearningCurve], duration_s: float, lags: int
 ) -> Findings:
-    """Returns the findings.
+    """Return the findings.
 
     Args:
         comparison: What was found.
@@ -101,9 +101,9 @@ def look_into(
         main=main,
         rival=rival,
         curves=curves,
-        excerpts=[excerpt(comparison, test, pair, duration_s) for test in comparison.tests],
-        agreements={test: agreement(comparison, main, test) for test in comparison.tests},
-        profiles={test: velocity_profile(comparison, test, pair) for test in comparison.tests},
+        excerpts=[excerpt(comparison, condition, pair, duration_s) for condition in comparison.conditions],
+        agreements={condition: agreement(comparison, main, condition) for condition in comparison.conditions},
+        profiles={condition: velocity_profile(comparison, condition, pair) for condition in comparison.conditions},
         residuals={name: residual_figures(values, usable) for name, (values, usable) in series.items()},
         dependences={name: dependence(values, usable, inputs) for name, (values, usable) in series.items()},
         histograms={name: histogram(series[name][0][series[name][1]]) for name in pair},
@@ -119,7 +119,7 @@ def look_into(
 
 
 def _inputs(comparison: Comparison) -> dict[str, Array]:
-    """Returns what residuals may still depend on, laid out as ``Comparison.residuals`` lays out its values."""
+    """Return what residuals may still depend on, laid out as ``Comparison.residuals`` lays out its values."""
     masks = [trace.usable for trace in comparison.traces]
     columns = {
         "velocity": [trace.velocity_m_s for trace in comparison.traces],

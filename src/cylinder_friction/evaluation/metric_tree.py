@@ -13,7 +13,7 @@ MetricTree = dict[str, dict[str, dict[str, float]]]
 
 
 def metric_tree(comparison: Comparison) -> MetricTree:
-    """Returns every score: ``tree["hybrid"]["1"]["label_percent"]`` and so on.
+    """Return every score: ``tree["hybrid"]["1"]["label_percent"]`` and so on.
 
     Names begin with ``label_`` or ``truth_``, whichever the error is measured against; ``truth_`` is there only where
     the truth is known. ``multiply_adds`` is the cost of one step. A number that is not defined is left out.
@@ -21,21 +21,21 @@ def metric_tree(comparison: Comparison) -> MetricTree:
     tree: MetricTree = {}
     for estimator in comparison.estimators:
         tree[estimator] = {}
-        for test in comparison.tests:
-            numbers = _numbers("label", comparison.label[estimator][test])
-            if test in comparison.truth.get(estimator, {}):
-                numbers |= _numbers("truth", comparison.truth[estimator][test])
+        for condition in comparison.conditions:
+            numbers = _numbers("label", comparison.label[estimator][condition])
+            if condition in comparison.truth.get(estimator, {}):
+                numbers |= _numbers("truth", comparison.truth[estimator][condition])
             numbers["multiply_adds"] = float(comparison.multiply_adds[estimator])
-            tree[estimator][test] = numbers
+            tree[estimator][condition] = numbers
     return tree
 
 
 def flat_metrics(tree: MetricTree) -> dict[str, float]:
-    """Returns ``{"hybrid.test_1.label_percent": ...}``, one number each, for a run record."""
+    """Return ``{"hybrid.condition_1.label_percent": ...}``, one number each, for a run record."""
     return {
-        f"{estimator}.test_{test}.{name}": value
-        for estimator, tests in tree.items()
-        for test, numbers in tests.items()
+        f"{estimator}.condition_{condition}.{name}": value
+        for estimator, conditions in tree.items()
+        for condition, numbers in conditions.items()
         for name, value in numbers.items()
     }
 

@@ -42,12 +42,12 @@ class Errors:
     range_nrmse_percent: float
 
     def to_dict(self) -> dict[str, float]:
-        """Returns the defined figures; those that are NaN are left out."""
+        """Return the defined figures; those that are NaN are left out."""
         return {key: value for key, value in asdict(self).items() if math.isfinite(value)}
 
 
 def errors(reference_n: Array, estimate_n: Array, usable: Mask) -> Errors:
-    """Returns the errors of ``estimate_n`` against ``reference_n`` over the usable rows.
+    """Return the errors of ``estimate_n`` against ``reference_n`` over the usable rows.
 
     Args:
         reference_n: Friction taken as right (label or truth) [N], shape ``(n,)``.
@@ -78,7 +78,7 @@ def errors(reference_n: Array, estimate_n: Array, usable: Mask) -> Errors:
 
 
 def lag_s(reference_n: Array, estimate_n: Array, usable: Mask, sample_time_s: float, maximum_lag_s: float) -> float:
-    """Returns how late the estimate is [s]: the shift at which it correlates best with the reference.
+    """Return how late the estimate is [s]: the shift at which it correlates best with the reference.
 
     Positive is late. Only pairs of usable rows count. A parabola through the peak and its neighbours gives the
     fraction of a sample. NaN where either signal never varies.

@@ -48,7 +48,7 @@ TRACE_COLOURS = {"label": "#A6ADB4", "truth": "#000000", "hybrid": "#0072B2", "l
 
 
 def naming(estimator: str) -> Naming:
-    """Returns how an estimator is shown; one the project does not know keeps its own name."""
+    """Return how an estimator is shown; one the project does not know keeps its own name."""
     words = estimator.replace("_", " ")
     return _KNOWN.get(estimator, Naming(words, words, "other"))
 
@@ -62,7 +62,7 @@ def phrase(estimator: str) -> str:
 
 
 def sentence_start(words: str) -> str:
-    """Returns the words with their first letter large."""
+    """Return the words with their first letter large."""
     return words[:1].upper() + words[1:]
 
 

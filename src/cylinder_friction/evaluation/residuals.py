@@ -55,12 +55,12 @@ class ResidualFigures:
     effective_rows: float
 
     def to_dict(self) -> dict[str, float]:
-        """Returns the defined figures; those that are NaN are left out."""
+        """Return the defined figures; those that are NaN are left out."""
         return {key: value for key, value in asdict(self).items() if math.isfinite(value)}
 
 
 def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
-    """Returns the figures of a residual series.
+    """Return the figures of a residual series.
 
     Args:
         residual_n: Reference minus estimate [N], in the order of time, shape ``(n,)``.
@@ -77,8 +77,8 @@ def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
     box, box_p = math.nan, math.nan
     if varies:
         skewness, excess = float(stats.skew(values)), float(stats.kurtosis(values))
-        test = stats.jarque_bera(values)
-        bera, bera_p = float(test.statistic), float(test.pvalue)
+        condition = stats.jarque_bera(values)
+        bera, bera_p = float(condition.statistic), float(condition.pvalue)
         memory = autocorrelation(residual_n, usable, len(residual_n) - 1)
         first = float(memory[1])
         effective = _effective_rows(memory, len(values))
@@ -102,7 +102,7 @@ def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
 
 
 def autocorrelation(residual_n: Array, usable: Mask, lags: int) -> Array:
-    """Returns the autocorrelation at 0 to ``lags`` samples, shape ``(lags + 1,)``, over pairs of usable rows.
+    """Return the autocorrelation at 0 to ``lags`` samples, shape ``(lags + 1,)``, over pairs of usable rows.
 
     Missing rows count as missing, not as zero (Parzen 1963); a lag without any pair gives 0. All NaN where the
     residuals do not vary.
@@ -118,14 +118,14 @@ def autocorrelation(residual_n: Array, usable: Mask, lags: int) -> Array:
 
 
 def quantile_points(values: Array) -> tuple[Array, Array]:
-    """Returns a Q-Q plot's points: normal quantiles with the values' mean and deviation, and the values' own [N]."""
+    """Return a Q-Q plot's points: normal quantiles with the values' mean and deviation, and the values' own [N]."""
     probabilities = (np.arange(_QUANTILE_POINTS) + 0.5) / _QUANTILE_POINTS
     normal = float(values.mean()) + float(values.std()) * stats.norm.ppf(probabilities)
     return np.asarray(normal, dtype=np.float64), np.quantile(values, probabilities)
 
 
 def dependence(residual_n: Array, usable: Mask, inputs: Mapping[str, Array]) -> dict[str, float]:
-    """Returns the correlation of the residual with each input over the usable rows; 0 where an input never varies."""
+    """Return the correlation of the residual with each input over the usable rows; 0 where an input never varies."""
     residual = residual_n[usable] - residual_n[usable].mean()
     result: dict[str, float] = {}
     for name, values in inputs.items():

@@ -39,7 +39,7 @@ class StrataLimits:
 def strata_masks(
     velocity_m_s: NDArray[np.float64], sample_time_s: float, limits: StrataLimits
 ) -> dict[str, NDArray[np.bool_]]:
-    """Returns one mask a stratum, each of shape ``(n,)``.
+    """Return one mask a stratum, each of shape ``(n,)``.
 
     A reversal is the first row that moves against the direction of the last row that moved, however long the
     rest between them; its window starts at that row.

@@ -29,7 +29,7 @@ class StepTime:
 def time_steps(
     estimator: FrictionEstimator, recording: Recording, steps: int, warm_up: int = 50, maximum_seconds: float = 3.0
 ) -> StepTime:
-    """Steps a fresh stream through the recording's first samples, over again if it is short, and times every step.
+    """Step a fresh stream through the recording's first samples, over again if it is short, and times every step.
 
     Args:
         estimator: A fitted estimator.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def mean_absolute_error_n(estimator: FrictionEstimator, recordings: Sequence[Recording]) -> float:
-    """Returns the mean absolute error against the label [N] over the usable rows of all recordings together."""
+    """Return the mean absolute error against the label [N] over the usable rows of all recordings together."""
     errors = [
         np.abs(estimator.estimate(recording) - recording.column("friction_n"))[recording.usable()]
         for recording in recordings

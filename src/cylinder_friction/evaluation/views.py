@@ -33,7 +33,7 @@ class LearningCurve:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any], where: str) -> Self:
-        """Returns the curve a training wrote; raises ``ValueError`` naming what is missing or of unequal length."""
+        """Return the curve a training wrote; raises ``ValueError`` naming what is missing or of unequal length."""
         columns: dict[str, list[Any]] = {}
         for key in ("epoch", "train_mae_n", "validation_mae_n"):
             if key not in content:
@@ -54,24 +54,24 @@ class LearningCurve:
 class Excerpt:
     """A stretch of one recording; forces in newtons, NaN where the row is not usable, shape ``(n,)``."""
 
-    test: str
+    condition: str
     recording: str
     time_s: Array
     lines_n: dict[str, Array]
 
     def residuals_n(self) -> dict[str, Array]:
-        """Returns label minus estimate [N] of every estimator shown."""
+        """Return label minus estimate [N] of every estimator shown."""
         estimates = {name: values for name, values in self.lines_n.items() if name not in ("label", "truth")}
         return {name: self.lines_n["label"] - values for name, values in estimates.items()}
 
 
-def excerpt(comparison: Comparison, test: str, shown: Sequence[str], duration_s: float) -> Excerpt:
-    """Returns the first stretch of a test's recordings with the most usable rows in motion.
+def excerpt(comparison: Comparison, condition: str, shown: Sequence[str], duration_s: float) -> Excerpt:
+    """Return the first stretch of a test's recordings with the most usable rows in motion.
 
     Its lines are ``label``, ``truth`` where it is known, and the estimators in ``shown``.
     """
     best = (-1, 0, 0, 0)
-    traces = comparison.of_test(test)
+    traces = comparison.of_condition(condition)
     for index, trace in enumerate(traces):
         rows = min(len(trace.time_s), max(2, round(duration_s / trace.sample_time_s)))
         moving = np.concatenate([[0], np.cumsum(trace.usable & (np.abs(trace.velocity_m_s) > 1e-3))])
@@ -85,7 +85,7 @@ def excerpt(comparison: Comparison, test: str, shown: Sequence[str], duration_s:
     lines = {"label": trace.label_n} | known | {name: trace.estimates_n[name] for name in shown}
     cut = slice(start, stop)
     shown_lines = {name: np.where(trace.usable, values, np.nan)[cut] for name, values in lines.items()}
-    return Excerpt(test, trace.name, trace.time_s[cut], shown_lines)
+    return Excerpt(condition, trace.name, trace.time_s[cut], shown_lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class Histogram:
 
 
 def histogram(values: Array) -> Histogram:
-    """Returns the histogram of residuals [N] and the normal curve of the same mean and deviation."""
+    """Return the histogram of residuals [N] and the normal curve of the same mean and deviation."""
     mean, deviation = float(values.mean()), float(values.std())
     most, nearly_all = np.quantile(np.abs(values), (0.75, 0.995))
     reach = max(min(float(nearly_all), 5.0 * float(most)), 1e-9)
@@ -129,9 +129,9 @@ class Agreement:
     intercept_n: float
 
 
-def agreement(comparison: Comparison, estimator: str, test: str) -> Agreement:
-    """Returns a test's points; slope and intercept of the least-squares line, R² of the line y = x."""
-    traces = comparison.of_test(test)
+def agreement(comparison: Comparison, estimator: str, condition: str) -> Agreement:
+    """Return a test's points; slope and intercept of the least-squares line, R² of the line y = x."""
+    traces = comparison.of_condition(condition)
     label = np.concatenate([trace.label_n[trace.usable] for trace in traces])
     estimate = np.concatenate([trace.estimates_n[estimator][trace.usable] for trace in traces])
     spread = float(np.mean((label - label.mean()) ** 2))
@@ -153,9 +153,9 @@ class VelocityProfile:
     medians_n: dict[str, Array]
 
 
-def velocity_profile(comparison: Comparison, test: str, shown: Sequence[str]) -> VelocityProfile:
-    """Returns the Stribeck map of a test: bins of equal width that hold at least 20 usable rows."""
-    traces = comparison.of_test(test)
+def velocity_profile(comparison: Comparison, condition: str, shown: Sequence[str]) -> VelocityProfile:
+    """Return the Stribeck map of a test: bins of equal width that hold at least 20 usable rows."""
+    traces = comparison.of_condition(condition)
     velocity = np.concatenate([trace.velocity_m_s[trace.usable] for trace in traces])
     lines = {"label": np.concatenate([trace.label_n[trace.usable] for trace in traces])}
     for name in shown:

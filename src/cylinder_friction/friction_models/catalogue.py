@@ -22,7 +22,7 @@ MODELS: dict[str, FrictionModel] = {
 
 
 def model_named(name: str) -> FrictionModel:
-    """Returns the model; raises ``ValueError`` with the known names if there is none of that name."""
+    """Return the model; raises ``ValueError`` with the known names if there is none of that name."""
     if name not in MODELS:
         raise ValueError(f"friction model is {name!r}, but expected one of {sorted(MODELS)}")
     return MODELS[name]

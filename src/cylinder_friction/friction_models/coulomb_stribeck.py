@@ -70,7 +70,7 @@ class CoulombStribeck(FrictionModel):
     multiply_adds = 75
 
     def new_state(self) -> Array:
-        """Returns the direction of the last motion, shape ``(1,)``."""
+        """Return the direction of the last motion, shape ``(1,)``."""
         return np.zeros(1)
 
     @property

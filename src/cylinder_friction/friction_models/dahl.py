@@ -55,7 +55,7 @@ class Dahl(FrictionModel):
     multiply_adds = 30
 
     def new_state(self) -> Array:
-        """Returns friction without its viscous part, shape ``(1,)`` [N]."""
+        """Return friction without its viscous part, shape ``(1,)`` [N]."""
         return np.zeros(1)
 
     @property

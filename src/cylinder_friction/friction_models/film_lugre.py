@@ -85,7 +85,7 @@ class FilmLuGre(FrictionModel):
     multiply_adds = 160
 
     def new_state(self) -> Array:
-        """Returns bristle deflection [m], film [1] and last velocity [m/s; NaN before the first], shape ``(3,)``."""
+        """Return bristle deflection [m], film [1] and last velocity [m/s; NaN before the first], shape ``(3,)``."""
         return np.array([0.0, 0.0, np.nan])
 
     @property

@@ -86,7 +86,7 @@ class LugreParameters(StribeckParameters):
         return passive_damping_velocity(self.coulomb_n * min(1.0, self.retract_ratio), self.bristle_damping_n_s_m)
 
     def is_passive(self) -> bool:
-        """Returns whether the model can never give energy back beyond what its bristles stored.
+        """Return whether the model can never give energy back beyond what its bristles stored.
 
         Sufficient: ``s1 exp(-(v/vc)^2) |v| <= 4 g(v)`` at every speed, whose left side is greatest at ``vc / sqrt 2``.
         """
@@ -118,14 +118,14 @@ class LuGre(FrictionModel):
 
 
 def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
-    """Returns the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive."""
+    """Return the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive."""
     if bristle_damping_n_s_m == 0.0:
         return math.inf
     return 4.0 * math.sqrt(2.0 * math.e) * least_dry_friction_n / bristle_damping_n_s_m
 
 
 def new_bristle() -> Array:
-    """Returns the bristle deflection before the first sample, shape ``(1,)`` [m]; ``simulate`` changes it in place."""
+    """Return the bristle deflection before the first sample, shape ``(1,)`` [m]; ``simulate`` changes it in place."""
     return np.zeros(1)
 
 
@@ -136,7 +136,7 @@ def simulate(
     bristle_m: Array,
     pressure_pa: Array | None = None,
 ) -> Array:
-    """Returns friction [N], shape ``(n,)``, at the end of each sample, over which velocity and pressure are held.
+    """Return friction [N], shape ``(n,)``, at the end of each sample, over which velocity and pressure are held.
 
     Each step is the exact solution at the held velocity, so it is stable however stiff the bristles are. Cutting
     the samples into pieces does not change one bit.
@@ -158,7 +158,7 @@ _LUGRE = LuGre()
 def lugre_step(
     packed: Array, velocity: float, log_speed: float, pressure: float, sample_time: float, bristle: float
 ) -> tuple[float, float]:
-    """Returns the new bristle deflection [m] and friction [N] after one sample; ``log_speed`` is ``ln |velocity|``.
+    """Return the new bristle deflection [m] and friction [N] after one sample; ``log_speed`` is ``ln |velocity|``.
 
     The logarithm is an argument so that a search over parameters on one recording computes it once.
     """

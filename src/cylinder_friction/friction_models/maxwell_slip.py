@@ -68,7 +68,7 @@ class MaxwellSlipParameters(StribeckParameters):
     pressure_slope_n_pa: float = 0.0
 
     def elements(self) -> tuple[Array, Array]:
-        """Returns the elements' stiffnesses ``ki`` [N/m] and shares ``ni``, each of shape ``(N,)``."""
+        """Return the elements' stiffnesses ``ki`` [N/m] and shares ``ni``, each of shape ``(N,)``."""
         return _elements(self.packed(), ELEMENTS)
 
 
@@ -87,7 +87,7 @@ class GeneralisedMaxwellSlip(FrictionModel):
     multiply_adds = 120
 
     def new_state(self) -> Array:
-        """Returns each element's force [N], whether it slips (1 or 0), and the direction last, shape ``(2 N + 1,)``."""
+        """Return each element's force [N], whether it slips (1 or 0), and the direction last, shape ``(2 N + 1,)``."""
         return np.zeros(2 * ELEMENTS + 1)
 
     @property

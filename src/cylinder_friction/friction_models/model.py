@@ -51,7 +51,7 @@ class FrictionModel(ABC):
 
     @abstractmethod
     def new_state(self) -> Array:
-        """Returns the state before the first sample, which ``simulate`` changes in place."""
+        """Return the state before the first sample, which ``simulate`` changes in place."""
 
     @property
     @abstractmethod
@@ -83,7 +83,7 @@ class FrictionModel(ABC):
         )
 
     def parameters(self, values: Array) -> ModelParameters:
-        """Returns the numbers by name, checked; raises ``ValueError`` if one cannot be."""
+        """Return the numbers by name, checked; raises ``ValueError`` if one cannot be."""
         return self.parameter_class(*(float(value) for value in values))
 
     def simulate(
@@ -94,7 +94,7 @@ class FrictionModel(ABC):
         state: Array,
         pressure_pa: Array | None = None,
     ) -> Array:
-        """Returns friction [N], shape ``(n,)``, at the end of each sample, positive when it opposes positive velocity.
+        """Return friction [N], shape ``(n,)``, at the end of each sample, positive when it opposes positive velocity.
 
         Velocity and pressure are held over a sample. Steps are stable however stiff presliding is, and cutting the
         samples into pieces does not change one bit.
@@ -122,7 +122,7 @@ class FrictionModel(ABC):
     def first_guess(
         self, curve: StribeckCurve, stiffness_n_m: float, reference_pressure_pa: float = 0.0
     ) -> ModelParameters:
-        """Returns where a search may start.
+        """Return where a search may start.
 
         Args:
             curve: Friction of steady sliding.

@@ -120,14 +120,14 @@ class ModelParameters:
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
 
     def value(self, name: str) -> float:
-        """Returns one number by name."""
+        """Return one number by name."""
         return float(getattr(self, name))
 
     def __post_init__(self) -> None:
         refuse_impossible(self, self.specs)
 
     def packed(self) -> Array:
-        """Returns the numbers in the order of the fields, shape ``(k,)``, as the compiled functions take them."""
+        """Return the numbers in the order of the fields, shape ``(k,)``, as the compiled functions take them."""
         return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)
 
 
@@ -153,7 +153,7 @@ class StribeckParameters(ModelParameters):
 
 
 def refuse_impossible(numbers: object, specs: Sequence[ParameterSpec]) -> None:
-    """Raises ``ValueError`` naming the first number that cannot be, of whatever has a field for each of ``specs``."""
+    """Raise ``ValueError`` naming the first number that cannot be, of whatever has a field for each of ``specs``."""
     owner = type(numbers).__name__
     for spec in specs:
         value = getattr(numbers, spec.name)

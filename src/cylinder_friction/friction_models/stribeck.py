@@ -62,21 +62,21 @@ class StribeckCurve:
         refuse_impossible(self, (*STRIBECK, RETRACT_RATIO))
 
     def dry_friction(self, velocity_m_s: Array) -> Array:
-        """Returns friction without sign and viscous part, ``g(v) > 0`` [N], of the velocity's shape."""
+        """Return friction without sign and viscous part, ``g(v) > 0`` [N], of the velocity's shape."""
         velocity = np.asarray(velocity_m_s, dtype=np.float64)
         falling = np.exp(-((np.abs(velocity) / self.stribeck_velocity_m_s) ** self.stribeck_exponent))
         side = np.where(velocity < 0.0, self.retract_ratio, 1.0)
         return np.asarray(side * (self.coulomb_n + (self.static_n - self.coulomb_n) * falling))
 
     def friction(self, velocity_m_s: Array) -> Array:
-        """Returns friction in steady sliding [N], of the velocity's shape."""
+        """Return friction in steady sliding [N], of the velocity's shape."""
         velocity = np.asarray(velocity_m_s, dtype=np.float64)
         return np.asarray(np.sign(velocity) * self.dry_friction(velocity) + self.viscous_n_s_m * velocity)
 
 
 @numba.njit(cache=True)
 def falling_part(log_speed: float, stribeck_velocity: float, exponent: float) -> float:
-    """Returns ``exp(-|v / vs|**a)`` from ``ln |v|``: a search over parameters computes that logarithm once."""
+    """Return ``exp(-|v / vs|**a)`` from ``ln |v|``: a search over parameters computes that logarithm once."""
     return math.exp(-math.exp(exponent * (log_speed - math.log(stribeck_velocity))))
 
 
@@ -84,13 +84,13 @@ def falling_part(log_speed: float, stribeck_velocity: float, exponent: float) ->
 def side_factor(
     direction: float, retract_ratio: float, coulomb: float, pressure_slope: float, pressure: float
 ) -> float:
-    """Returns the factor on dry friction of direction and pressure; below zero gauge the seal is not relieved more."""
+    """Return the factor on dry friction of direction and pressure; below zero gauge the seal is not relieved more."""
     factor = 1.0 + pressure_slope * max(pressure, 0.0) / coulomb
     return factor * retract_ratio if direction < 0.0 else factor
 
 
 def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = None) -> StribeckCurve:
-    """Fits a curve to points of steady sliding in both directions, with Huber's loss so that outliers count less.
+    """Fit a curve to points of steady sliding in both directions, with Huber's loss so that outliers count less.
 
     Args:
         velocity_m_s: Signed velocities, shape ``(n,)``, none of them zero.

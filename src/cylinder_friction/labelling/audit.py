@@ -38,7 +38,7 @@ class AuditRow:
     """
 
     filter: str
-    test: str
+    condition: str
     stratum: str
     rows: int
     mae_n: float
@@ -80,14 +80,14 @@ class Audit:
 
     def add(
         self,
-        test: str,
+        condition: str,
         sample_time_s: float,
         labels_n: Mapping[str, Array],
         usable: NDArray[np.bool_],
         true_friction_n: Array,
         true_velocity_m_s: Array,
     ) -> None:
-        """Adds one recording.
+        """Add one recording.
 
         Args:
             test: Which test it is of.
@@ -104,21 +104,21 @@ class Audit:
             error = label - true_friction_n
             for stratum, mask in strata.items():
                 rows = mask & usable
-                for group in (test, ALL_TESTS):
+                for group in (condition, ALL_TESTS):
                     sums = self._sums.setdefault((name, group, stratum), _Sums())
                     sums.add(error[rows], true_friction_n[rows])
 
     def rows(self) -> list[AuditRow]:
-        """Returns the audit, sorted by filter, test and stratum; a stratum without rows is left out."""
+        """Return the audit, sorted by filter, test and stratum; a stratum without rows is left out."""
         order = {stratum: index for index, stratum in enumerate(STRATA)}
         keys = sorted(self._sums, key=lambda key: (key[0], key[1] == ALL_TESTS, key[1], order[key[2]]))
         return [_row(*key, self._sums[key]) for key in keys if self._sums[key].rows]
 
 
-def _row(name: str, test: str, stratum: str, sums: _Sums) -> AuditRow:
+def _row(name: str, condition: str, stratum: str, sums: _Sums) -> AuditRow:
     return AuditRow(
         filter=name,
-        test=test,
+        condition=condition,
         stratum=stratum,
         rows=sums.rows,
         mae_n=sums.absolute / sums.rows,

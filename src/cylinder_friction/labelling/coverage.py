@@ -42,7 +42,7 @@ class Coverage:
         return sum(last - first for first, last in self.stretches_m)
 
     def holds(self, position_m: Array) -> NDArray[np.bool_]:
-        """Returns whether each position lies in one of the stretches, of the positions' shape."""
+        """Return whether each position lies in one of the stretches, of the positions' shape."""
         inside = np.zeros(np.shape(position_m), dtype=np.bool_)
         for first, last in self.stretches_m:
             inside |= (position_m >= first) & (position_m <= last)
@@ -50,7 +50,7 @@ class Coverage:
 
 
 def coverage_of(points: StrokePoints) -> Coverage:
-    """Returns where strokes of both directions went.
+    """Return where strokes of both directions went.
 
     Raises:
         RecordingError: There is no stroke in one of the directions, or they have next to no travel in common.
@@ -89,7 +89,7 @@ def _greatest(points: StrokePoints) -> float:
 
 
 def _visited(points: StrokePoints, low: float, high: float) -> NDArray[np.bool_]:
-    """Returns which bins between ``low`` and ``high`` some piece touches, shape ``(BINS,)``."""
+    """Return which bins between ``low`` and ``high`` some piece touches, shape ``(BINS,)``."""
     scale = BINS / (high - low) if high > low else 0.0
     ends = np.stack([points.first_m, points.last_m])
     first = np.clip(((ends.min(axis=0) - low) * scale).astype(np.int64), 0, BINS - 1)

@@ -81,7 +81,7 @@ def friction_label(
     cylinder: Cylinder,
     stiffness: Stiffness,
 ) -> Array:
-    """Returns friction [N], shape ``(n,)``, positive when it opposes positive velocity.
+    """Return friction [N], shape ``(n,)``, positive when it opposes positive velocity.
 
     Args:
         signals: Smooth pressures or drive force, velocity and acceleration, each of shape ``(n,)``.
@@ -116,7 +116,7 @@ def friction_label(
 
 
 def drive_force(signals: SmoothSignals | SmoothDrive, cylinder: Cylinder) -> Array:
-    """Returns what drives the piston, P1·A1 - P2·A2 or the measured drive force [N], shape ``(n,)``."""
+    """Return what drives the piston, P1·A1 - P2·A2 or the measured drive force [N], shape ``(n,)``."""
     if isinstance(signals, SmoothDrive):
         return signals.drive_force_smooth_n
     return (
@@ -125,7 +125,7 @@ def drive_force(signals: SmoothSignals | SmoothDrive, cylinder: Cylinder) -> Arr
 
 
 def trapped_oil_stiffness(cylinder: Cylinder, stiffness: Stiffness) -> float:
-    """Returns K_h = β·(A1²/V1 + A2²/V2) [N/m] with the volumes at the reference position."""
+    """Return K_h = β·(A1²/V1 + A2²/V2) [N/m] with the volumes at the reference position."""
     area_1, area_2 = cylinder.piston_area_m2, cylinder.annulus_area_m2
     volume_1 = stiffness.dead_volume_m3 + area_1 * stiffness.reference_m
     volume_2 = stiffness.dead_volume_m3 + area_2 * (cylinder.stroke_m - stiffness.reference_m)
@@ -133,7 +133,7 @@ def trapped_oil_stiffness(cylinder: Cylinder, stiffness: Stiffness) -> float:
 
 
 def paper_stiffness(position_m: Array, cylinder: Cylinder, stiffness: Stiffness) -> Array:
-    """Returns K_eq = β·A1/L1 + β·A2/L2 [N/m], shape ``(n,)``: equations (1) and (2), side by side.
+    """Return K_eq = β·A1/L1 + β·A2/L2 [N/m], shape ``(n,)``: equations (1) and (2), side by side.
 
     The dead volume lengthens either oil column, without which the stiffness has no bound at the ends.
     """
@@ -145,7 +145,7 @@ def paper_stiffness(position_m: Array, cylinder: Cylinder, stiffness: Stiffness)
 
 
 def last_direction(velocity_m_s: Array) -> Array:
-    """Returns +1 or -1, shape ``(n,)``: the sign of velocity, at standstill the last one, +1 before any motion."""
+    """Return +1 or -1, shape ``(n,)``: the sign of velocity, at standstill the last one, +1 before any motion."""
     signs = np.sign(velocity_m_s)
     rows = np.where(signs != 0.0, np.arange(len(signs)), -1)
     latest = np.maximum.accumulate(rows)

@@ -18,7 +18,7 @@ EVENTS = ("start", "stop", "reversal")
 
 
 def event_masks(velocity_m_s: NDArray[np.float64], window: int) -> dict[str, NDArray[np.bool_]]:
-    """Returns the rows within ``window`` rows of each kind of event, each mask of shape ``(n,)``.
+    """Return the rows within ``window`` rows of each kind of event, each mask of shape ``(n,)``.
 
     A reversal goes from one direction to the other with at most ``window`` rows of rest between; with a longer rest
     it is a stop and a start.

@@ -66,7 +66,7 @@ class Labeller:
         return self.load == "position" or self.inertia == "identified"
 
     def collect(self, recording: Recording, reach: Reach, into: SessionPoints) -> None:
-        """Adds a filtered recording to what is known of its session."""
+        """Add a filtered recording to what is known of its session."""
         signals = signals_of(recording)
         position_m = recording.column("position_m")
         load_n = self._load(recording, None, recording.column)
@@ -77,7 +77,7 @@ class Labeller:
         into.add(force_n, position_m, signals.velocity_m_s, signals.acceleration_m_s2, usable, recording.sample_time_s)
 
     def label(self, recording: Recording, reach: Reach, found: SessionFound | None = None) -> Recording:
-        """Returns a filtered recording with ``friction_n`` and ``usable``.
+        """Return a filtered recording with ``friction_n`` and ``usable``.
 
         An identified load is added as ``load_force_n``, and where the sensors' uncertainty is stated,
         ``friction_uncertainty_n``, which holds that of an identified load too.
@@ -110,7 +110,7 @@ class Labeller:
         into: Audit,
         found: SessionFound | None = None,
     ) -> None:
-        """Adds the errors of every filter's label, on the rows that are usable for all of them.
+        """Add the errors of every filter's label, on the rows that are usable for all of them.
 
         Args:
             recording: Its raw signals.
@@ -128,7 +128,7 @@ class Labeller:
             labels[name], usable_here = self._from_signals(recording, signals, load_n, reach, found)
             usable &= usable_here
         into.add(
-            recording.metadata.test,
+            recording.metadata.condition,
             recording.sample_time_s,
             labels,
             usable,
@@ -162,7 +162,7 @@ class Labeller:
     def _load(
         self, recording: Recording, found: SessionFound | None, smooth: Callable[[str], Array | None]
     ) -> Array | float:
-        """Returns the load [N]; ``smooth`` gives the measured one by the name of its smooth column.
+        """Return the load [N]; ``smooth`` gives the measured one by the name of its smooth column.
 
         Raises:
             RecordingError: A load was measured where none is expected, or the other way round.

@@ -127,16 +127,16 @@ class LoadIdentification:
         return len(self.coefficients_n) - 1
 
     def load_n(self, position_m: Array) -> Array:
-        """Returns the load [N], of the positions' shape; outside the coverage's range that of its nearer end."""
+        """Return the load [N], of the positions' shape; outside the coverage's range that of its nearer end."""
         return np.asarray(legendre.legval(_scaled(position_m, self.coverage), np.array(self.coefficients_n)))
 
     def uncertainty_n(self, position_m: Array) -> Array:
-        """Returns the load's standard uncertainty (k = 1) [N], of the positions' shape: scatter and asymmetry."""
+        """Return the load's standard uncertainty (k = 1) [N], of the positions' shape: scatter and asymmetry."""
         scatter = np.interp(_scaled(position_m, self.coverage), np.linspace(-1.0, 1.0, GRID), np.array(self.scatter_n))
         return np.hypot(scatter, self.asymmetry_n)
 
     def sentence(self) -> str:
-        """Returns what was found, for a person."""
+        """Return what was found, for a person."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
         return (
             f"the load is {low_n:.4g} to {high_n:.4g} N between {from_m:.3g} and {to_m:.3g} m, from strokes "
@@ -146,7 +146,7 @@ class LoadIdentification:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Returns all of it as JSON takes it."""
+        """Return all of it as JSON takes it."""
         content = asdict(self)
         content["range_m"], content["order"] = list(self.coverage.range_m), self.order
         content["stretches_m"] = [list(each) for each in content.pop("coverage")["stretches_m"]]
@@ -154,7 +154,7 @@ class LoadIdentification:
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
-    """Returns the load that the strokes of one session tell.
+    """Return the load that the strokes of one session tell.
 
     Args:
         points: Strokes of all its recordings, their force less inertia, by the plan's settings.
@@ -223,7 +223,7 @@ def _polynomials(position_m: Array, coverage: Coverage, order: int) -> Array:
 
 
 def _own_share(design: Array) -> float:
-    """Returns the share of velocity's square, the last column, that position and direction do not explain.
+    """Return the share of velocity's square, the last column, that position and direction do not explain.
 
     Where every stroke of a direction has one speed, it is next to nothing: viscous friction then cannot be told from
     Coulomb friction, nor, where the directions differ in speed, from a constant load.
@@ -234,7 +234,7 @@ def _own_share(design: Array) -> float:
 
 
 def _blocks(points: StrokePoints, way: Array) -> tuple[NDArray[np.int64], Array]:
-    """Returns the block of each point and the direction of each block.
+    """Return the block of each point and the direction of each block.
 
     A stroke is a block, but where one direction has few strokes they are cut, so that each direction has about
     ``_BLOCKS_A_WAY`` blocks or more.
@@ -251,7 +251,7 @@ def _blocks(points: StrokePoints, way: Array) -> tuple[NDArray[np.int64], Array]
 
 
 def _order(points: StrokePoints, coverage: Coverage, blocks: NDArray[np.int64], plan: LoadPlan) -> int:
-    """Returns the least order that predicts left-out blocks as well as the best one does, within a hundredth."""
+    """Return the least order that predicts left-out blocks as well as the best one does, within a hundredth."""
     way = np.sign(points.velocity_m_s)
     greatest = min(plan.greatest_order, len(points) // _NOT_TRUSTED - 2)
     fold = blocks % _FOLDS

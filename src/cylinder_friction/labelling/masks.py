@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def usable_rows(position_m: NDArray[np.float64], stroke_m: float, margin_m: float, reach: Reach) -> NDArray[np.bool_]:
-    """Returns the mask of usable rows, shape ``(n,)``.
+    """Return the mask of usable rows, shape ``(n,)``.
 
     Not usable: rows within ``margin_m`` of an end stop, whose reaction the equation of motion would take for
     friction; every row whose filter saw such a row; and the rows at either edge of the recording that the filter
@@ -33,7 +33,7 @@ def usable_rows(position_m: NDArray[np.float64], stroke_m: float, margin_m: floa
 
 
 def spread(mask: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
-    """Returns a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
+    """Return a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
     rows = len(mask)
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
     starts, ends = edges[::2], edges[1::2]

@@ -86,14 +86,14 @@ class MotionPoints:
     cluster: NDArray[np.int64]
 
     def where(self, mask: NDArray[np.bool_]) -> MotionPoints:
-        """Returns the blocks of a mask; clusters are counted anew."""
+        """Return the blocks of a mask; clusters are counted anew."""
         columns: dict[str, Any] = {name: values[mask] for name, values in vars(self).items()}
         columns["cluster"] = np.unique(columns["cluster"], return_inverse=True)[1].astype(np.int64)
         return MotionPoints(**columns)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Returns the blocks of several recordings; clusters are counted on from one to the next."""
+        """Return the blocks of several recordings; clusters are counted on from one to the next."""
         columns: dict[str, Any] = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
         }
@@ -140,7 +140,7 @@ class MotionIdentification:
         return self.mass_kg > 0.0 and high - low <= self.mass_kg
 
     def force(self, acceleration_m_s2: Array, velocity_m_s: Array) -> Array:
-        """Returns the force that this motion asks for [N], of the velocity's shape."""
+        """Return the force that this motion asks for [N], of the velocity's shape."""
         return np.asarray(
             self.mass_kg * acceleration_m_s2
             + self.viscous_n_s_m * velocity_m_s
@@ -149,7 +149,7 @@ class MotionIdentification:
         )
 
     def sentence(self) -> str:
-        """Returns in words whether the mass was told."""
+        """Return in words whether the mass was told."""
         low, high = self.mass_interval_kg
         found = f"{self.mass_kg:.4g} kg, {100 * self.confidence:g} % interval {low:.4g} to {high:.4g} kg"
         if self.mass_known:
@@ -157,7 +157,7 @@ class MotionIdentification:
         return f"the motion does not tell the moving mass: it came out as {found}; record faster strokes or give it"
 
     def to_dict(self) -> dict[str, Any]:
-        """Returns all of it as JSON takes it."""
+        """Return all of it as JSON takes it."""
         content = asdict(self) | {"mass_known": self.mass_known, "mass_said": self.sentence()}
         return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
 
@@ -171,7 +171,7 @@ def motion_points(
     plan: MotionPlan,
     usable: NDArray[np.bool_] | None = None,
 ) -> MotionPoints:
-    """Returns the blocks of one recording whose rows are all usable and all move.
+    """Return the blocks of one recording whose rows are all usable and all move.
 
     Args:
         force_n: Smooth drive force less load [N], shape ``(n,)``.
@@ -206,7 +206,7 @@ def motion_points(
 
 
 def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: int = 0) -> MotionIdentification:
-    """Returns mass, viscous and Coulomb friction and offset that the blocks tell, with their intervals.
+    """Return mass, viscous and Coulomb friction and offset that the blocks tell, with their intervals.
 
     Args:
         points: Of one session.

@@ -36,7 +36,7 @@ class RobustFit:
 
 
 def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTIPLE) -> RobustFit:
-    """Returns the fit of ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``.
+    """Return the fit of ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``.
 
     Huber's loss, by iteratively reweighted least squares. Its threshold is a ``multiple`` of the noise, measured anew
     in each round as a standard deviation from the median absolute residual. Columns that say the same share their
@@ -64,7 +64,7 @@ def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTI
 
 
 def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.int64], confidence: float) -> Array:
-    """Returns half the width of each coefficient's confidence interval, shape ``(k,)``; infinite with too few clusters.
+    """Return half the width of each coefficient's confidence interval, shape ``(k,)``; infinite with too few clusters.
 
     Residuals of one cluster may be as alike as they wish, those of two clusters must not be.
 
@@ -87,7 +87,7 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
 def bootstrap_coefficients(
     design: Array, fit: RobustFit, target: Array, blocks: NDArray[np.int64], groups: Array, repeats: int, seed: int
 ) -> Array:
-    """Returns coefficients of fits to blocks drawn with replacement, shape ``(repeats, k)``.
+    """Return coefficients of fits to blocks drawn with replacement, shape ``(repeats, k)``.
 
     Blocks are drawn within their group, as many as it has, so that no draw is without a direction. The weights stay
     those of the robust fit, so a draw costs one solution of ``k`` equations.
@@ -123,13 +123,13 @@ def bootstrap_coefficients(
 
 
 def quantile_interval(values: Array, confidence: float) -> tuple[float, float]:
-    """Returns the interval that holds ``confidence`` of the values, as much left out below as above."""
+    """Return the interval that holds ``confidence`` of the values, as much left out below as above."""
     outside = 0.5 * (1.0 - confidence)
     low, high = np.quantile(values, [outside, 1.0 - outside])
     return float(low), float(high)
 
 
 def refuse_no_probability(owner: str, confidence: float) -> None:
-    """Raises ``ValueError`` unless ``confidence`` lies in (0, 1)."""
+    """Raise ``ValueError`` unless ``confidence`` lies in (0, 1)."""
     if not (math.isfinite(confidence) and 0.0 < confidence < 1.0):
         raise ValueError(f"{owner}: confidence must lie between 0 and 1, but got {confidence!r}")

@@ -40,7 +40,7 @@ class SessionFound:
     motion: MotionIdentification | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Returns all of it as JSON takes it."""
+        """Return all of it as JSON takes it."""
         return {
             "moving_mass_kg": self.moving_mass_kg,
             "load": None if self.load is None else self.load.to_dict(),
@@ -73,7 +73,7 @@ class SessionPoints:
         usable: NDArray[np.bool_],
         sample_time_s: float,
     ) -> None:
-        """Adds one recording.
+        """Add one recording.
 
         Args:
             force_n: Smooth drive force less whatever load is known, inertia still in it [N], shape ``(n,)``.
@@ -90,7 +90,7 @@ class SessionPoints:
             self._blocks.append(motion_points(*signals, sample_time_s, self.motion_plan, usable))
 
     def found(self) -> SessionFound:
-        """Returns what the session tells.
+        """Return what the session tells.
 
         The mass comes first, beside a load of any smooth shape; the load then, less the inertia of that mass where
         the motion tells it, else of the given one.

@@ -45,7 +45,7 @@ class StrokePoints:
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Returns the points of several recordings; strokes are counted on from one to the next."""
+        """Return the points of several recordings; strokes are counted on from one to the next."""
         columns: dict[str, Any] = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
         }
@@ -54,7 +54,7 @@ class StrokePoints:
         return cls(**columns)
 
     def where(self, mask: NDArray[np.bool_]) -> StrokePoints:
-        """Returns the points of a mask; strokes keep their numbers."""
+        """Return the points of a mask; strokes keep their numbers."""
         return StrokePoints(*(values[mask] for values in vars(self).values()))
 
 
@@ -68,7 +68,7 @@ def stroke_points(
     slowest_m_s: float,
     settling_travel_m: float,
 ) -> StrokePoints:
-    """Returns the strokes of one recording as points.
+    """Return the strokes of one recording as points.
 
     A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster; its first
     ``settling_travel_m``, in which bristles bend and the rig takes up its play, is left out.

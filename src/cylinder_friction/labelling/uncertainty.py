@@ -26,7 +26,7 @@ COVERAGE_FACTOR = 2.0
 def label_uncertainty(
     recording: Recording, cylinder: Cylinder, load_uncertainty_n: float | Array = 0.0, *, measured_load: bool = True
 ) -> Array | None:
-    """Returns the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
+    """Return the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
 
     Friction is P1·A1 - P2·A2 - m·a - F_load, so that (JCGM 100:2008, GUM, equations 10 and 11a)
 
@@ -65,7 +65,7 @@ def label_uncertainty(
 
 
 def _sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
-    """Returns the change of friction with each column that makes the driving force [m², or 1 for a force]."""
+    """Return the change of friction with each column that makes the driving force [m², or 1 for a force]."""
     if has_pressures(recording):
         return {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": cylinder.annulus_area_m2}
     return {DRIVE_FORCE: 1.0}

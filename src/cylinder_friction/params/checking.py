@@ -53,7 +53,7 @@ class Params(Section):
 
 
 def check_params(content: Any, where: str) -> Params:
-    """Returns the typed parameters, or refuses with every offending key named.
+    """Return the typed parameters, or refuses with every offending key named.
 
     Args:
         content: What the YAML file or Hydra gave.
@@ -70,7 +70,7 @@ def check_params(content: Any, where: str) -> Params:
 
 
 def load_params(path: Path = PARAMS_FILE) -> Params:
-    """Reads and checks ``params.yaml``."""
+    """Read and checks ``params.yaml``."""
     if not path.is_file():
         raise ParamsError(f"{path}: not there; run `make params` in the project's folder")
     return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))

@@ -25,7 +25,7 @@ class RecordParams(Section):
     """The simulated rig's campaign; its hand lever and its trace run in milliseconds."""
 
     seed: Seed
-    sessions_per_test: Annotated[int, Field(ge=0)]
+    sessions_per_condition: Annotated[int, Field(ge=0)]
     recordings_per_session: Count
     duration_s: Positive
     sample_time_s: Positive

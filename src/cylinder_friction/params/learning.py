@@ -80,7 +80,7 @@ class LugreParams(Section):
     """LuGre's identification on Test 1 alone."""
 
     seed: Seed
-    test: str
+    condition: str
     population: Count
     generations: Count
     simulated_recordings: Count
@@ -129,7 +129,7 @@ SplitName = Literal["unseen_rig", "leave_one_load_out", "leave_one_temperature_o
 class BenchmarkCampaignParams(Section):
     """The simulated campaigns of the benchmark; see ``evaluation.benchmark.data.Sizes``."""
 
-    sessions_per_test: Count
+    sessions_per_condition: Count
     recordings_per_session: Count
     duration_s: Positive
     test_sessions: Count
@@ -139,9 +139,9 @@ class BenchmarkCampaignParams(Section):
 
     @model_validator(mode="after")
     def _some_sessions_teach(self) -> BenchmarkCampaignParams:
-        if self.test_sessions + self.validation_sessions >= self.sessions_per_test:
+        if self.test_sessions + self.validation_sessions >= self.sessions_per_condition:
             raise ValueError(
-                f"sessions_per_test is {self.sessions_per_test}, of which test_sessions and validation_sessions leave "
+                f"sessions_per_condition is {self.sessions_per_condition}, of which test_sessions and validation_sessions leave "
                 "none to teach; expected at least one more than both together"
             )
         return self

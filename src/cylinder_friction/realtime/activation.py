@@ -35,7 +35,7 @@ _Q0, _Q1, _Q2, _Q3, _Q4 = TANH_DENOMINATOR
 
 @numba.njit(cache=True, inline="always")
 def tanh(x: np.float32) -> np.float32:
-    """Returns tanh of a finite number, float32 in and out."""
+    """Return tanh of a finite number, float32 in and out."""
     x = min(max(x, -TANH_LIMIT), TANH_LIMIT)
     square = x * x
     numerator = (((_P4 * square + _P3) * square + _P2) * square + _P1) * square + _P0
@@ -45,5 +45,5 @@ def tanh(x: np.float32) -> np.float32:
 
 @numba.njit(cache=True, inline="always")
 def sigmoid(x: np.float32) -> np.float32:
-    """Returns ``1 / (1 + exp(-x))`` of a finite number, float32 in and out, by ``(1 + tanh(x / 2)) / 2``."""
+    """Return ``1 / (1 + exp(-x))`` of a finite number, float32 in and out, by ``(1 + tanh(x / 2)) / 2``."""
     return HALF * tanh(HALF * x) + HALF

@@ -42,14 +42,14 @@ UNKNOWN_N = 1e9
 
 
 def velocity_taps(sample_time_s: float) -> Array:
-    """Returns the taps, shape ``(3, 21)``, of the causal velocity [m/s] that regimes go by."""
+    """Return the taps, shape ``(3, 21)``, of the causal velocity [m/s] that regimes go by."""
     taps = np.zeros((3, VELOCITY_WINDOW))
     taps[2] = one_sided_savitzky_golay_taps(VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s)
     return taps
 
 
 def unknown_bounds(sample_time_s: float) -> Bounds:
-    """Returns bounds that say nothing, for an estimator that was never calibrated."""
+    """Return bounds that say nothing, for an estimator that was never calibrated."""
     wide = (UNKNOWN_N, UNKNOWN_N, UNKNOWN_N, UNKNOWN_N)
     return _bounds((-UNKNOWN_N, -UNKNOWN_N, -UNKNOWN_N, -UNKNOWN_N), wide, sample_time_s, 1.0)
 
@@ -60,7 +60,7 @@ def calibrate_bounds(
     warm_up_samples: int,
     probability: float = PROBABILITY,
 ) -> Bounds:
-    """Returns bounds between which the label lies with ``probability``, half of the rest on either side.
+    """Return bounds between which the label lies with ``probability``, half of the rest on either side.
 
     Args:
         estimator: Fitted; must not have learnt from ``recordings``.
@@ -84,7 +84,7 @@ def calibrate_bounds(
 
 
 def regimes_of(recording: Recording) -> NDArray[np.int64]:
-    """Returns the regime of each row, shape ``(n,)``, as the real-time step tells it on clean samples."""
+    """Return the regime of each row, shape ``(n,)``, as the real-time step tells it on clean samples."""
     block = FirFilter(velocity_taps(recording.sample_time_s)[None])
     velocity = block.advance(block.new_state(), recording.samples())[:, 0]
     return regimes(velocity, STANDSTILL_M_S, CREEP_M_S, round(REVERSAL_S / recording.sample_time_s))
@@ -92,7 +92,7 @@ def regimes_of(recording: Recording) -> NDArray[np.int64]:
 
 @numba.njit(cache=True)
 def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, reversal_samples: int) -> NDArray[np.int64]:
-    """Returns the regime of each step, shape ``(n,)``: see ``next_regime``."""
+    """Return the regime of each step, shape ``(n,)``: see ``next_regime``."""
     result = np.empty(velocity_m_s.shape[0], dtype=np.int64)
     direction, left = 0, 0
     for row in range(velocity_m_s.shape[0]):
@@ -106,7 +106,7 @@ def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, revers
 def next_regime(
     velocity_m_s: float, direction: int, left: int, standstill_m_s: float, creep_m_s: float, reversal_samples: int
 ) -> tuple[int, int, int]:
-    """Returns this step's regime, direction and what is left of a reversal, from those of the step before.
+    """Return this step's regime, direction and what is left of a reversal, from those of the step before.
 
     Direction is 0 below ``standstill_m_s``, else the velocity's sign. A new direction other than 0 begins a reversal
     (or start) of ``reversal_samples`` steps, this one included, whatever the velocity is in them.
@@ -128,7 +128,7 @@ def next_regime(
 
 
 def _offsets(every: Array, errors: Array, probability: float) -> tuple[float, float]:
-    """Returns the finite-sample quantiles of a regime's errors; of all where the regime has too few."""
+    """Return the finite-sample quantiles of a regime's errors; of all where the regime has too few."""
     side = 1.0 - (1.0 - probability) / 2.0
     for values in (errors, every):
         rank = math.ceil((len(values) + 1) * side)

@@ -11,9 +11,9 @@ class RealTimeEstimator(FrictionEstimator):
     """An estimator that ``step_model`` knows."""
 
     def stream(self) -> StrictStream:
-        """Returns a fresh stream on the compiled step; equal to ``estimate`` bit for bit."""
+        """Return a fresh stream on the compiled step; equal to ``estimate`` bit for bit."""
         return StrictStream(step_model(self))
 
     def real_time(self) -> RealTimeStream:
-        """Returns a fresh guarded stream, which takes whatever the sensors give; see ``RealTimeStream``."""
+        """Return a fresh guarded stream, which takes whatever the sensors give; see ``RealTimeStream``."""
         return RealTimeStream(step_model(self))

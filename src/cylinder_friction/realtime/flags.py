@@ -28,7 +28,7 @@ class Flag(IntFlag):
 
     @classmethod
     def names(cls, flags: int) -> tuple[str, ...]:
-        """Returns the names of the bits that are set, lowest first."""
+        """Return the names of the bits that are set, lowest first."""
         return tuple(flag.name for flag in cls if flags & flag and flag.name is not None)
 
 

@@ -43,7 +43,7 @@ class Forest:
     inputs: int
 
     def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Returns the forest's output, shape ``(n,)``, for features of shape ``(n, inputs)``, float32."""
+        """Return the forest's output, shape ``(n,)``, for features of shape ``(n, inputs)``, float32."""
         return _predict(
             self.feature,
             self.threshold,
@@ -55,7 +55,7 @@ class Forest:
         )
 
     def comparisons(self) -> int:
-        """Returns the comparisons of one row at worst."""
+        """Return the comparisons of one row at worst."""
         return len(self.roots) * self.depth
 
 
@@ -82,7 +82,7 @@ def _predict(
 def fit_forest(
     features: NDArray[np.float32], target: NDArray[np.float64], trees: int, depth: int, leaf: int, seed: int
 ) -> onnx.ModelProto:
-    """Fits a random forest (Breiman 2001) and returns it as ONNX, the one form it is stored and run in.
+    """Fit a random forest (Breiman 2001) and returns it as ONNX, the one form it is stored and run in.
 
     Args:
         features: Shape ``(n, k)``, float32, as at run time.
@@ -110,7 +110,7 @@ def fit_forest(
 
 
 def forest_from_onnx(model: onnx.ModelProto) -> Forest:
-    """Returns the arrays inside a ``TreeEnsembleRegressor``."""
+    """Return the arrays inside a ``TreeEnsembleRegressor``."""
     node = next(node for node in model.graph.node if node.op_type == "TreeEnsembleRegressor")
     attributes = {attribute.name: onnx.helper.get_attribute_value(attribute) for attribute in node.attribute}
     trees = np.array(attributes["nodes_treeids"])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def step_model(estimator: FrictionEstimator, guard: Guard | None = None, bounds: Bounds | None = None) -> StepModel:
-    """Returns what one step of ``estimator`` needs.
+    """Return what one step of ``estimator`` needs.
 
     Args:
         estimator: Fitted: a hybrid of either design, with or without its forest, or a forest without a network.

@@ -38,7 +38,7 @@ class Trajectory:
 
 
 def trace(model: StepModel, samples: Array) -> Trajectory:
-    """Returns what the reference makes of samples, shape ``(n, 3)``."""
+    """Return what the reference makes of samples, shape ``(n, 3)``."""
     stream = ReferenceStream(model)
     outputs = [stream.step(*sample) for sample in samples]
     return Trajectory(
@@ -49,7 +49,7 @@ def trace(model: StepModel, samples: Array) -> Trajectory:
 
 
 def write_trajectory(folder: Path, name: str, trajectory: Trajectory) -> None:
-    """Writes ``<name>.npz``; equal trajectories make equal bytes."""
+    """Write ``<name>.npz``; equal trajectories make equal bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
         folder / f"{name}.npz",
@@ -60,7 +60,7 @@ def write_trajectory(folder: Path, name: str, trajectory: Trajectory) -> None:
 
 
 def read_trajectories(folder: Path) -> dict[str, Trajectory]:
-    """Returns the trajectories of a folder by name.
+    """Return the trajectories of a folder by name.
 
     Raises:
         FileNotFoundError: There is none.

@@ -26,7 +26,7 @@ middle of a motion after 88 and 490. (3360 disturbances of the 16 test recording
 
 
 def guard_from(training_range: TrainingRange, largest_friction_n: float, sample_time_s: float) -> Guard:
-    """Returns the guard of an estimator.
+    """Return the guard of an estimator.
 
     Args:
         training_range: Smallest and largest raw samples of training.
@@ -53,7 +53,7 @@ UNKNOWN_FORCE_N = 1e9
 
 
 def largest_friction_n(recordings: Sequence[Recording]) -> float:
-    """Returns the largest absolute label of the usable rows [N]; 0 without any."""
+    """Return the largest absolute label of the usable rows [N]; 0 without any."""
     return max(
         (
             float(abs(recording.column("friction_n")[recording.usable()]).max())
@@ -65,5 +65,5 @@ def largest_friction_n(recordings: Sequence[Recording]) -> float:
 
 
 def _first_three(values: tuple[float, ...]) -> tuple[float, float, float]:
-    """Returns the limits of the raw sample, P1, P2, x, which a guarded estimator's inputs begin with."""
+    """Return the limits of the raw sample, P1, P2, x, which a guarded estimator's inputs begin with."""
     return values[0], values[1], values[2]

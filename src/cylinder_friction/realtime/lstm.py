@@ -55,12 +55,12 @@ class LstmWeights:
         return int(self.recurrent.shape[1])
 
     def multiply_adds(self) -> int:
-        """Returns the multiply-adds of one step, the head included."""
+        """Return the multiply-adds of one step, the head included."""
         return lstm_multiply_adds(self.layers, self.nodes, self.inputs)
 
 
 def lstm_multiply_adds(layers: int, nodes: int, inputs: int) -> int:
-    """Returns the multiply-adds of one step of such a stack with a linear head."""
+    """Return the multiply-adds of one step of such a stack with a linear head."""
     first = 4 * nodes * (inputs + nodes)
     others = (layers - 1) * 4 * nodes * (nodes + nodes)
     return first + others + layers * 3 * nodes + nodes
@@ -85,7 +85,7 @@ class Lstm:
         return LstmState(np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32))
 
     def advance(self, state: LstmState, features: Single) -> tuple[Single, Single]:
-        """Returns the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
+        """Return the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
         w = self.weights
         hidden = _run(w.input, w.recurrent, w.bias, w.inputs, features, state.hidden, state.cell)
         return hidden, _head(hidden, w.head, w.head_bias)
@@ -115,7 +115,7 @@ def lstm_step(
     cell: Single,
     gates: Single,
 ) -> None:
-    """Takes one step of the whole stack: changes ``hidden`` and ``cell``; ``gates`` is room for ``4 nodes`` numbers."""
+    """Take one step of the whole stack: changes ``hidden`` and ``cell``; ``gates`` is room for ``4 nodes`` numbers."""
     layers, nodes = hidden.shape
     for layer in range(layers):
         for gate in range(4 * nodes):
@@ -130,7 +130,7 @@ def lstm_step(
 
 @numba.njit(cache=True)
 def add_product(gates: Single, weights: Single, values: Single, count: int) -> None:
-    """Adds ``weights[source] * values[source]`` to the gates, source after source, four at a time for speed."""
+    """Add ``weights[source] * values[source]`` to the gates, source after source, four at a time for speed."""
     fours = count - count % 4
     for source in range(0, fours, 4):
         one, two, three, four = values[source], values[source + 1], values[source + 2], values[source + 3]
@@ -169,7 +169,7 @@ def _head(hidden: Single, head: Single, bias: float) -> Single:
 
 @numba.njit(cache=True)
 def head_of(hidden: Single, head: Single, bias: float) -> np.float32:
-    """Returns the linear head's output for one hidden state."""
+    """Return the linear head's output for one hidden state."""
     total = np.float32(bias)
     for node in range(hidden.shape[0]):
         total += hidden[node] * head[node]

@@ -106,7 +106,7 @@ class PackedModel:
         )
 
     def arrays(self) -> tuple[Any, ...]:
-        """Returns the arrays in the order in which the compiled step takes them."""
+        """Return the arrays in the order in which the compiled step takes them."""
         return (
             *(self.taps, self.scaling, self.settings, self.counts),
             *(self.input, self.recurrent, self.bias, self.head, self.head_bias),
@@ -141,7 +141,7 @@ class PackedState:
 
     @classmethod
     def of(cls, model: PackedModel) -> PackedState:
-        """Returns a state before the first sample."""
+        """Return a state before the first sample."""
         lags, outputs = model.taps.shape[1], model.taps.shape[2]
         layers, nodes = len(model.bias), len(model.head)
         return cls(
@@ -156,12 +156,12 @@ class PackedState:
         )
 
     def reset(self) -> None:
-        """Forgets everything."""
+        """Forget everything."""
         self.counters[:] = 0
         self.lstm[:] = 0.0
 
     def arrays(self) -> tuple[Any, ...]:
-        """Returns the arrays in the order in which the compiled step takes them."""
+        """Return the arrays in the order in which the compiled step takes them."""
         return (
             *(self.history, self.memory, self.counters, self.lstm),
             *(self.outputs, self.seen, self.gates, self.places),

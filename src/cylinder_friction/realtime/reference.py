@@ -63,20 +63,20 @@ class ReferenceStream:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets everything; the next step is a first step."""
+        """Forget everything; the next step is a first step."""
         self._guard = GuardState()
         self._history = np.zeros((self._lags, 3))  # newest first
         self._lstm: LstmState | None = None if self._network is None else self._network.new_state()
         self._direction, self._reversal_left = 0, 0
 
     def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Resets, then takes ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
+        """Reset, then takes ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
         self.reset()
         for _ in range(steps):
             self.step(pressure_1_pa, pressure_2_pa, position_m)
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Returns the estimate at this sample, whatever the sample is."""
+        """Return the estimate at this sample, whatever the sample is."""
         raw = (float(pressure_1_pa), float(pressure_2_pa), float(position_m))
         invalid = [not _accepted(self.model.guard, channel, raw[channel]) for channel in range(3)]
         flags = sum(Flag.INVALID_PRESSURE_1 << channel for channel in range(3) if invalid[channel])
@@ -115,7 +115,7 @@ class ReferenceStream:
         return any(not guard.trained_lower[c] <= sample[c] <= guard.trained_upper[c] for c in range(3))
 
     def _frozen(self, sample: list[float], invalid: list[bool], base_n: float) -> bool:
-        """Follows how long each channel has been constant; a held value is not the sensor's and starts afresh."""
+        """Follow how long each channel has been constant; a held value is not the sensor's and starts afresh."""
         guard, state = self.model.guard, self._guard
         for channel in PRESSURES:
             if invalid[channel] or sample[channel] != state.held[channel]:
@@ -131,7 +131,7 @@ class ReferenceStream:
         return any(state.frozen) or stuck
 
     def _trust(self, bad: bool) -> Flag:
-        """Counts warm-up and recovery down, and returns which of the two this step is in."""
+        """Count warm-up and recovery down, and returns which of the two this step is in."""
         state, flags = self._guard, Flag(0)
         if state.warming > 0:
             state.warming -= 1
@@ -175,7 +175,7 @@ class ReferenceStream:
         return result
 
     def _fir(self, taps: Array) -> float:
-        """Returns ``sum over i, l of taps[i, l] * u[t - l, i]``, lag after lag, channel after channel."""
+        """Return ``sum over i, l of taps[i, l] * u[t - l, i]``, lag after lag, channel after channel."""
         total = 0.0
         for channel in range(3):
             for lag, tap in enumerate(taps[channel]):

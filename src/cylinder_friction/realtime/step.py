@@ -56,7 +56,7 @@ def step(
     pressure_2_pa: float,
     position_m: float,
 ) -> tuple[float, float, float, int]:
-    """Takes the arrays of ``PackedModel`` and ``PackedState`` and a sample; returns friction, bounds [N] and flags."""
+    """Take the arrays of ``PackedModel`` and ``PackedState`` and a sample; returns friction, bounds [N] and flags."""
     invalid = _invalid(settings, pressure_1_pa, pressure_2_pa, position_m)
     if counters[at.READY] == 0:
         if invalid != 0:
@@ -108,7 +108,7 @@ def step(
 
 @numba.njit(cache=True)
 def _invalid(settings: Array, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> int:
-    """Returns one bit a channel that is no reading of a working sensor."""
+    """Return one bit a channel that is no reading of a working sensor."""
     bits = 0
     for channel, value in enumerate((pressure_1_pa, pressure_2_pa, position_m)):
         if not (
@@ -139,7 +139,7 @@ def _begin(
 def _filter(
     taps: Array, history: Array, counters: Whole, outputs: Array, first: float, second: float, third: float
 ) -> None:
-    """Puts the sample into the history and filters it."""
+    """Put the sample into the history and filters it."""
     lags = taps.shape[1]
     newest = counters[at.NEWEST] - 1
     if newest < 0:
@@ -176,7 +176,7 @@ def _frozen(
     pressure_2_pa: float,
     position_m: float,
 ) -> bool:
-    """Follows how long each channel has been constant; a held value is not the sensor's and starts afresh."""
+    """Follow how long each channel has been constant; a held value is not the sensor's and starts afresh."""
     for channel, value in enumerate((pressure_1_pa, pressure_2_pa)):
         if invalid >> channel & 1 or value != memory[at.HELD + channel]:
             memory[at.CONSTANT_FROM + channel] = position_m
@@ -193,7 +193,7 @@ def _frozen(
 
 @numba.njit(cache=True)
 def _trust(counts: Whole, counters: Whole, bad: bool) -> int:
-    """Counts warm-up and recovery down, and returns the flags of which of the two this step is in."""
+    """Count warm-up and recovery down, and returns the flags of which of the two this step is in."""
     flags = 0
     if counters[at.WARMING] > 0:
         counters[at.WARMING] -= 1
@@ -233,7 +233,7 @@ def _forest(nodes: Int, splits: Single, roots: Int, depth: int, places: Int, see
 
 @numba.njit(cache=True)
 def steps(model: tuple, state: tuple, samples: Array, newtons: Array, flags: Whole) -> None:  # type: ignore[type-arg]
-    """Takes the step on each of ``samples``, shape ``(n, 3)``; fills ``newtons``, shape ``(n, 3)``, and ``flags``."""
+    """Take the step on each of ``samples``, shape ``(n, 3)``; fills ``newtons``, shape ``(n, 3)``, and ``flags``."""
     for row in range(samples.shape[0]):
         sample = (samples[row, 0], samples[row, 1], samples[row, 2])
         friction, lower, upper, flags[row] = step(*model, *state, *sample)  # type: ignore[call-arg]

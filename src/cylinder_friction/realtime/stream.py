@@ -46,15 +46,15 @@ class RealTimeStream:
         self._step(nan, nan, nan)  # compiled, or loaded, before time counts; touches no state
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Returns the estimate at this sample: friction, bounds [N] and flags (see ``Flag``)."""
+        """Return the estimate at this sample: friction, bounds [N] and flags (see ``Flag``)."""
         return Estimate(*self._step(float(pressure_1_pa), float(pressure_2_pa), float(position_m)))
 
     def reset(self) -> None:
-        """Forgets everything; the next step is a first step."""
+        """Forget everything; the next step is a first step."""
         self._state.reset()
 
     def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int | None = None) -> None:
-        """Resets, then steps on one and the same sample, so that the state comes to rest at it.
+        """Reset, then steps on one and the same sample, so that the state comes to rest at it.
 
         Args:
             pressure_1_pa, pressure_2_pa, position_m: Where the cylinder stands now.
@@ -65,7 +65,7 @@ class RealTimeStream:
             self._step(float(pressure_1_pa), float(pressure_2_pa), float(position_m))
 
     def run(self, samples: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Steps over samples, shape ``(n, 3)``; returns friction, lower and upper [N], shape ``(n, 3)``, and flags."""
+        """Step over samples, shape ``(n, 3)``; returns friction, lower and upper [N], shape ``(n, 3)``, and flags."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         newtons, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.int64)
         steps(self._packed.arrays(), self._state.arrays(), samples, newtons, flags)

@@ -37,7 +37,7 @@ HIGHEST_RATIO = 10.0
 
 
 def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
-    """Returns the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
+    """Return the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
 
     - Columns with even stamps of one clock, nothing missing, at the wanted rate: as they are, stamps included.
     - Damaged stamps are put right (``order_stamps``, ``resolve_repeats``) or refused.
@@ -86,7 +86,7 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
 
 
 def _common_rate(tracks: Sequence[Track], own_hz: Sequence[float]) -> float:
-    """Returns the rate of the slowest channel that matters [Hz]."""
+    """Return the rate of the slowest channel that matters [Hz]."""
     fast = [rate for track, rate in zip(tracks, own_hz, strict=True) if track.column not in SLOW_COLUMNS]
     return min(fast or own_hz)
 
@@ -110,7 +110,7 @@ def _check(signals: Mapping[str, Signal]) -> None:
 
 
 def _as_it_is(signals: Mapping[str, Signal], rules: TimeRules) -> Piece | None:
-    """Returns columns that need nothing done, not copied; None if they need something."""
+    """Return columns that need nothing done, not copied; None if they need something."""
     clocks = {id(signal.time_s): signal.time_s for signal in signals.values()}
     time_s, *others = clocks.values()
     if not all(np.array_equal(time_s, other) for other in others):
@@ -142,7 +142,7 @@ def _check_segments(tracks: Sequence[Track]) -> None:
 
 
 def _on_logged_grid(tracks: Sequence[Track], rate_hz: float, rules: TimeRules) -> tuple[list[Piece], list[str], Spans]:
-    """Returns pieces whose samples stay as they are but for the bridged ones, and stretches that were too short."""
+    """Return pieces whose samples stay as they are but for the bridged ones, and stretches that were too short."""
     clock = tracks[0].clock
     spans: Spans = [(-np.inf, np.inf)]
     for track in tracks:
@@ -178,7 +178,7 @@ def _filled(track: Track, numbers: NDArray[np.int64]) -> Array:
 
 
 def _on_new_grid(tracks: Sequence[Track], rate_hz: float, rules: TimeRules) -> tuple[list[Piece], list[str], Spans]:
-    """Returns pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
+    """Return pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
     segments = int(tracks[0].clock.segments[-1]) + 1
     pieces: list[Piece] = []
     short: Spans = []
@@ -216,13 +216,13 @@ def _covering(runs: Sequence[EvenRun], first_s: float) -> EvenRun:
 
 
 def runs_of(track: Track) -> list[tuple[int, int]]:
-    """Returns start and end position of each stretch of a track without a gap."""
+    """Return start and end position of each stretch of a track without a gap."""
     bounds = [0, *(int(gap) + 1 for gap in np.flatnonzero(track.gaps)), len(track.at)]
     return list(pairwise(bounds))
 
 
 def _both(one: Spans, other: Spans) -> Spans:
-    """Returns where both lie; each list is in order and without overlap."""
+    """Return where both lie; each list is in order and without overlap."""
     result: Spans = []
     i = j = 0
     while i < len(one) and j < len(other):

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def said_of(columns: Sequence[str], all_columns: int, what: str) -> str:
-    """Returns the sentence with its subject: time, if it is said of every column."""
+    """Return the sentence with its subject: time, if it is said of every column."""
     return f"{'time' if len(columns) == all_columns else ', '.join(columns)}: {what}"
 
 
 def gap_note(tracks: Sequence[Track], rules: TimeRules) -> list[str]:
-    """Returns where gaps split the recording, and which column has nothing there; restarts of the clock are no gaps."""
+    """Return where gaps split the recording, and which column has nothing there; restarts of the clock are no gaps."""
     gaps: dict[tuple[float, float], list[str]] = {}
     for track in tracks:
         time_s, segments = track.time_s, track.segments
@@ -38,7 +38,7 @@ def gap_note(tracks: Sequence[Track], rules: TimeRules) -> list[str]:
 
 
 def bridged_note(tracks: Sequence[Track], first_s: float, last_s: float, segment: int) -> list[str]:
-    """Returns how many lost samples of a piece were interpolated, columns with the same ones together."""
+    """Return how many lost samples of a piece were interpolated, columns with the same ones together."""
     said: dict[str, list[str]] = {}
     for track in tracks:
         time_s, lost = track.time_s, track.lost_after
@@ -54,7 +54,7 @@ def bridged_note(tracks: Sequence[Track], first_s: float, last_s: float, segment
 
 
 def edge_note(tracks: Sequence[Track], rate_hz: float) -> list[str]:
-    """Returns how much time at the ends only some of the columns cover."""
+    """Return how much time at the ends only some of the columns cover."""
     starts_s = ends_s = 0.0
     for segment in range(int(tracks[0].clock.segments[-1]) + 1):
         spans = []

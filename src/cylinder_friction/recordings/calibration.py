@@ -113,7 +113,7 @@ class NoZero:
 def find_zero(
     table: pd.DataFrame, rules: ZeroRules, mapping: Mapping[str, ChannelMapping], recording: str = ""
 ) -> ZeroReading | NoZero:
-    """Returns what the pressure sensors read while their chambers were vented, or why that cannot be told.
+    """Return what the pressure sensors read while their chambers were vented, or why that cannot be told.
 
     Args:
         table: Of a recording or piece, in SI units, at one constant rate, shape ``(n, columns)``.
@@ -162,7 +162,7 @@ def find_zero(
 
 
 def session_zero(readings: Sequence[ZeroReading | NoZero]) -> ZeroReading | NoZero:
-    """Returns the zero that holds for the other recordings of a session, from those that show one.
+    """Return the zero that holds for the other recordings of a session, from those that show one.
 
     Offsets are averaged; their uncertainty holds the readings' own and their scatter from recording to recording, for
     a zero that wanders between two readings wanders elsewhere too. One reading passes as it is.
@@ -191,7 +191,7 @@ def apply_zero(
     reading: ZeroReading | NoZero | None,
     mapping: Mapping[str, ChannelMapping],
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
-    """Returns a recording's table with its pressure zeros taken off, and its metadata with what is then uncertain.
+    """Return a recording's table with its pressure zeros taken off, and its metadata with what is then uncertain.
 
     Without a reading the table is returned as it is, and the sensors' stated accuracy stands in full. A sensor whose
     accuracy is not stated gets no uncertainty, zeroed or not: its span is not known.
@@ -236,7 +236,7 @@ def _sentence(reading: ZeroReading, offsets: Mapping[str, float], recording: str
 
 
 def _largest_zero(column: str, rules: ZeroRules, mapping: Mapping[str, ChannelMapping]) -> float:
-    """Returns how far from zero a vented sensor may read [Pa]."""
+    """Return how far from zero a vented sensor may read [Pa]."""
     sensor = mapping[column].sensor if column in mapping else None
     if sensor is None or sensor.accuracy_percent is None:
         return rules.band_pa
@@ -261,7 +261,7 @@ def _too_short(rules: ZeroRules, length_s: float) -> str:
 
 
 def _not_vented(signals: Array, columns: Sequence[str], rules: ZeroRules, mapping: Mapping[str, ChannelMapping]) -> str:
-    """Returns what speaks against vented chambers; empty if nothing does."""
+    """Return what speaks against vented chambers; empty if nothing does."""
     moved_m = float(np.ptp(signals[:, 0]))
     if not moved_m <= rules.still_m:
         return f"position_m changes by {moved_m * 1e3:.3g} mm"
@@ -276,7 +276,7 @@ def _not_vented(signals: Array, columns: Sequence[str], rules: ZeroRules, mappin
 
 
 def _zero_uncertainty(column: str, reading: Array, mapping: Mapping[str, ChannelMapping]) -> float:
-    """Returns the standard uncertainty of a mean reading; one that stands on a step hides up to half of it."""
+    """Return the standard uncertainty of a mean reading; one that stands on a step hides up to half of it."""
     uncertainty = mean_uncertainty(reading)
     source = mapping.get(column)
     step = sensor_step(column, source.sensor, source.unit) if source is not None and source.sensor is not None else None

@@ -24,7 +24,7 @@ MOST_NAMES = 40
 
 
 def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: str) -> int:
-    """Returns the index of the table that holds a channel.
+    """Return the index of the table that holds a channel.
 
     Args:
         tables: Of the file.
@@ -65,7 +65,7 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
 
 
 def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
-    """Returns a channel's cells as numbers, shape ``(n,)``; an empty cell is NaN. No copy where they are float64.
+    """Return a channel's cells as numbers, shape ``(n,)``; an empty cell is NaN. No copy where they are float64.
 
     Raises:
         RecordingError: A cell holds text, the first of which is named with its row, counted from 1; or the cells are

@@ -41,7 +41,7 @@ RATE_TOLERANCE = 1e-3
 def check_recording(
     metadata: RecordingMetadata, table: pd.DataFrame, limits: CheckLimits, sample_time_s: float
 ) -> Recording:
-    """Returns the recording; what the checks only noted stands among its repairs.
+    """Return the recording; what the checks only noted stands among its repairs.
 
     Args:
         metadata: Who and when; its sample time is replaced.
@@ -62,7 +62,7 @@ def check_recording(
 
 
 def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> list[Finding]:
-    """Returns what every check finds, refusals and all; a table with holes in it is looked at no further.
+    """Return what every check finds, refusals and all; a table with holes in it is looked at no further.
 
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for

@@ -33,7 +33,7 @@ USUAL_STEP_SHARE = 0.9
 
 
 def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime64 | None = None) -> Array:
-    """Returns time stamps in seconds, shape ``(n,)``; a stamp that is missing (NaT) is NaN.
+    """Return time stamps in seconds, shape ``(n,)``; a stamp that is missing (NaT) is NaN.
 
     Args:
         stamps: Numbers in seconds, which pass as they are, or dates (``datetime64``, with or without time zone).
@@ -68,7 +68,7 @@ def _seconds_from(dates: NDArray[np.datetime64], origin: np.datetime64 | None) -
 
 
 def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
-    """Returns the rate; a whole number of hertz if it is within 1e-4 of one.
+    """Return the rate; a whole number of hertz if it is within 1e-4 of one.
 
     Args:
         rate_hz: As the stamps have it [Hz].
@@ -79,7 +79,7 @@ def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
 
 
 def even_rate(time_s: Array, jitter_share: float) -> float | None:
-    """Returns the mean rate [Hz] of stamps that run evenly, each a sample later than the one before; else None.
+    """Return the mean rate [Hz] of stamps that run evenly, each a sample later than the one before; else None.
 
     Even means: within every 1024 samples the stamps are off a straight line by no more than ``jitter_share`` of a
     step, or than their printed resolution explains, and the rate stays the same within 1e-3. A clock that is fast,
@@ -103,7 +103,7 @@ def even_rate(time_s: Array, jitter_share: float) -> float | None:
 
 
 def explaining_resolution(time_s: Array, step_s: float) -> float:
-    """Returns the printed resolution [s] if it may explain uneven steps, else 0.
+    """Return the printed resolution [s] if it may explain uneven steps, else 0.
 
     It may if it is well below a step (300 Hz printed in milliseconds: 3, 3, 4 ms), or if it is up to one step and no
     step is the usual one (600 Hz in milliseconds: 1, 2, 2 ms). Stamps at every 10 ms with one step of 20 ms have
@@ -122,7 +122,7 @@ def explaining_resolution(time_s: Array, step_s: float) -> float:
 
 
 def printed_resolution(time_s: Array) -> float:
-    """Returns the power of ten [s], 1 s to 1 µs, that finite stamps run in multiples of; 0 if they are finer."""
+    """Return the power of ten [s], 1 s to 1 µs, that finite stamps run in multiples of; 0 if they are finer."""
     rounding = 4.0 * np.finfo(np.float64).eps * float(max(time_s.max(), -time_s.min()))
     for digits in range(7):
         tolerance = 1e-4 + rounding * 10.0**digits
@@ -144,7 +144,7 @@ def _multiples(time_s: Array, factor: float, tolerance: float) -> bool:
 
 
 def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s: float) -> bool:
-    """Returns whether stamps follow sample numbers on straight lines of 1024 samples, as in ``even_rate``.
+    """Return whether stamps follow sample numbers on straight lines of 1024 samples, as in ``even_rate``.
 
     Args:
         time_s: Increasing stamps, shape ``(n,)`` [s].

@@ -43,7 +43,7 @@ class Grid:
 
 
 def find_grid(time_s: Array, segments: Indices, rules: TimeRules) -> Grid:
-    """Returns the grid of stamps that increase within each segment, shape ``(n,)``, ``n`` at least 2."""
+    """Return the grid of stamps that increase within each segment, shape ``(n,)``, ``n`` at least 2."""
     steps_s = np.diff(time_s)
     restarts = np.diff(segments) != 0
     usual_s = float(np.median(steps_s[~restarts])) if not restarts.all() else 1.0
@@ -59,13 +59,13 @@ def find_grid(time_s: Array, segments: Indices, rules: TimeRules) -> Grid:
 
 
 def _uneven_step(steps_s: Array, usual_s: float) -> float:
-    """Returns the median of the steps over which no sample was lost: with the others, 2 % lost make 199 Hz of 200."""
+    """Return the median of the steps over which no sample was lost: with the others, 2 % lost make 199 Hz of 200."""
     single = steps_s[np.rint(steps_s / usual_s) == 1.0] if usual_s > 0.0 else steps_s[:0]
     return float(np.median(single)) if len(single) else usual_s
 
 
 def _averaged_step(time_s: Array, restarts: Mask) -> float | None:
-    """Returns the median step over short blocks, in which the rounding of 3, 3, 4 ms averages out."""
+    """Return the median step over short blocks, in which the rounding of 3, 3, 4 ms averages out."""
     block = min(SHORT_BLOCK, len(time_s) // 4)
     if block < 2:
         return None

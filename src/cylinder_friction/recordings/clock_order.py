@@ -44,7 +44,7 @@ class OrderedStamps:
 
 
 def order_stamps(time_s: Array, blank: NDArray[np.bool_], rules: TimeRules) -> OrderedStamps:
-    """Returns the stamps in order.
+    """Return the stamps in order.
 
     Rows that hold neither stamp nor value are no rows. Stamps that are not finite (or 1e15 s and more), and up to five
     in a row that fit neither of their neighbours, are left out. Rows that fall into place when sorted (out of order by
@@ -119,7 +119,7 @@ class _Sorting:
         return self.restarts[-1] if self.restarts else 0
 
     def _sort(self, position: int) -> bool:
-        """Sorts around a backward step if that leaves steps as a running clock has them."""
+        """Sort around a backward step if that leaves steps as a running clock has them."""
         for reach in WINDOWS:
             start, end = max(self._segment_start(), position - reach), min(len(self.time_s), position + reach)
             here = self.time_s[start:end]
@@ -141,7 +141,7 @@ class _Sorting:
         return False
 
     def _leave_out(self, position: int) -> bool:
-        """Leaves out a few rows before or after a backward step if time runs on without them."""
+        """Leave out a few rows before or after a backward step if time runs on without them."""
         for count in range(1, LONGEST_WILD + 1):
             if self._bridge(position - count, position) or self._bridge(position, position + count):
                 return True
@@ -199,7 +199,7 @@ def _most_damaged(rows: int, rules: TimeRules) -> float:
 
 @numba.njit(cache=True)
 def _next_backward(time_s: Array, start: int) -> int:
-    """Returns the first position from ``start`` on whose stamp is before the one before; the length if none is."""
+    """Return the first position from ``start`` on whose stamp is before the one before; the length if none is."""
     for position in range(max(start, 1), len(time_s)):
         if time_s[position] < time_s[position - 1]:
             return position

@@ -28,7 +28,7 @@ LAG = 32
 
 
 def resolve_repeats(stamps: OrderedStamps, values: Sequence[Array], rules: TimeRules) -> tuple[Array, Mask, list[str]]:
-    """Returns stamps that increase, the rows to keep, and what was done.
+    """Return stamps that increase, the rows to keep, and what was done.
 
     - Copies of the row before (same stamp, same values) are left out, however many there are.
     - Where more than ``damaged_share`` of the rows repeat a stamp with other values, the clock is coarse (a tick of
@@ -97,7 +97,7 @@ def _same_as_before(values: Sequence[Array]) -> Mask:
 
 
 def _spread(time_s: Array, segments: NDArray[np.int64], rules: TimeRules) -> tuple[Array, float, float]:
-    """Returns evenly spread stamps, their rate [Hz] and the usual time between two different stamps [s]."""
+    """Return evenly spread stamps, their rate [Hz] and the usual time between two different stamps [s]."""
     firsts = np.flatnonzero(np.concatenate([[True], (np.diff(time_s) != 0.0) | (np.diff(segments) != 0)]))
     stamps_s, segment = time_s[firsts], segments[firsts]
     within = np.diff(segment) == 0

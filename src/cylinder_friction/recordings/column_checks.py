@@ -60,7 +60,7 @@ class Survey:
 
 
 def survey(values: Array, position_m: Array) -> Survey:
-    """Returns what one pass over ``values`` tells, shape ``(n,)``, beside the position in the same rows [m]."""
+    """Return what one pass over ``values`` tells, shape ``(n,)``, beside the position in the same rows [m]."""
     bad, first_bad, lowest_row, highest_row, stuck_from, stuck_to, travel_m = _survey(values, position_m)
     return Survey(
         int(bad),
@@ -162,7 +162,7 @@ def position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits)
 
 @numba.njit(cache=True)
 def _held(position: Array, rows: int, jump: float) -> tuple[int, int, int]:
-    """Returns how many constant stretches of at least ``rows`` rows end in a jump, and the first: start, end."""
+    """Return how many constant stretches of at least ``rows`` rows end in a jump, and the first: start, end."""
     count, first_start, first_end, start = 0, 0, 0, 0
     for row in range(1, position.shape[0]):
         if position[row] != position[row - 1]:

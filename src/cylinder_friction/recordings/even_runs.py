@@ -48,7 +48,7 @@ class EvenRun:
 
 
 def own_rate(track: Track) -> float:
-    """Returns the rate of a column [Hz]: whole if within 1e-4 of whole.
+    """Return the rate of a column [Hz]: whole if within 1e-4 of whole.
 
     Where stamps are uneven, the median rate to three digits, or to a whole number from 100 Hz on: the files of one
     logger are to share a rate.
@@ -60,7 +60,7 @@ def own_rate(track: Track) -> float:
 
 
 def even_runs(track: Track, segment: int, start_s: float, runs: Sequence[tuple[int, int]]) -> list[EvenRun]:
-    """Returns the stretches of a column in one segment of its clock, in order; uneven ones on an even grid.
+    """Return the stretches of a column in one segment of its clock, in order; uneven ones on an even grid.
 
     Args:
         track: The column.
@@ -79,7 +79,7 @@ def even_runs(track: Track, segment: int, start_s: float, runs: Sequence[tuple[i
 
 
 def sampled_at(run: EvenRun, time_s: Array, rate_hz: float, rules: TimeRules) -> tuple[Array, str]:
-    """Returns the values at even instants within the run, shape ``(m,)``, and how they were got; empty if as logged."""
+    """Return the values at even instants within the run, shape ``(m,)``, and how they were got; empty if as logged."""
     numbers = np.clip(_number_at(run, time_s), 0.0, len(run.values) - 1.0)
     nearest = np.rint(numbers).astype(np.int64)
     on_samples = np.abs(numbers - nearest).max() <= max(rules.jitter_share, 1e-6)
@@ -97,7 +97,7 @@ def sampled_at(run: EvenRun, time_s: Array, rate_hz: float, rules: TimeRules) ->
 
 
 def _number_at(run: EvenRun, time_s: Array) -> Array:
-    """Returns sample numbers, straight between the knots and straight on beyond them."""
+    """Return sample numbers, straight between the knots and straight on beyond them."""
     numbers: Array = np.interp(time_s, run.knot_s, run.knot_number)
     for beyond, edge, end in ((time_s < run.knot_s[0], 0, 1), (time_s > run.knot_s[-1], -1, -2)):
         slope = (run.knot_number[edge] - run.knot_number[end]) / (run.knot_s[edge] - run.knot_s[end])
@@ -115,7 +115,7 @@ def _even(track: Track, a: int, b: int) -> EvenRun:
 
 
 def _knots(time_s: Array, numbers: NDArray[np.int64], step_s: float) -> tuple[Array, Array]:
-    """Returns instants and sample numbers of the line through all stamps, or of blocks of them if it drifts."""
+    """Return instants and sample numbers of the line through all stamps, or of blocks of them if it drifts."""
     middle, middle_s = float(numbers.mean()), float(time_s.mean())
     off = numbers - middle
     slope_s = float((off * (time_s - middle_s)).sum() / (off**2).sum())

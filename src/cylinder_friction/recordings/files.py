@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """Yields a new empty folder that takes the place of ``folder`` only if the block ends without an error."""
+    """Yield a new empty folder that takes the place of ``folder`` only if the block ends without an error."""
     draft = folder.with_name(f".{folder.name}.draft")
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir(parents=True)
@@ -29,7 +29,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Writes a file whole: first beside its place, then moved over it."""
+    """Write a file whole: first beside its place, then moved over it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.draft")
     draft.write_text(text, encoding="utf-8")
@@ -37,7 +37,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Writes JSON with sorted keys, so that equal content is equal bytes; NaN is refused (``ValueError``)."""
+    """Write JSON with sorted keys, so that equal content is equal bytes; NaN is refused (``ValueError``)."""
     write_text(path, json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n")
 
 

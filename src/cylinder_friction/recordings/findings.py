@@ -25,7 +25,7 @@ class Finding:
 
 
 def spoken(column: str, value: float) -> str:
-    """Returns a value of a column as an engineer says it: pressures in bar, the rest in the column's own unit."""
+    """Return a value of a column as an engineer says it: pressures in bar, the rest in the column's own unit."""
     if column.endswith("_pa"):
         return f"{value / 1e5:.4g} bar"
     for suffix, unit in ((("_m",), "m"), (("_n",), "N"), (("_c",), "°C")):

@@ -76,7 +76,7 @@ class Fingerprints:
         self._levels: list[tuple[Hashes, NDArray[np.int32]]] = []
 
     def add(self, name: str, table: pd.DataFrame) -> Match | None:
-        """Returns the earlier recording that ``table`` repeats, else remembers it under ``name`` and returns None.
+        """Return the earlier recording that ``table`` repeats, else remembers it under ``name`` and returns None.
 
         A recording that repeats another is not remembered. Nothing is compared with itself: a motion that repeats
         within one recording is no repetition of another.
@@ -109,7 +109,7 @@ class Fingerprints:
         return best
 
     def _in_common(self, hashes: Hashes) -> NDArray[np.int64]:
-        """Returns how many of these hashes each earlier recording has."""
+        """Return how many of these hashes each earlier recording has."""
         in_common = np.zeros(len(self._names), dtype=np.int64)
         for known, owners in self._levels:
             begin = np.searchsorted(known, hashes, side="left")
@@ -120,7 +120,7 @@ class Fingerprints:
         return in_common
 
     def _append(self, hashes: Hashes, owners: NDArray[np.int32]) -> None:
-        """Adds a sorted array, and merges arrays of like size, so that there are only few to search."""
+        """Add a sorted array, and merges arrays of like size, so that there are only few to search."""
         while self._levels and len(self._levels[-1][0]) <= 2 * len(hashes):
             known, known_owners = self._levels.pop()
             hashes, owners = np.concatenate([known, hashes]), np.concatenate([known_owners, owners])
@@ -130,7 +130,7 @@ class Fingerprints:
 
 
 def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
-    """Returns the hashes kept of a recording, sorted and each once, by the power of two that it was rounded to."""
+    """Return the hashes kept of a recording, sorted and each once, by the power of two that it was rounded to."""
     position_m = table["position_m"].to_numpy(dtype=np.float64)
     force = DRIVE_FORCE in table.columns
     first, second = (DRIVE_FORCE, DRIVE_FORCE) if force else ("pressure_1_pa", "pressure_2_pa")
@@ -146,7 +146,7 @@ def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
 
 
 def _noise(values: Array) -> float:
-    """Returns the standard deviation of what is white in a signal while it changes: of its second differences."""
+    """Return the standard deviation of what is white in a signal while it changes: of its second differences."""
     rows = np.arange(1, len(values) - 1, max(1, len(values) // PLACES))
     if len(rows) == 0:
         return 0.0
@@ -157,7 +157,7 @@ def _noise(values: Array) -> float:
 
 @numba.njit(cache=True)
 def _kept(one: Array, other: Array, position: Array, step: float, least: float, salt: np.uint64) -> Hashes:
-    """Returns the hashes of windows in motion that end in zeros; a rolling polynomial, so that a row costs the same
+    """Return the hashes of windows in motion that end in zeros; a rolling polynomial, so that a row costs the same
     however long the window is."""
     rows = one.shape[0]
     factor = np.uint64(0x9E3779B97F4A7C15)
@@ -193,7 +193,7 @@ def _kept(one: Array, other: Array, position: Array, step: float, least: float, 
 
 @numba.njit(cache=True, inline="always")
 def _mixed(word: np.uint64) -> np.uint64:
-    """Returns a word whose every bit depends on every bit of the other (splitmix64: Steele, Lea and Flood 2014)."""
+    """Return a word whose every bit depends on every bit of the other (splitmix64: Steele, Lea and Flood 2014)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))

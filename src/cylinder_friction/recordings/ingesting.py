@@ -66,11 +66,11 @@ class Ingested:
     quarantined: list[Quarantined] = field(default_factory=list)
 
     def repaired(self) -> list[RecordingMetadata]:
-        """Returns the recordings that had to be repaired."""
+        """Return the recordings that had to be repaired."""
         return [metadata for metadata, _ in self.recordings if metadata.repairs]
 
     def summary(self) -> str:
-        """Returns what happened, for a person: one line in all, one a repair and one a refusal."""
+        """Return what happened, for a person: one line in all, one a repair and one a refusal."""
         seconds = sum(rows * metadata.sample_time_s for metadata, rows in self.recordings)
         lines = [
             f"{len(self.recordings)} recordings ({seconds / 3600.0:.3g} h) from {self.files} files; "
@@ -86,7 +86,7 @@ class Ingested:
 
 
 def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested:
-    """Writes ``into`` whole, one Parquet file a usable recording, and the others' reasons as ``quarantine_file``.
+    """Write ``into`` whole, one Parquet file a usable recording, and the others' reasons as ``quarantine_file``.
 
     One bad file never stops the others, and memory holds one file at a time. Also set aside: a copy of a file already
     read, the same recording exported twice, a second recording of one name, and recordings at another sample rate than
@@ -139,7 +139,7 @@ class _Ingest:
         return self._result
 
     def _not_read(self, matching: list[Path]) -> list[str]:
-        """Returns a sentence on the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
+        """Return a sentence on the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
         source = self._source
         beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
         left_out = sorted(beside - set(matching) - {source.recipe.names.table})
@@ -182,7 +182,7 @@ class _Ingest:
 
 
 def _new_digest(path: Path, relative: str, seen: dict[str, str]) -> str:
-    """Returns the SHA-256 of a file's bytes and remembers it; raises ``RecordingError`` for bytes already seen."""
+    """Return the SHA-256 of a file's bytes and remembers it; raises ``RecordingError`` for bytes already seen."""
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     if digest in seen:
@@ -192,7 +192,7 @@ def _new_digest(path: Path, relative: str, seen: dict[str, str]) -> str:
 
 
 def session_zeros(files: Mapping[str, Path], recipe: Recipe) -> dict[str, ZeroReading | NoZero]:
-    """Returns what the pressure sensors of each session read while vented, from the recordings that show it.
+    """Return what the pressure sensors of each session read while vented, from the recordings that show it.
 
     A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
     cannot be read is passed over here; the run over the files says why.
@@ -207,7 +207,7 @@ def session_zeros(files: Mapping[str, Path], recipe: Recipe) -> dict[str, ZeroRe
 
 
 def _set_aside_other_rates(result: Ingested, folder: Path) -> None:
-    """Sets aside what does not share the commonest sample time: no estimator takes two rates."""
+    """Set aside what does not share the commonest sample time: no estimator takes two rates."""
     counts = Counter(metadata.sample_time_s for metadata, _ in result.recordings)
     if len(counts) < 2:
         return

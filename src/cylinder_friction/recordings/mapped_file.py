@@ -48,7 +48,7 @@ class _Clock:
 
 
 def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapping]) -> MappedFile:
-    """Returns the mapped columns of a file; channels that are not mapped are left out.
+    """Return the mapped columns of a file; channels that are not mapped are left out.
 
     Args:
         tables: As a reader gave them.
@@ -83,7 +83,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
 
 
 def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapping[str, ChannelMapping]) -> _Clock:
-    """Returns what stamps a column: the channel it names itself, else the one of ``time_s`` in its own table."""
+    """Return what stamps a column: the channel it names itself, else the one of ``time_s`` in its own table."""
     source, time = mapping[column], mapping["time_s"]
     if not source.time and time.rate_hz is not None:
         return _Clock(place, "")
@@ -118,7 +118,7 @@ def _refuse_two_lengths(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clo
 
 
 def _stamps(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], time: ChannelMapping) -> dict[_Clock, Array]:
-    """Returns the seconds of each clock, each made once; dates of one file count from the earliest among them."""
+    """Return the seconds of each clock, each made once; dates of one file count from the earliest among them."""
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
     dates = {clock: stamps for clock, stamps in raw.items() if pd.api.types.is_datetime64_any_dtype(stamps.dtype)}
@@ -143,7 +143,7 @@ def _stamps(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], time: C
 
 
 def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping) -> Array:
-    """Returns a time channel's numbers in seconds.
+    """Return a time channel's numbers in seconds.
 
     The mapping's unit is of the channel it names; a table's own time channel may state another.
     """
@@ -167,7 +167,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
 
 
 def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> list[str]:
-    """Refuses a channel whose file contradicts the mapping; returns a note where what it states is no known unit."""
+    """Refuse a channel whose file contradicts the mapping; returns a note where what it states is no known unit."""
     stated = table.units.get(source.channel, "")
     if not stated:
         return []

@@ -104,7 +104,7 @@ class ChannelMapping:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Returns the mapping of a plain nested dictionary, for example out of YAML."""
+        """Return the mapping of a plain nested dictionary, for example out of YAML."""
         sensor = values.get("sensor")
         return cls(**{**values, "sensor": None if sensor is None else SensorScale.from_dict(sensor)})
 
@@ -119,19 +119,19 @@ class ChannelMapping:
         return self.reference == "absolute" or stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
-        """Returns a channel's cells as the column's values; the array itself where there is nothing to convert."""
+        """Return a channel's cells as the column's values; the array itself where there is nothing to convert."""
         reading = raw if self.sensor is None else self.sensor.reading(raw)
         zeroed = reading if self.offset == 0.0 else reading - self.offset
         return self.counted(to_column_unit(zeroed, self.reading_unit, column))
 
     def counted(self, values: Array) -> Array:
-        """Returns values in the column's unit, counted as the column does: sign, then atmosphere."""
+        """Return values in the column's unit, counted as the column does: sign, then atmosphere."""
         signed = values if self.sign == 1 else -values
         return signed - STANDARD_ATMOSPHERE_PA if self.absolute else signed
 
 
 def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
-    """Refuses a mapping that could not make a recording of any file.
+    """Refuse a mapping that could not make a recording of any file.
 
     Raises:
         RecordingError: A column is unknown or a required one is not mapped, a unit does not fit, or one channel is to
@@ -180,5 +180,5 @@ def _check_column(column: str, source: ChannelMapping) -> None:
 
 
 def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
-    """Returns the names of all channels that a mapping reads, time channels included."""
+    """Return the names of all channels that a mapping reads, time channels included."""
     return {name for source in mapping.values() for name in (source.channel, source.time) if name}

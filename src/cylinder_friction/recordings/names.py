@@ -1,4 +1,4 @@
-"""Who and when: a recording's name, test, session and load, from its file's path or from a table beside the files."""
+"""Who and when: a recording's name, condition, session and load, from its file's path or from a table beside the files."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-_REQUIRED = ("file", "test", "session")
+_REQUIRED = ("file", "condition", "session")
 _WILD = frozenset("*?[")
 
 
 @dataclass(frozen=True)
 class PathNames:
-    """What is known of a file: the recording's name, test, session and load."""
+    """What is known of a file: the recording's name, condition, session and load."""
 
     name: str
-    test: str
+    condition: str
     session: str
     load: str
 
@@ -34,19 +34,19 @@ class TableLine:
 
     number: int
     file: str
-    test: str
+    condition: str
     session: str
     load: str
 
 
 @dataclass(frozen=True)
 class NameRules:
-    """Where test, session and load of a file come from: exactly one of the two.
+    """Where condition, session and load of a file come from: exactly one of the two.
 
     Attributes:
-        pattern: Regular expression on the path below the source, with groups ``test``, ``session``, optionally
+        pattern: Regular expression on the path below the source, with groups ``condition``, ``session``, optionally
             ``load``.
-        table: CSV file with the columns ``file``, ``test``, ``session``, optionally ``load``. ``file`` is a path below
+        table: CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path below
             the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out goes before
             any glob.
 
@@ -69,7 +69,7 @@ class NameRules:
             object.__setattr__(self, "_lines", read_names_table(self.table))
 
     def names(self, relative_path: str) -> PathNames:
-        """Returns what is known of a file, by its path relative to the source, with ``/``.
+        """Return what is known of a file, by its path relative to the source, with ``/``.
 
         Raises:
             RecordingError: The path tells nothing, the table has no line for it, or more than one glob fits it.
@@ -77,10 +77,10 @@ class NameRules:
         if self._compiled is not None:
             return names_from_path(relative_path, self._compiled)
         line = self._line_of(relative_path)
-        return PathNames(name_of(relative_path), line.test, line.session, line.load)
+        return PathNames(name_of(relative_path), line.condition, line.session, line.load)
 
     def lines_without_file(self, relative_paths: Iterable[str]) -> list[str]:
-        """Returns a sentence for each line of the table that no file fits; none where names come from a pattern."""
+        """Return a sentence for each line of the table that no file fits; none where names come from a pattern."""
         paths = list(relative_paths)
         return [
             f"line {line.number} of the table of names: no file fits {line.file!r}; correct the line, or put the file "
@@ -106,16 +106,16 @@ class NameRules:
 
 
 def compile_name_pattern(pattern: str) -> re.Pattern[str]:
-    """Returns the compiled pattern of file paths.
+    """Return the compiled pattern of file paths.
 
     Raises:
-        RecordingError: It is not a regular expression, or lacks one of the named groups ``test`` and ``session``.
+        RecordingError: It is not a regular expression, or lacks one of the named groups ``condition`` and ``session``.
     """
     try:
         compiled = re.compile(pattern)
     except re.error as error:
         raise RecordingError(f"name pattern {pattern!r} is not a regular expression: {error}") from None
-    for group in ("test", "session"):
+    for group in ("condition", "session"):
         if group not in compiled.groupindex:
             raise RecordingError(
                 f"name pattern {pattern!r} has no group {group!r}; write (?P<{group}>...) around the part of the "
@@ -125,31 +125,31 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
 
 
 def names_from_path(path: str, pattern: re.Pattern[str]) -> PathNames:
-    """Returns what a path, relative to the ingested folder and with ``/``, says about its recording.
+    """Return what a path, relative to the ingested folder and with ``/``, says about its recording.
 
     The pattern is searched for anywhere in the path.
 
     Raises:
-        RecordingError: The pattern is not found, or finds an empty test or session.
+        RecordingError: The pattern is not found, or finds an empty condition or session.
     """
     match = pattern.search(path)
     groups = match.groupdict() if match else {}
-    if not groups.get("test") or not groups.get("session"):
+    if not groups.get("condition") or not groups.get("session"):
         raise RecordingError(
-            f"path {path!r} does not tell test and session: the pattern {pattern.pattern!r} finds "
+            f"path {path!r} does not tell condition and session: the pattern {pattern.pattern!r} finds "
             f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
         )
-    return PathNames(name_of(path), groups["test"], groups["session"], groups.get("load") or "")
+    return PathNames(name_of(path), groups["condition"], groups["session"], groups.get("load") or "")
 
 
 def name_of(path: str) -> str:
-    """Returns a recording's name: its file's path without the last suffix, with ``-`` for ``/``."""
+    """Return a recording's name: its file's path without the last suffix, with ``-`` for ``/``."""
     stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
     return stem.replace("/", "-")
 
 
 def read_names_table(path: Path) -> tuple[TableLine, ...]:
-    """Returns the lines of a table of names; its delimiter is a comma, a semicolon or a tab.
+    """Return the lines of a table of names; its delimiter is a comma, a semicolon or a tab.
 
     Raises:
         RecordingError: As ``NameRules``; the message names the line, counted from 1 for the header.
@@ -166,7 +166,7 @@ def read_names_table(path: Path) -> tuple[TableLine, ...]:
         if columns.count(column) != 1:
             raise RecordingError(
                 f"table of names {path.name!r}: expected one column {column!r} in its header, but got "
-                f"{', '.join(map(repr, columns)) or 'nothing'}; write file,test,session and, if you like, load"
+                f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session and, if you like, load"
             )
     lines: dict[str, TableLine] = {}
     for number, row in enumerate(rows[1:], start=2):
@@ -191,7 +191,7 @@ def _line(table: str, number: int, columns: list[str], row: list[str]) -> TableL
         if not cells[column]:
             raise RecordingError(f"table of names {table!r}: line {number} has no {column}; fill in the cell")
     file = cells["file"].replace("\\", "/").removeprefix("./")
-    return TableLine(number, file, cells["test"], cells["session"], cells.get("load", ""))
+    return TableLine(number, file, cells["condition"], cells["session"], cells.get("load", ""))
 
 
 def _is_glob(line: TableLine) -> bool:

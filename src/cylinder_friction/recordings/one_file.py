@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
-    """Returns the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
+    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
 
     Raises:
         RecordingError: The file cannot be read, a channel is missing, a sensor is broken, or time makes no sense.
@@ -40,11 +40,11 @@ def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
 def metadata_of(
     piece: Piece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
 ) -> RecordingMetadata:
-    """Returns who and when of one piece; where a file came apart, its pieces are numbered from 1."""
+    """Return who and when of one piece; where a file came apart, its pieces are numbered from 1."""
     suffix = f"_part{number}" if pieces > 1 else ""
     return RecordingMetadata(
         name=f"{names.name}{suffix}",
-        test=names.test,
+        condition=names.condition,
         session=names.session,
         sample_time_s=piece.sample_time_s,
         cylinder=cylinder,
@@ -58,7 +58,7 @@ def metadata_of(
 def zeroed(
     piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
-    """Returns a piece's table with the zeros of its pressure sensors taken off, and metadata that say so.
+    """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that say so.
 
     Args:
         piece: Of a file.
@@ -78,7 +78,7 @@ def zeroed(
 def judged(
     piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
 ) -> Recording:
-    """Returns a piece as a recording: pressures zeroed, every check passed; arguments as for ``zeroed``.
+    """Return a piece as a recording: pressures zeroed, every check passed; arguments as for ``zeroed``.
 
     Raises:
         RecordingError: The first check that is not passed.

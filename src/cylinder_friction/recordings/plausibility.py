@@ -95,7 +95,7 @@ class Balance:
         return min(self.extending_n, self.retracting_n)
 
     def turned(self) -> Balance:
-        """Returns the balance with the sense of motion turned round."""
+        """Return the balance with the sense of motion turned round."""
         return Balance(-self.friction_n, self.rest_n, -self.retracting_n, -self.extending_n, self.sure_n)
 
 
@@ -106,7 +106,7 @@ def judge_friction(
     areas_m2: tuple[float, float] | None,
     load: LoadMode = "none",
 ) -> list[Finding]:
-    """Returns the findings ``direction`` (swapped, inverted) and ``friction_size`` (unit of the pressures).
+    """Return the findings ``direction`` (swapped, inverted) and ``friction_size`` (unit of the pressures).
 
     Refuses only what is clear: friction that drives the motion, or signals that balance far better the other way round.
     What could also be a load or an offset that nobody stated is noted.
@@ -138,7 +138,7 @@ def judge_friction(
 
 
 def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> ClearMotion:
-    """Returns the rows of clear motion: above a fifth of the usual top speed, 5 % away from the end stops, not where
+    """Return the rows of clear motion: above a fifth of the usual top speed, 5 % away from the end stops, not where
     speed changes within a quarter of a second by as much as the top speed."""
     half = max(1, round(HALF_WINDOW_S / sample_time_s))
     rows = np.arange(2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS))
@@ -162,7 +162,7 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
 
 
 def _cannot_tell(table: pd.DataFrame, motion: ClearMotion, areas_m2: tuple[float, float] | None, load: LoadMode) -> str:
-    """Returns why the force balance says nothing, empty if it does."""
+    """Return why the force balance says nothing, empty if it does."""
     if areas_m2 is None and DRIVE_FORCE not in table.columns:
         return "the areas of the cylinder are not known"
     if load == "measured" and "load_force_n" not in table.columns:
@@ -200,7 +200,7 @@ def _balances(motion: ClearMotion, position: Array, forces: list[Array]) -> list
 
 
 def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding | None:
-    """Returns a refusal where the force balances only if the load cell counts the other way round."""
+    """Return a refusal where the force balances only if the load cell counts the other way round."""
     opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
     better = opposes or as_is.rest_n > (BETTER + 1.0) * turned.rest_n
     if load != "measured" or not (turned.dissipates and better):

@@ -62,7 +62,7 @@ class RecordingMetadata:
     """
 
     name: str
-    test: str
+    condition: str
     session: str
     sample_time_s: float
     cylinder: str = ""
@@ -126,7 +126,7 @@ class Recording:
         return len(self.table)
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """Returns one column as float64, shape ``(n,)``; raises ``RecordingError`` if it is not there."""
+        """Return one column as float64, shape ``(n,)``; raises ``RecordingError`` if it is not there."""
         if name not in self.table.columns:
             raise RecordingError(
                 f"recording {self.name!r}: column {name!r} is missing; got columns {list(self.table.columns)}; "
@@ -135,7 +135,7 @@ class Recording:
         return self.table[name].to_numpy(dtype=np.float64)
 
     def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> NDArray[np.float64]:
-        """Returns what an estimator is given, shape ``(n, k)``: by default the raw sample, P1 [Pa], P2 [Pa], x [m].
+        """Return what an estimator is given, shape ``(n, k)``: by default the raw sample, P1 [Pa], P2 [Pa], x [m].
 
         Raises:
             RecordingError: A column is missing, for example because a drive force stands in place of both pressures.
@@ -149,29 +149,29 @@ class Recording:
         return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
 
     def usable(self) -> NDArray[np.bool_]:
-        """Returns the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""
+        """Return the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""
         if "usable" not in self.table.columns:
             return np.ones(len(self.table), dtype=np.bool_)
         return self.table["usable"].to_numpy(dtype=np.bool_)
 
     def with_columns(self, **columns: NDArray[Any]) -> Recording:
-        """Returns a copy with columns added or replaced; the recording itself stays as it was."""
+        """Return a copy with columns added or replaced; the recording itself stays as it was."""
         table = pd.DataFrame({name: self.table[name] for name in self.table.columns} | columns, copy=False)
         return replace(self, table=table)
 
     def without_columns(self, *names: str) -> Recording:
-        """Returns a copy without some columns; a name that is not there is passed over."""
+        """Return a copy without some columns; a name that is not there is passed over."""
         return replace(self, table=self.table[[column for column in self.table.columns if column not in names]])
 
 
 def missing_columns(columns: Collection[str]) -> list[str]:
-    """Returns which required columns are missing; a drive force stands in for both pressures."""
+    """Return which required columns are missing; a drive force stands in for both pressures."""
     required = ("time_s", "position_m") if DRIVE_FORCE in columns else REQUIRED_COLUMNS
     return [column for column in required if column not in columns]
 
 
 def refuse_not_finite(where: str, samples: NDArray[np.float64], columns: Sequence[str] = SAMPLE_COLUMNS) -> None:
-    """Raises ``RecordingError`` naming column and row if ``samples``, one column a name, holds NaN or infinity."""
+    """Raise ``RecordingError`` naming column and row if ``samples``, one column a name, holds NaN or infinity."""
     bad = ~np.isfinite(samples)
     if bad.any():
         row, column = (int(index) for index in np.argwhere(bad)[0])

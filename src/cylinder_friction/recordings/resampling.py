@@ -32,7 +32,7 @@ as far."""
 
 
 def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
-    """Returns values between samples, shape ``(m,)``, never beyond the two samples they lie between.
+    """Return values between samples, shape ``(m,)``, never beyond the two samples they lie between.
 
     Args:
         at: Where the samples lie, increasing, shape ``(n,)``, ``n`` at least 1.
@@ -53,7 +53,7 @@ def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
 
 
 def fill_lost(numbers: NDArray[np.int64], values: Array) -> Array:
-    """Returns one value a sample number, first to last; lost ones interpolated (shape-preserving cubic).
+    """Return one value a sample number, first to last; lost ones interpolated (shape-preserving cubic).
 
     Args:
         numbers: Sample numbers that are there, increasing, shape ``(n,)``.
@@ -74,7 +74,7 @@ def fill_lost(numbers: NDArray[np.int64], values: Array) -> Array:
 
 
 def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
-    """Returns even samples taken at other instants, with anti-aliasing, shape ``(m,)``.
+    """Return even samples taken at other instants, with anti-aliasing, shape ``(m,)``.
 
     A Kaiser-windowed sinc, evaluated at each instant, is anti-aliasing filter and interpolation in one. Its cut-off is
     0.45 times the lower of the two rates: it passes up to 0.4 and stops, by 60 dB, from 0.5 on. Its weights are
@@ -96,7 +96,7 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
 
 @lru_cache(maxsize=1)
 def _kernel() -> Array:
-    """Returns the right half of the kernel, ``ENTRIES`` values a sample of the lower rate, and a zero at its end."""
+    """Return the right half of the kernel, ``ENTRIES`` values a sample of the lower rate, and a zero at its end."""
     distance = np.arange(int(HALF_WIDTH * ENTRIES) + 2) / ENTRIES
     from scipy.signal import kaiser_beta
 

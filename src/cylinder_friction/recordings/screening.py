@@ -85,7 +85,7 @@ class ScreenRules:
 def screen_signals(
     signals: dict[str, Signal], limits: Mapping[str, SensorLimits], rules: ScreenRules
 ) -> tuple[dict[str, Signal], tuple[str, ...]]:
-    """Returns the signals with their bad samples missing, and a sentence for each kind of bad sample in each.
+    """Return the signals with their bad samples missing, and a sentence for each kind of bad sample in each.
 
     A signal without a bad sample is returned as it came, the same object. Samples that are missing already stay so.
 
@@ -108,7 +108,7 @@ def screen_signals(
 
 
 def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[Array, list[str]]:
-    """Leaves missing samples aside: a channel slower than its table has a value every tenth row, and spikes too."""
+    """Leave missing samples aside: a channel slower than its table has a value every tenth row, and spikes too."""
     rows = np.flatnonzero(~np.isnan(values))
     if len(rows) == len(values):
         return _screen(column, values, sensor, rules, None)
@@ -149,7 +149,7 @@ def _screen(
 
 
 def _readable(sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
-    """Returns the lowest and the highest value that the sensor can give."""
+    """Return the lowest and the highest value that the sensor can give."""
     if sensor is None:
         return -math.inf, math.inf
     beyond = rules.overrange * (sensor.high - sensor.low)
@@ -157,7 +157,7 @@ def _readable(sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, f
 
 
 def _ends(column: str, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
-    """Returns between which values a sensor is not at an end of its range.
+    """Return between which values a sensor is not at an end of its range.
 
     The low end of a sensor that starts at zero is no saturation: a vented chamber reads it. Nor is the end of a
     position sensor that reaches the end of the stroke.
@@ -179,7 +179,7 @@ def _ends(column: str, sensor: SensorLimits | None, rules: ScreenRules) -> tuple
 
 
 def _spike_height(values: Array, low: float, high: float, step: float | None, rules: ScreenRules) -> float:
-    """Returns how far a sample must lie from its neighbours to be a spike, from samples spread over the signal.
+    """Return how far a sample must lie from its neighbours to be a spike, from samples spread over the signal.
 
     Quantiles, so that bad samples themselves do not count: the 95 % quantile of how far a sample sticks out of its
     two neighbours, and the range without 1 % at either end.
@@ -208,7 +208,7 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
 def _mark(
     values: Array, low: float, high: float, bottom: float, top: float, height: float, marks: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Fills ``marks`` and returns how many rows each mark has, the most of it in a row, and its first row."""
+    """Fill ``marks`` and returns how many rows each mark has, the most of it in a row, and its first row."""
     counts = np.zeros(5, dtype=np.int64)
     longest = np.zeros(5, dtype=np.int64)
     first = np.zeros(5, dtype=np.int64)
@@ -252,7 +252,7 @@ def _mark(
 
 @numba.njit(cache=True)
 def _level_below(values: Array, row: int, low: float, high: float, height: float) -> float:
-    """Returns the level that a spike stands on; NaN if the sample is none.
+    """Return the level that a spike stands on; NaN if the sample is none.
 
     It is one if it lies far from the median of its neighbours, and they agree among themselves.
     """

@@ -68,7 +68,7 @@ class SensorScale:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Returns the sensor of a plain dictionary, for example out of YAML, where pairs are lists."""
+        """Return the sensor of a plain dictionary, for example out of YAML, where pairs are lists."""
         pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
         return cls(**{**values, **pairs})
 
@@ -78,7 +78,7 @@ class SensorScale:
         return abs(self.range[1] - self.range[0])
 
     def reading(self, signal: Array) -> Array:
-        """Returns what the sensor reads, in ``unit``, from its electrical signal: linear, and beyond the ends too.
+        """Return what the sensor reads, in ``unit``, from its electrical signal: linear, and beyond the ends too.
 
         The signal itself is returned where the logger has done that sum already.
         """
@@ -106,7 +106,7 @@ class SensorLimits:
 
 
 def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:
-    """Returns what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
+    """Return what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
     return {
         column: _limits(column, source, source.sensor)
         for column, source in mapping.items()
@@ -124,7 +124,7 @@ def _limits(column: str, source: ChannelMapping, sensor: SensorScale) -> SensorL
 
 
 def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> float | None:
-    """Returns one step of the converter in the column's unit: one count, or the range over 2^bits; None if unknown."""
+    """Return one step of the converter in the column's unit: one count, or the range over 2^bits; None if unknown."""
     if sensor.signal is not None and electrical(channel_unit) == "count":
         steps = abs(sensor.signal[1] - sensor.signal[0])
     elif sensor.bits is not None:
@@ -135,7 +135,7 @@ def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> flo
 
 
 def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:
-    """Returns the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
+    """Return the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
 
     A stated accuracy of ± a % of full scale bounds the error and says no more, so every error within it is as likely
     as any other: u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It is counted as an error of the zero, for it is the same
@@ -156,7 +156,7 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
 
 
 def zeroed_uncertainty(before: SensorUncertainty, zero: float, accuracy_percent: float) -> SensorUncertainty:
-    """Returns a sensor's uncertainty once its zero has been read and taken off.
+    """Return a sensor's uncertainty once its zero has been read and taken off.
 
     Args:
         before: As ``sensor_uncertainty`` gave it.

@@ -65,7 +65,7 @@ _PARSABLE = re.compile(rf"{_TERM}(?:\s?[*/·.]\s?{_TERM})*")
 
 
 def bare(unit: str) -> str:
-    """Returns a unit's text without brackets, quotes and blanks around it; ``cm²`` is ``cm2``, ``℃`` ``°C``."""
+    """Return a unit's text without brackets, quotes and blanks around it; ``cm²`` is ``cm2``, ``℃`` ``°C``."""
     text = unicodedata.normalize("NFKC", unit).strip().strip("\"'").strip()
     while len(text) > 1 and _BRACKETS.get(text[0]) == text[-1]:
         text = text[1:-1].strip()
@@ -73,12 +73,12 @@ def bare(unit: str) -> str:
 
 
 def electrical(unit: str) -> str | None:
-    """Returns V, mV, mA, μA or count where a unit is a sensor's signal, else None."""
+    """Return V, mV, mA, μA or count where a unit is a sensor's signal, else None."""
     return _ELECTRICAL.get(_squeezed(bare(unit)))
 
 
 def usual(unit: str, quantity: str) -> str | None:
-    """Returns pint's spelling of a unit that usually measures this quantity, else None; ``barg`` is bar."""
+    """Return pint's spelling of a unit that usually measures this quantity, else None; ``barg`` is bar."""
     text, known = bare(unit), _BY_QUANTITY[quantity]
     found = known.get(_squeezed(text))
     if found is None and quantity == "pressure" and (match := _REFERENCE.fullmatch(text)):
@@ -87,7 +87,7 @@ def usual(unit: str, quantity: str) -> str | None:
 
 
 def stated_reference(unit: str) -> Reference | None:
-    """Returns what a unit of pressure itself says it is counted from: ``bara``, ``psi(g)``; None if it says nothing."""
+    """Return what a unit of pressure itself says it is counted from: ``bara``, ``psi(g)``; None if it says nothing."""
     text, known = bare(unit), _BY_QUANTITY["pressure"]
     match = _REFERENCE.fullmatch(text)
     if _squeezed(text) in known or match is None or _squeezed(match["unit"]) not in known:
@@ -96,7 +96,7 @@ def stated_reference(unit: str) -> Reference | None:
 
 
 def names_a_unit(text: str) -> bool:
-    """Returns whether text in a header is meant as a unit: a lone capital mostly names a port, ``rod`` a side."""
+    """Return whether text in a header is meant as a unit: a lone capital mostly names a port, ``rod`` a side."""
     text = bare(text)
     if len(text) == 1 and text in _PORTS:
         return False
@@ -105,7 +105,7 @@ def names_a_unit(text: str) -> bool:
 
 
 def parsable(unit: str) -> str | None:
-    """Returns a unit's text as pint may parse it without harm, powers written out, or None if it is no unit's text."""
+    """Return a unit's text as pint may parse it without harm, powers written out, or None if it is no unit's text."""
     text = bare(unit)
     if len(text) > 40 or not _PARSABLE.fullmatch(text):
         return None

@@ -19,7 +19,7 @@ ROLES = ("train", "validation", "test")
 def split_sessions(
     metadata: Sequence[RecordingMetadata], test_sessions: int, validation_sessions: int, seed: int
 ) -> dict[str, tuple[str, ...]]:
-    """Returns the names of the recordings of each role, sorted; every test is in every role.
+    """Return the names of the recordings of each role, sorted; every test is in every role.
 
     In each test sessions are put in the order of a hash of seed, test and session; the first ``test_sessions`` are
     held out for the comparison, the next ``validation_sessions`` for choosing, the rest teach. The draw looks at
@@ -41,16 +41,16 @@ def split_sessions(
         )
     sessions = _sessions_of_tests(metadata)
     roles: dict[str, str] = {}
-    for test, names in sessions.items():
+    for condition, names in sessions.items():
         needed = test_sessions + validation_sessions + 1
         if len(names) < needed:
             raise RecordingError(
-                f"test {test!r} has {len(names)} session{'s' if len(names) != 1 else ''} ({', '.join(sorted(names))}), "
+                f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} ({', '.join(sorted(names))}), "
                 f"but {needed} are needed: {test_sessions} for test, {validation_sessions} for validation and at least "
                 "1 for training; record more sessions, lower label.split, or make ingest.name_pattern tell sessions "
                 "apart"
             )
-        drawn = sorted(names, key=lambda session: (_draw(seed, test, session), session))
+        drawn = sorted(names, key=lambda session: (_draw(seed, condition, session), session))
         for place, session in enumerate(drawn):
             held_out = place < test_sessions
             validates = place < test_sessions + validation_sessions
@@ -64,18 +64,18 @@ def _sessions_of_tests(metadata: Sequence[RecordingMetadata]) -> dict[str, set[s
     twice = [name for name, count in Counter(entry.name for entry in metadata).items() if count > 1]
     if twice:
         raise RecordingError(f"recording {min(twice)!r} occurs twice; expected unique names")
-    tests: dict[str, str] = {}
+    conditions: dict[str, str] = {}
     sessions: dict[str, set[str]] = {}
     for entry in sorted(metadata, key=lambda entry: entry.name):
-        test = tests.setdefault(entry.session, entry.test)
-        if test != entry.test:
+        condition = conditions.setdefault(entry.session, entry.condition)
+        if condition != entry.condition:
             raise RecordingError(
-                f"session {entry.session!r} occurs in test {test!r} and in test {entry.test!r} (recording "
+                f"session {entry.session!r} occurs in condition {condition!r} and in condition {entry.condition!r} (recording "
                 f"{entry.name!r}); expected one test a session; make ingest.name_pattern's session contain the test"
             )
-        sessions.setdefault(entry.test, set()).add(entry.session)
+        sessions.setdefault(entry.condition, set()).add(entry.session)
     return dict(sorted(sessions.items()))
 
 
-def _draw(seed: int, test: str, session: str) -> bytes:
-    return hashlib.sha256(f"{seed}/{test}/{session}".encode()).digest()
+def _draw(seed: int, condition: str, session: str) -> bytes:
+    return hashlib.sha256(f"{seed}/{condition}/{session}".encode()).digest()

@@ -18,7 +18,7 @@ FEWEST_BLOCKS = 8
 
 @numba.njit(cache=True)
 def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, int]:
-    """Returns the first row and the row after the last of the longest stretch in which every signal is steady.
+    """Return the first row and the row after the last of the longest stretch in which every signal is steady.
 
     Args:
         signals: One column a signal, shape ``(n, m)``; a NaN ends a stretch.
@@ -77,7 +77,7 @@ def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, in
 
 
 def averaged(signals: Array, half: int) -> Array:
-    """Returns the centred moving average over ``2·half + 1`` rows, fewer towards the ends, shape ``(n, m)``."""
+    """Return the centred moving average over ``2·half + 1`` rows, fewer towards the ends, shape ``(n, m)``."""
     if half < 1 or len(signals) == 0:
         return signals
     # Sums of what differs from the first row: a long sum of large numbers loses the digits of small changes.
@@ -89,7 +89,7 @@ def averaged(signals: Array, half: int) -> Array:
 
 
 def mean_uncertainty(values: Array) -> float:
-    """Returns the standard uncertainty of the mean of samples that may depend on each other, shape ``(n,)``.
+    """Return the standard uncertainty of the mean of samples that may depend on each other, shape ``(n,)``.
 
     Neighbours are averaged in pairs again and again; σ/√n of the blocks grows until they are independent of each other,
     and its largest value is taken, down to 8 blocks (Flyvbjerg & Petersen 1989, J. Chem. Phys. 91, 461). A slow drift

@@ -23,7 +23,7 @@ DRAWN_ROWS = 2048
 
 
 def write_recording(folder: Path, recording: Recording) -> Path:
-    """Writes ``<folder>/<name>.parquet`` and returns its path. Equal recordings make equal bytes."""
+    """Write ``<folder>/<name>.parquet`` and returns its path. Equal recordings make equal bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     table = _arrow_table(recording)
     path = folder / f"{recording.name}.parquet"
@@ -44,13 +44,13 @@ def write_recording(folder: Path, recording: Recording) -> Path:
 
 
 def _holds_few_values(values: NDArray[np.float64]) -> bool:
-    """Returns whether values come from a converter: one in five of some that lie far apart has been seen before."""
+    """Return whether values come from a converter: one in five of some that lie far apart has been seen before."""
     some = values[:: max(len(values) // DRAWN_ROWS, 1)][:DRAWN_ROWS]
     return len(np.unique(some)) <= 0.8 * len(some)
 
 
 def _arrow_table(recording: Recording) -> pa.Table:
-    """Returns the recording's table and metadata, the numbers uncopied and NaN left NaN."""
+    """Return the recording's table and metadata, the numbers uncopied and NaN left NaN."""
     arrays, fields = [], []
     for name, values in recording.table.items():
         numeric = isinstance(values.dtype, np.dtype) and values.dtype.kind in "fiub"
@@ -62,7 +62,7 @@ def _arrow_table(recording: Recording) -> pa.Table:
 
 
 def read_metadata(path: Path) -> RecordingMetadata:
-    """Returns the metadata of one file without reading its rows.
+    """Return the metadata of one file without reading its rows.
 
     Raises:
         RecordingError: The file was not written by ``write_recording``.
@@ -71,7 +71,7 @@ def read_metadata(path: Path) -> RecordingMetadata:
 
 
 def read_recording(path: Path) -> Recording:
-    """Reads one file that ``write_recording`` wrote; its values are read-only, so copy the table to change them.
+    """Read one file that ``write_recording`` wrote; its values are read-only, so copy the table to change them.
 
     Raises:
         RecordingError: As ``read_metadata``.
@@ -91,18 +91,18 @@ def _metadata(path: Path, schema: pa.Schema) -> RecordingMetadata:
 
 
 def recording_paths(folder: Path) -> list[Path]:
-    """Returns the recordings of a folder, sorted by name; raises ``FileNotFoundError`` if the folder is not there."""
+    """Return the recordings of a folder, sorted by name; raises ``FileNotFoundError`` if the folder is not there."""
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder of recordings; run `dvc repro` to make it")
     return sorted(folder.glob("*.parquet"))
 
 
 def iterate_recordings(folder: Path) -> Iterator[Recording]:
-    """Yields the recordings of a folder one at a time, sorted by name, so that memory holds only one."""
+    """Yield the recordings of a folder one at a time, sorted by name, so that memory holds only one."""
     for path in recording_paths(folder):
         yield read_recording(path)
 
 
 def read_recordings(folder: Path) -> list[Recording]:
-    """Returns all recordings of a folder, sorted by name."""
+    """Return all recordings of a folder, sorted by name."""
     return list(iterate_recordings(folder))

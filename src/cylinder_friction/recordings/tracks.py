@@ -100,7 +100,7 @@ class Track:
 
 
 def find_tracks(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[list[Track], list[str]]:
-    """Returns one track a column and what was done to the clocks, one sentence each.
+    """Return one track a column and what was done to the clocks, one sentence each.
 
     Raises:
         RecordingError: A clock cannot be put in order, or a column has fewer than three good samples.
@@ -135,7 +135,7 @@ def _tables(signals: Mapping[str, Signal]) -> list[tuple[Array, dict[str, Array]
 
 
 def _share_stamps(tables: list[tuple[Array, dict[str, Array]]]) -> list[tuple[Array, dict[str, Array]]]:
-    """Returns tables of one clock (increasing stamps, most of them the same) as one table."""
+    """Return tables of one clock (increasing stamps, most of them the same) as one table."""
     result: list[tuple[Array, dict[str, Array]]] = []
     for time_s, values in tables:
         for place, (other_s, others) in enumerate(result):
@@ -152,7 +152,7 @@ def _share_stamps(tables: list[tuple[Array, dict[str, Array]]]) -> list[tuple[Ar
 
 
 def _union(one_s: Array, other_s: Array) -> tuple[Array, Indices, Indices] | None:
-    """Returns the stamps of two tables as one, and the row of each table's stamps in it; None for two clocks.
+    """Return the stamps of two tables as one, and the row of each table's stamps in it; None for two clocks.
 
     Stamps within ``ROUNDING`` of a step are the same one: two tables may add up their steps from different starts. A
     slower table keeps its clock though its stamps are all among the other's: a gap in one is then none in the other.
@@ -180,7 +180,7 @@ def _placed(values: Array, rows: Indices, length: int) -> Array:
 
 
 def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> list[tuple[dict[str, Array], Mask]]:
-    """Returns columns that share most of their rows, and the rows where any of them has a value, in order."""
+    """Return columns that share most of their rows, and the rows where any of them has a value, in order."""
     ordered = {name: column[stamps.rows] for name, column in values.items()}
     counts: dict[str, tuple[int, Mask]] = {}
     for name, column in ordered.items():

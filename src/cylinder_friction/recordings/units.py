@@ -39,7 +39,7 @@ COMMON = {
 
 
 def check_unit(column: str, unit: str) -> None:
-    """Refuses a unit that does not exist or does not measure what the column holds.
+    """Refuse a unit that does not exist or does not measure what the column holds.
 
     Raises:
         RecordingError: The message names the column, the unit and units that would do.
@@ -64,7 +64,7 @@ def check_unit(column: str, unit: str) -> None:
 
 
 def to_column_unit(values: NDArray[np.float64], unit: str, column: str) -> NDArray[np.float64]:
-    """Returns values given in ``unit`` in the column's own unit; values already in it are returned untouched.
+    """Return values given in ``unit`` in the column's own unit; values already in it are returned untouched.
 
     Temperatures are converted with their zero, so 32 °F is 0 °C.
 
@@ -81,7 +81,7 @@ def to_column_unit(values: NDArray[np.float64], unit: str, column: str) -> NDArr
 
 
 def column_scale(column: str, unit: str) -> float:
-    """Returns how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C.
+    """Return how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C.
 
     Raises:
         RecordingError: As ``check_unit``.
@@ -93,7 +93,7 @@ def column_scale(column: str, unit: str) -> float:
 
 
 def units_agree(stated: str, configured: str) -> bool:
-    """Returns whether what a file states of its channel can be what the configuration says: the same unit.
+    """Return whether what a file states of its channel can be what the configuration says: the same unit.
 
     Spellings do not matter (``[Bar]`` and ``bar`` agree), nor does what pressure is counted from. Text that is no unit
     in use (``rod side``, ``A``, ``-``) contradicts nothing.
@@ -111,7 +111,7 @@ def units_agree(stated: str, configured: str) -> bool:
 
 @cache
 def quantity_of(unit: str) -> str | None:
-    """Returns which of a recording's quantities a unit measures; None if none of them."""
+    """Return which of a recording's quantities a unit measures; None if none of them."""
     for quantity in COLUMN_UNITS:
         if usual(unit, quantity) is not None:
             return quantity
@@ -122,7 +122,7 @@ def quantity_of(unit: str) -> str | None:
 
 @cache
 def _conversion(unit: str, quantity: str) -> tuple[float, float] | None:
-    """Returns scale and offset to the quantity's own unit, each the nearest float; None if it is no such unit."""
+    """Return scale and offset to the quantity's own unit, each the nearest float; None if it is no such unit."""
     text = usual(unit, quantity) or parsable(unit)
     if text is None or (quantity == "pressure" and bare(unit) == "mPa"):
         return None
@@ -139,7 +139,7 @@ def _conversion(unit: str, quantity: str) -> tuple[float, float] | None:
 
 @cache
 def _registry() -> Any:
-    """Returns the one registry, made when the first unit is looked up; decimal, so that no factor is rounded twice."""
+    """Return the one registry, made when the first unit is looked up; decimal, so that no factor is rounded twice."""
     from pint import UnitRegistry
 
     return UnitRegistry(non_int_type=Decimal)

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 def plot_tables(findings: Findings) -> dict[str, str]:
-    """Returns CSV text by file name: learning curves, friction over time, errors by test, residual histograms."""
+    """Return CSV text by file name: learning curves, friction over time, errors by test, residual histograms."""
     tables = {f"learning_curve_{name}.csv": _learning_curve(findings, name) for name in findings.curves}
     for index, part in enumerate(findings.excerpts):
-        in_a_file_name = re.sub(r"[^A-Za-z0-9.-]+", "_", part.test)
+        in_a_file_name = re.sub(r"[^A-Za-z0-9.-]+", "_", part.condition)
         tables[f"friction_over_time_test_{in_a_file_name}.csv"] = _excerpt(findings, index)
-    tables["errors_by_test.csv"] = _errors(findings)
+    tables["errors_by_condition.csv"] = _errors(findings)
     for name, counted in findings.histograms.items():
         tables[f"residuals_{name}.csv"] = _csv(
             ("residual_n", "density_per_n", "normal_density_per_n"),
@@ -47,12 +47,12 @@ def _errors(findings: Findings) -> str:
     comparison = findings.comparison
     rows = []
     for name in comparison.estimators:
-        for test in comparison.tests:
-            score = comparison.label[name][test]
-            true = comparison.truth.get(name, {}).get(test)
+        for condition in comparison.conditions:
+            score = comparison.label[name][condition]
+            true = comparison.truth.get(name, {}).get(condition)
             truth = true.errors.percent if true else math.nan
-            rows.append((name, test, score.errors.percent, *score.interval_percent, score.errors.mae_n, truth))
-    head = ("estimator", "test", "label_percent", "label_percent_low", "label_percent_high", "label_mae_n")
+            rows.append((name, condition, score.errors.percent, *score.interval_percent, score.errors.mae_n, truth))
+    head = ("estimator", "condition", "label_percent", "label_percent_low", "label_percent_high", "label_mae_n")
     return _csv((*head, "truth_percent"), rows)
 
 

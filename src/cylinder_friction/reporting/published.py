@@ -25,5 +25,5 @@ HYPERPARAMETERS = {
 
 
 def best_percent() -> float:
-    """Returns the lowest published error of the hybrid [%]."""
+    """Return the lowest published error of the hybrid [%]."""
     return min(row["hybrid"] for row in PERCENT_BY_TEST.values())

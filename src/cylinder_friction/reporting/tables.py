@@ -49,7 +49,7 @@ class Table:
         return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
 
 
-def error_table(scores: Scores, tests: Sequence[str], against: str, published: bool = False) -> Table:
+def error_table(scores: Scores, conditions: Sequence[str], against: str, published: bool = False) -> Table:
     """Table II: percent of mean |friction| and newtons, by estimator and test; the smallest of a test stands out.
 
     Args:
@@ -59,17 +59,25 @@ def error_table(scores: Scores, tests: Sequence[str], against: str, published: b
         published: Whether the paper's own rows are added below; they come from other data.
     """
     names = list(scores)
-    denominators = {test: scores[names[0]][test].errors.mean_abs_friction_n for test in tests}
-    head = ("Estimator", *(f"Test {test} [% of mean |{against}| = {denominators[test]:.0f} N]" for test in tests))
-    rows = [(title(name), *(_percent_and_newtons(scores, name, test) for test in tests)) for name in names]
-    best = {(names.index(winner(scores, test)), column + 1) for column, test in enumerate(tests)}
-    if published and set(tests) <= set(PERCENT_BY_TEST):
+    denominators = {condition: scores[names[0]][condition].errors.mean_abs_friction_n for condition in conditions}
+    head = (
+        "Estimator",
+        *(
+            f"condition {condition} [% of mean |{against}| = {denominators[condition]:.0f} N]"
+            for condition in conditions
+        ),
+    )
+    rows = [
+        (title(name), *(_percent_and_newtons(scores, name, condition) for condition in conditions)) for name in names
+    ]
+    best = {(names.index(winner(scores, condition)), column + 1) for column, condition in enumerate(conditions)}
+    if published and set(conditions) <= set(PERCENT_BY_TEST):
         for key, words in (("lugre", "Published: LuGre (other data)"), ("hybrid", "Published: hybrid (other data)")):
-            rows.append((words, *(f"{PERCENT_BY_TEST[test][key]:.2f} %" for test in tests)))
+            rows.append((words, *(f"{PERCENT_BY_TEST[condition][key]:.2f} %" for condition in conditions)))
     return Table(head, tuple(rows), frozenset(best))
 
 
-def detail_table(scores: Scores, test: str) -> Table:
+def detail_table(scores: Scores, condition: str) -> Table:
     """Every error measure of one test."""
     head = (
         "Estimator",
@@ -84,8 +92,8 @@ def detail_table(scores: Scores, test: str) -> Table:
         "lag [ms]",
     )
     rows = []
-    for name, by_test in scores.items():
-        score = by_test[test]
+    for name, by_condition in scores.items():
+        score = by_condition[condition]
         found = score.errors
         low, high = score.interval_percent
         rows.append(
@@ -204,21 +212,21 @@ def data_table(comparison: Comparison) -> Table:
         "Mean speed [mm/s]",
     )
     rows = []
-    for test in comparison.tests:
-        traces = comparison.of_test(test)
+    for condition in comparison.conditions:
+        traces = comparison.of_condition(condition)
         usable = sum(int(trace.usable.sum()) for trace in traces)
         minutes = sum(len(trace.time_s) * trace.sample_time_s for trace in traces) / 60.0
         total = sum(len(trace.time_s) for trace in traces)
         speed = sum(float(abs(trace.velocity_m_s[trace.usable]).sum()) for trace in traces) / usable
         name = comparison.estimators[0]
-        true = comparison.truth.get(LABEL_ITSELF, {}).get(test)
+        true = comparison.truth.get(LABEL_ITSELF, {}).get(condition)
         rows.append(
             (
-                test,
+                condition,
                 str(len(traces)),
                 f"{minutes:.1f}",
                 f"{usable:,} of {total:,}",
-                f"{comparison.label[name][test].errors.mean_abs_friction_n:.1f}",
+                f"{comparison.label[name][condition].errors.mean_abs_friction_n:.1f}",
                 f"{true.errors.mean_abs_friction_n:.1f}" if true else "not known",
                 f"{1e3 * speed:.1f}",
             )
@@ -227,20 +235,20 @@ def data_table(comparison: Comparison) -> Table:
 
 
 def markdown_tables(comparison: Comparison) -> str:
-    """Returns Table II against the label and, where it is known, against true friction, as Markdown."""
-    against_label = error_table(comparison.label, comparison.tests, "label").markdown()
+    """Return Table II against the label and, where it is known, against true friction, as Markdown."""
+    against_label = error_table(comparison.label, comparison.conditions, "label").markdown()
     parts = ["Mean absolute error against the label:\n", against_label]
     if comparison.truth:
-        tests = [test for test in comparison.tests if test in comparison.truth[LABEL_ITSELF]]
-        against_truth = error_table(comparison.truth, tests, "true friction").markdown()
+        conditions = [condition for condition in comparison.conditions if condition in comparison.truth[LABEL_ITSELF]]
+        against_truth = error_table(comparison.truth, conditions, "true friction").markdown()
         parts += ["Mean absolute error against true friction:\n", against_truth]
     else:
         parts.append("True friction is not known for these recordings.\n")
     return "\n".join(parts)
 
 
-def _percent_and_newtons(scores: Scores, name: str, test: str) -> str:
-    found = scores[name][test].errors
+def _percent_and_newtons(scores: Scores, name: str, condition: str) -> str:
+    found = scores[name][condition].errors
     return f"{found.percent:.2f} % ({found.mae_n:.1f} N)"
 
 

@@ -73,7 +73,7 @@ class CampaignPlan:
 
     Attributes:
         seed: Of everything that is drawn.
-        sessions_per_test: Sessions in each of the four tests; each has its own temperature, offsets and drift.
+        sessions_per_condition: Sessions in each of the four tests; each has its own temperature, offsets and drift.
         recordings_per_session: At least two hold all set exercises.
         duration_s: Of a recording [s].
         sample_time_s: Of the logger [s], a multiple of 1 ms.
@@ -87,7 +87,7 @@ class CampaignPlan:
     """
 
     seed: int = 0
-    sessions_per_test: int = 6
+    sessions_per_condition: int = 6
     recordings_per_session: int = 2
     duration_s: float = 60.0
     sample_time_s: float = 0.005
@@ -102,11 +102,11 @@ class CampaignPlan:
     @property
     def recordings(self) -> int:
         """How many recordings there will be."""
-        return len(THROTTLE_GAINS) * self.sessions_per_test * self.recordings_per_session
+        return len(THROTTLE_GAINS) * self.sessions_per_condition * self.recordings_per_session
 
 
 def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
-    """Yields the campaign's recordings one at a time; equal plans give equal recordings, bit for bit.
+    """Yield the campaign's recordings one at a time; equal plans give equal recordings, bit for bit.
 
     Every recording has its own random numbers, so that a longer campaign begins with the shorter one's sessions.
 
@@ -121,26 +121,26 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     if plan.external_load != "none":
         # A load that pulls would draw a vacuum; circuits for such loads have anti-cavitation valves.
         specimen = replace(specimen, hydraulics=replace(specimen.hydraulics, makeup_gain=MAKEUP_GAIN))
-    for test, gain in THROTTLE_GAINS.items():
-        for number in range(1, plan.sessions_per_test + 1):
+    for condition, gain in THROTTLE_GAINS.items():
+        for number in range(1, plan.sessions_per_condition + 1):
             session = draw_session(
                 specimen.with_throttle(gain),
-                _generator(plan, int(test), number, 0),
+                _generator(plan, int(condition), number, 0),
                 plan.recordings_per_session * (plan.duration_s + PAUSE_S),
                 zeroed=plan.zeroed,
                 residual_offset_pa=plan.residual_offset_bar * BAR_PA,
             )
-            yield from _session(plan, session, test, number)
+            yield from _session(plan, session, condition, number)
 
 
-def _session(plan: CampaignPlan, session: Session, test: str, number: int) -> Iterator[RigRecording]:
+def _session(plan: CampaignPlan, session: Session, condition: str, number: int) -> Iterator[RigRecording]:
     temperature_c = session.oil_temperature_c
     stride = round(plan.sample_time_s / 1e-3)
     for take in range(1, plan.recordings_per_session + 1):
-        generator = _generator(plan, int(test), number, take)
+        generator = _generator(plan, int(condition), number, take)
         began_s = (take - 1) * (plan.duration_s + PAUSE_S)
         rig = session.rig
-        load = _external_load(plan, rig, test, number, take)
+        load = _external_load(plan, rig, condition, number, take)
         position_m = rig.hydraulics.stroke_m * generator.uniform(0.2, 0.8)
         start = balanced_state(
             rig,
@@ -158,24 +158,26 @@ def _session(plan: CampaignPlan, session: Session, test: str, number: int) -> It
         logger = measure(rig.sensors, trace, generator, began_s, load_cell=load is not None)
         known = TRUTH_COLUMNS if load is None else (*TRUTH_COLUMNS, "load_force_n")
         truth = trace[list(known)].iloc[::stride].reset_index(drop=True)
-        yield RigRecording(_metadata(plan, rig.cylinder.name, test, number, take), logger, truth)
+        yield RigRecording(_metadata(plan, rig.cylinder.name, condition, number, take), logger, truth)
 
 
-def _external_load(plan: CampaignPlan, rig: RigParameters, test: str, number: int, take: int) -> ExternalLoad | None:
+def _external_load(
+    plan: CampaignPlan, rig: RigParameters, condition: str, number: int, take: int
+) -> ExternalLoad | None:
     if plan.external_load == "none":
         return None
-    generator = np.random.default_rng([plan.seed, int(test), number, take, OF_THE_LOAD])
+    generator = np.random.default_rng([plan.seed, int(condition), number, take, OF_THE_LOAD])
     return varied_load(generator, plan.duration_s, rig.hydraulics.stroke_m)
 
 
-def _metadata(plan: CampaignPlan, cylinder: str, test: str, number: int, take: int) -> RecordingMetadata:
+def _metadata(plan: CampaignPlan, cylinder: str, condition: str, number: int, take: int) -> RecordingMetadata:
     return RecordingMetadata(
-        name=f"test{test}_session{number:02d}_recording{take:02d}",
-        test=test,
-        session=f"test{test}_session{number:02d}",
+        name=f"condition{condition}_session{number:02d}_recording{take:02d}",
+        condition=condition,
+        session=f"condition{condition}_session{number:02d}",
         sample_time_s=plan.sample_time_s,
         cylinder=cylinder,
-        load=LOADS[test] + (WITH_EXTERNAL_LOAD if plan.external_load != "none" else ""),
+        load=LOADS[condition] + (WITH_EXTERNAL_LOAD if plan.external_load != "none" else ""),
     )
 
 
@@ -184,5 +186,5 @@ def _refuse_unknown(key: str, name: str, known: Collection[str]) -> None:
         raise ValueError(f"record.{key}: got {name!r}, but expected one of {sorted(known)}")
 
 
-def _generator(plan: CampaignPlan, test: int, session: int, recording: int) -> Generator:
-    return np.random.default_rng([plan.seed, test, session, recording])
+def _generator(plan: CampaignPlan, condition: int, session: int, recording: int) -> Generator:
+    return np.random.default_rng([plan.seed, condition, session, recording])

@@ -67,18 +67,18 @@ class ExternalLoad:
 
     @classmethod
     def of_time(cls, force_n: Array) -> ExternalLoad:
-        """Returns a load that depends on time alone, one value each millisecond [N]."""
+        """Return a load that depends on time alone, one value each millisecond [N]."""
         force_n = np.asarray(force_n, dtype=np.float64)
         return cls(force_n, np.zeros_like(force_n), np.zeros(2))
 
     def at_start(self, position_m: float, stroke_m: float) -> float:
-        """Returns the load at time 0 [N]."""
+        """Return the load at time 0 [N]."""
         return float(load_at(self.force_n, self.share, self.along_n, 0.0, position_m, stroke_m))
 
 
 @numba.njit(cache=True)
 def load_at(force_n: Any, share: Any, along_n: Any, time_s: float, position_m: float, stroke_m: float) -> float:
-    """Returns the load at a time and a position [N], in straight lines between the values; held beyond the ends."""
+    """Return the load at a time and a position [N], in straight lines between the values; held beyond the ends."""
     return _between(force_n, time_s / TICK_S) + _between(share, time_s / TICK_S) * _between(
         along_n, position_m / stroke_m * (len(along_n) - 1)
     )
@@ -92,7 +92,7 @@ def _between(values: Any, place: float) -> float:
 
 
 def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> ExternalLoad:
-    """Returns a load drawn at random, to about ±3 kN, that changes within the recording.
+    """Return a load drawn at random, to about ±3 kN, that changes within the recording.
 
     A boom, a spring or neither, whose share wanders by some percent; and always weights that somebody puts on and off
     at random, or a slow sine, or both.
@@ -113,7 +113,7 @@ def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> Ext
 
 
 def boom_n(generator: Generator, stroke_m: float) -> Array:
-    """Returns the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N].
+    """Return the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N].
 
     The boom turns by some 45° over the stroke: the weight's lever changes with the cosine of the boom's angle, the
     cylinder's by the law of cosines in the triangle of frame, boom and cylinder.
@@ -129,7 +129,7 @@ def boom_n(generator: Generator, stroke_m: float) -> Array:
 
 
 def spring_n(generator: Generator, stroke_m: float) -> Array:
-    """Returns the force of a spring that the rod meets somewhere on its way, in either direction [N]."""
+    """Return the force of a spring that the rod meets somewhere on its way, in either direction [N]."""
     along_m = np.linspace(0.0, stroke_m, PLACES)
     stiffness_n_m = generator.uniform(4e3, 15e3)
     free_m = generator.uniform(0.0, 0.5) * stroke_m
@@ -138,12 +138,12 @@ def spring_n(generator: Generator, stroke_m: float) -> Array:
 
 
 def nothing_n(_: Generator, stroke_m: float) -> Array:
-    """Returns no force at each position [N]."""
+    """Return no force at each position [N]."""
     return np.zeros(PLACES) * stroke_m
 
 
 def steps_n(generator: Generator, ticks: int) -> Array:
-    """Returns what somebody does to the load: another force every 2 to 10 s, within a third of a second [N]."""
+    """Return what somebody does to the load: another force every 2 to 10 s, within a third of a second [N]."""
     duration_s = ticks * TICK_S
     at_s, force_n = [0.0], [generator.uniform(-1000.0, 1000.0)]
     while at_s[-1] < duration_s:
@@ -154,7 +154,7 @@ def steps_n(generator: Generator, ticks: int) -> Array:
 
 
 def slow_sine_n(generator: Generator, ticks: int) -> Array:
-    """Returns a sine of 0.05 to 0.3 Hz and 200 to 900 N [N]."""
+    """Return a sine of 0.05 to 0.3 Hz and 200 to 900 N [N]."""
     rate = 2.0 * math.pi * generator.uniform(0.05, 0.3)
     phase = generator.uniform(0.0, 2.0 * math.pi)
     return np.asarray(generator.uniform(200.0, 900.0) * np.sin(rate * TICK_S * np.arange(ticks) + phase))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def with_fault(rig: RigParameters, fault: str, severity: float = 1.0) -> RigParameters:
-    """Returns the rig with a fault; ``"none"`` returns it as it is.
+    """Return the rig with a fault; ``"none"`` returns it as it is.
 
     Args:
         rig: A healthy rig.

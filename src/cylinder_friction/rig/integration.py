@@ -39,19 +39,19 @@ DRIFT_STEP_S = 1.0
 
 
 def compiled_run() -> Any:
-    """Returns the compiled simulation; see ``_run`` for what it takes."""
+    """Return the compiled simulation; see ``_run`` for what it takes."""
     return _compiled(_sources())
 
 
 def _sources() -> int:
-    """Returns a number that changes with the source of anything that ``_run`` calls."""
+    """Return a number that changes with the source of anything that ``_run`` calls."""
     called = (friction, hydraulics, lever_module, load_module, sys.modules[__name__])
     return zlib.crc32("".join(inspect.getsource(module) for module in called).encode())
 
 
 @cache
 def _compiled(sources: int) -> Any:
-    """Returns ``_run`` out of numba's cache on disk, which by itself would miss changes in other files.
+    """Return ``_run`` out of numba's cache on disk, which by itself would miss changes in other files.
 
     The cache's key has the values that a function closes over, so ``sources`` becomes part of it.
     """
@@ -77,7 +77,7 @@ def _compiled(sources: int) -> Any:
 
 @numba.njit(cache=True)
 def drift_at(drift: Any, time_s: float) -> float:
-    """Returns the slow factor on Coulomb friction, in a straight line between its values."""
+    """Return the slow factor on Coulomb friction, in a straight line between its values."""
     place = time_s / DRIFT_STEP_S
     index = min(int(place), len(drift) - 2)
     part = min(place - index, 1.0)
@@ -169,7 +169,7 @@ def _run(
 
 @numba.njit(cache=True)
 def _elements_before(f: Any, force: Any, slips: Any, velocity_m_s: float, level_n: float, dt: float) -> float:
-    """Moves slipping elements towards their strength; returns the stiffness of the sticking ones [N/m]."""
+    """Move slipping elements towards their strength; returns the stiffness of the sticking ones [N/m]."""
     spring = 0.0
     signed = math.copysign(direction_factor(f, velocity_m_s) * level_n, velocity_m_s)
     for i in range(ELEMENTS):

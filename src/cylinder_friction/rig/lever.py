@@ -51,7 +51,7 @@ class LeverProgramme:
 
 @numba.njit(cache=True)
 def new_hand() -> Any:
-    """Returns the hand's state before the first tick."""
+    """Return the hand's state before the first tick."""
     hand = np.zeros(6)
     hand[SIGN] = 1.0
     hand[NOTICED_S] = -1.0
@@ -60,7 +60,7 @@ def new_hand() -> Any:
 
 @numba.njit(cache=True)
 def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overlap: float, middle_m: float) -> float:
-    """Returns the lever one tick on; changes ``hand``."""
+    """Return the lever one tick on; changes ``hand``."""
     row = actions[int(hand[ROW])]
     if hand[TIME_S] == 0.0 and row[CHAINED] == 0.0:
         hand[SIGN] = 1.0
@@ -81,7 +81,7 @@ def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overla
 
 @numba.njit(cache=True)
 def _meant(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
-    """Returns the lever as the action means it."""
+    """Return the lever as the action means it."""
     time_s = hand[TIME_S]
     if row[KIND] == SINE:
         grown = min(time_s / 0.5, 1.0, max((row[MOVE_S] + row[HOLD_S] - time_s) / 0.5, 0.0))
@@ -110,7 +110,7 @@ def _notice(hand: Any, row: Any, position_m: float, overlap: float) -> None:
 
 @numba.njit(cache=True)
 def _next_row(hand: Any, actions: Any, reverse: bool) -> None:
-    """Goes on to the next action; who reverses has no eye for the corrections that belong to this one."""
+    """Go on to the next action; who reverses has no eye for the corrections that belong to this one."""
     row = (int(hand[ROW]) + 1) % len(actions)
     while reverse and actions[row, CHAINED] != 0.0:
         row = (row + 1) % len(actions)
@@ -121,7 +121,7 @@ def _next_row(hand: Any, actions: Any, reverse: bool) -> None:
 
 
 def hand_remnant(generator: Generator, duration_s: float) -> NDArray[np.float64]:
-    """Returns what the hand adds without meaning to, one a tick: drift of about 1 % and tremor of 8 to 12 Hz, 0.5 %."""
+    """Return what the hand adds without meaning to, one a tick: drift of about 1 % and tremor of 8 to 12 Hz, 0.5 %."""
     ticks = round(duration_s / TICK_S) + 2
     drift = ornstein_uhlenbeck(generator, ticks, TICK_S, 1.5, 0.01)
     frequency_hz = np.clip(10.0 + ornstein_uhlenbeck(generator, ticks, TICK_S, 0.5, 1.0), 8.0, 12.0)
@@ -132,7 +132,7 @@ def hand_remnant(generator: Generator, duration_s: float) -> NDArray[np.float64]
 def ornstein_uhlenbeck(
     generator: Generator, count: int, step_s: float, time_constant_s: float, deviation: float
 ) -> NDArray[np.float64]:
-    """Returns a stationary Ornstein-Uhlenbeck process of this standard deviation, shape ``(count,)``."""
+    """Return a stationary Ornstein-Uhlenbeck process of this standard deviation, shape ``(count,)``."""
     keep = math.exp(-step_s / time_constant_s)
     shocks = generator.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), count)
     shocks[0] = generator.normal(0.0, deviation)

@@ -218,7 +218,7 @@ class RigParameters:
     sensors: SensorParameters = field(default_factory=SensorParameters)
 
     def with_throttle(self, gain: float) -> RigParameters:
-        """Returns the rig with another setting of the meter-out throttle [m³/s/√Pa]."""
+        """Return the rig with another setting of the meter-out throttle [m³/s/√Pa]."""
         return replace(self, hydraulics=replace(self.hydraulics, throttle_gain=gain))
 
 
@@ -230,7 +230,7 @@ PUMP_FLOWS_M3_S = {"didactic": 3.0 / 60e3, "industrial": 10.0 / 60e3}
 
 
 def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters:
-    """Returns the healthy rig with this cylinder and supply, the throttle wide open.
+    """Return the healthy rig with this cylinder and supply, the throttle wide open.
 
     Raises:
         ValueError: The supply is not known.
@@ -256,10 +256,10 @@ HydraulicConstants = _tuple_class("HydraulicConstants", HydraulicParameters)
 
 
 def friction_constants(parameters: FrictionParameters) -> Any:
-    """Returns the same names and numbers as compiled code takes them."""
+    """Return the same names and numbers as compiled code takes them."""
     return FrictionConstants(*(getattr(parameters, entry.name) for entry in fields(parameters)))
 
 
 def hydraulic_constants(parameters: HydraulicParameters) -> Any:
-    """Returns the same names and numbers as compiled code takes them."""
+    """Return the same names and numbers as compiled code takes them."""
     return HydraulicConstants(*(float(getattr(parameters, entry.name)) for entry in fields(parameters)))

@@ -50,7 +50,7 @@ def solve_reference(
     log_step_s: float = TICK_S,
     external_force: ExternalLoad | None = None,
 ) -> pd.DataFrame:
-    """Returns pressures, position, velocity and friction, one row each ``log_step_s``; arguments as ``simulate``.
+    """Return pressures, position, velocity and friction, one row each ``log_step_s``; arguments as ``simulate``.
 
     Raises:
         RuntimeError: The solver gave up.
@@ -94,7 +94,7 @@ def solve_reference(
 
 @numba.njit
 def _level(f: Any, y: Any, state: Any) -> float:
-    """Returns the Stribeck strength [N], the mean of both directions."""
+    """Return the Stribeck strength [N], the mean of both directions."""
     place = place_factor(f, state[POSITION], y.stroke_m, 1.0)
     coulomb = coulomb_friction(f, state[PRESSURE_1], state[PRESSURE_2], place, state[OIL])
     return strength(f, coulomb, state[VELOCITY], state[FILM], viscosity_ratio(f, state[OIL]))
@@ -142,7 +142,7 @@ def _derivatives(f: Any, y: Any, lever: Any, load: Any, slips: Any, time_s: floa
 
 @numba.njit
 def _over_limit(f: Any, y: Any, state: Any, i: int) -> float:
-    """Returns by how much an element's force exceeds what it can hold [N]; negative while the motion relieves it."""
+    """Return by how much an element's force exceeds what it can hold [N]; negative while the motion relieves it."""
     force = state[8 + i]
     if force * state[VELOCITY] <= 0.0:
         return -1.0
@@ -150,7 +150,7 @@ def _over_limit(f: Any, y: Any, state: Any, i: int) -> float:
 
 
 def _right_hand_side(f: Any, y: Any, lever: NDArray[np.float64], load: Any, slips: NDArray[np.bool_]) -> Any:
-    """Returns the scaled derivatives while these elements slip."""
+    """Return the scaled derivatives while these elements slip."""
 
     def slope(time_s: float, scaled: NDArray[np.float64]) -> Any:
         return _derivatives(f, y, lever, load, slips, time_s, scaled * SCALE) / SCALE
@@ -159,7 +159,7 @@ def _right_hand_side(f: Any, y: Any, lever: NDArray[np.float64], load: Any, slip
 
 
 def _events(f: Any, y: Any, slips: NDArray[np.bool_]) -> list[Any]:
-    """Returns one event an element: a sticking one reaches its limit, a slipping one reverses."""
+    """Return one event an element: a sticking one reaches its limit, a slipping one reverses."""
 
     def event(i: int) -> Any:
         def reverses(_: float, z: NDArray[np.float64]) -> float:

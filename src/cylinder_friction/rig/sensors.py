@@ -37,7 +37,7 @@ def measure(
     *,
     load_cell: bool = False,
 ) -> pd.DataFrame:
-    """Returns the logger's table, columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and degrees Celsius.
+    """Return the logger's table, columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and degrees Celsius.
 
     Args:
         sensors: Their parameters.
@@ -79,7 +79,7 @@ def measure(
 
 
 def as_written(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns a logger's table as it reads from the logger's file, each number rounded to ``DECIMALS``."""
+    """Return a logger's table as it reads from the logger's file, each number rounded to ``DECIMALS``."""
     columns = {}
     for name in table.columns:
         # A converter gives few values, so that only these need be written out; rounding in binary would differ at ties.
@@ -91,7 +91,7 @@ def as_written(table: pd.DataFrame) -> pd.DataFrame:
 def _thermometer(
     sensors: SensorParameters, trace: pd.DataFrame, log_step_s: float, stride: int, generator: Generator
 ) -> Array:
-    """Returns what the Pt100 in its well reads [°C]: late by its time constant, off by its offset."""
+    """Return what the Pt100 in its well reads [°C]: late by its time constant, off by its offset."""
     keep = np.exp(-log_step_s / sensors.temperature_lag_s)
     true_c = trace["oil_temperature_c"].to_numpy()
     late_c, _ = signal.lfilter([1.0 - keep], [1.0, -keep], true_c, zi=[keep * true_c[0]])
@@ -101,7 +101,7 @@ def _thermometer(
 
 
 def _potentiometer(sensors: SensorParameters, position_m: Array) -> Array:
-    """Returns where the wiper stands: the coupling's play first, then the track's linearity error."""
+    """Return where the wiper stands: the coupling's play first, then the track's linearity error."""
     wiper_m = np.asarray(_backlash(position_m, sensors.backlash_m))
     angle = np.pi * wiper_m / sensors.position_span_m
     first, second = sensors.linearity_m
@@ -119,7 +119,7 @@ def _backlash(position_m: Any, play_m: float) -> Any:
 
 
 def _anti_alias(values: Array, step_s: float, corner_hz: float) -> Array:
-    """Returns the values behind a second-order Butterworth low-pass, in its steady state at the first of them."""
+    """Return the values behind a second-order Butterworth low-pass, in its steady state at the first of them."""
     sections = signal.butter(2, corner_hz, fs=1.0 / step_s, output="sos")
     start = signal.sosfilt_zi(sections) * values[0]
     filtered, _ = signal.sosfilt(sections, values, zi=start)

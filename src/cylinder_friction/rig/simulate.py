@@ -70,7 +70,7 @@ def balanced_state(
     oil_temperature_c: float,
     load_force_n: float = 0.0,
 ) -> RigState:
-    """Returns a state at rest in which the oil pushes as hard as the load resists.
+    """Return a state at rest in which the oil pushes as hard as the load resists.
 
     A load that pulls the rod out raises the pressure on the rod side, so that no less than 2 bar is on the other.
     """
@@ -91,7 +91,7 @@ def simulate(
     log_step_s: float = TICK_S,
     external_force: ExternalLoad | NDArray[np.float64] | None = None,
 ) -> pd.DataFrame:
-    """Returns the trace of a simulation, one row each ``log_step_s``, columns ``TRACE_COLUMNS``.
+    """Return the trace of a simulation, one row each ``log_step_s``, columns ``TRACE_COLUMNS``.
 
     Args:
         rig: The rig; its sensors play no part here.
@@ -150,7 +150,7 @@ def simulate(
 def _load(
     external_force: ExternalLoad | NDArray[np.float64] | None, ticks: int, duration_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the load's force, share and places as compiled code takes them."""
+    """Return the load's force, share and places as compiled code takes them."""
     if external_force is None:
         return np.zeros(2), np.zeros(2), np.zeros(2)
     load = external_force if isinstance(external_force, ExternalLoad) else ExternalLoad.of_time(external_force)

@@ -37,13 +37,13 @@ class Session:
     drift: NDArray[np.float64]
 
     def drift_from(self, time_s: float, duration_s: float) -> NDArray[np.float64]:
-        """Returns the factor for a recording that begins ``time_s`` into the session."""
+        """Return the factor for a recording that begins ``time_s`` into the session."""
         first = int(time_s / DRIFT_STEP_S)
         return self.drift[first : first + math.ceil(duration_s / DRIFT_STEP_S) + 2]
 
 
 def draw_rig(rig: RigParameters, generator: Generator) -> RigParameters:
-    """Returns one specimen of the rig: its friction, bore, valve and potentiometer within their tolerances."""
+    """Return one specimen of the rig: its friction, bore, valve and potentiometer within their tolerances."""
     friction, hydraulics = rig.friction, rig.hydraulics
     about = generator.uniform(0.95, 1.05, 7)
     friction = replace(
@@ -82,7 +82,7 @@ def draw_session(
     zeroed: bool,
     residual_offset_pa: float,
 ) -> Session:
-    """Returns one session on this rig.
+    """Return one session on this rig.
 
     Friction keeps within about ±5 % from run to run: a level for the day and a slow wander about it.
 

@@ -29,7 +29,7 @@ what the fading presliding damping drives, and the rig chatters at the oil's res
 
 
 def draw_wide_rig(rig: RigParameters, generator: Generator) -> RigParameters:
-    """Returns a rig of this size whose friction, hydraulics and sensors are drawn from their whole ranges.
+    """Return a rig of this size whose friction, hydraulics and sensors are drawn from their whole ranges.
 
     Args:
         rig: The default rig; its cylinder and supply stay.
@@ -44,7 +44,7 @@ def draw_wide_rig(rig: RigParameters, generator: Generator) -> RigParameters:
 
 
 def _log(generator: Generator, low: float, high: float) -> float:
-    """Returns a number whose logarithm is uniform."""
+    """Return a number whose logarithm is uniform."""
     return math.exp(generator.uniform(math.log(low), math.log(high)))
 
 

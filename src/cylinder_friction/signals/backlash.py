@@ -21,14 +21,14 @@ CENTRE, DIRECTION, AGE = 0, 1, 2
 
 
 def new_play() -> Array:
-    """Returns the play before the first position, shape ``(3,)``: its centre, the direction of the last push (-1, 1, or
+    """Return the play before the first position, shape ``(3,)``: its centre, the direction of the last push (-1, 1, or
     0 before the first) and the age of that push. The first position becomes the centre."""
     return np.array([np.nan, 0.0, np.inf])
 
 
 @numba.njit(cache=True)
 def push(position: float, play: Array, half_width: float, centring: float, elapsed: float) -> bool:
-    """Moves the play with the next position; returns whether that pushed it.
+    """Move the play with the next position; returns whether that pushed it.
 
     Args:
         position: In any unit.

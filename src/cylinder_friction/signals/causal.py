@@ -22,10 +22,10 @@ class CausalBlock(Protocol):
     """Something that turns samples into samples, one row in, one row out, without looking ahead."""
 
     def new_state(self) -> Any:
-        """Returns the state before the first sample; ``advance`` changes it in place."""
+        """Return the state before the first sample; ``advance`` changes it in place."""
 
     def advance(self, state: Any, inputs: Array) -> Array:
-        """Returns the outputs, shape ``(n, m)``, for the next ``n`` inputs, shape ``(n, k)``."""
+        """Return the outputs, shape ``(n, m)``, for the next ``n`` inputs, shape ``(n, k)``."""
 
 
 @dataclass
@@ -152,19 +152,19 @@ def _low_pass(weight: float, last: Array, inputs: Array) -> Array:
 
 
 def moving_average_taps(window: int) -> Array:
-    """Returns the ``window`` equal taps of a causal moving average; its delay is ``(window - 1) / 2`` samples."""
+    """Return the ``window`` equal taps of a causal moving average; its delay is ``(window - 1) / 2`` samples."""
     if window < 1:
         raise ValueError(f"window must be at least 1 sample, but got {window!r}")
     return np.full(window, 1.0 / window)
 
 
 def difference_taps(sample_time_s: float) -> Array:
-    """Returns the taps of the backward difference, per second."""
+    """Return the taps of the backward difference, per second."""
     return np.array([1.0, -1.0]) / sample_time_s
 
 
 def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, sample_time_s: float) -> Array:
-    """Returns taps that fit a polynomial to the last ``window`` samples and evaluate it at the present one.
+    """Return taps that fit a polynomial to the last ``window`` samples and evaluate it at the present one.
 
     Args:
         window: Number of samples of the fit, greater than ``order``.
@@ -186,7 +186,7 @@ def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, samp
 
 
 def cascade_taps(*stages: Array) -> Array:
-    """Returns the taps of one-input filters run one after the other."""
+    """Return the taps of one-input filters run one after the other."""
     total = np.ones(1)
     for taps in stages:
         total = np.convolve(total, taps)

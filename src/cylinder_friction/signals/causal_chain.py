@@ -47,13 +47,13 @@ class MovingAverage:
     acceleration_window: int = 30
 
     def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
-        """Returns the taps of either pressure, of velocity from position, and of acceleration from position."""
+        """Return the taps of either pressure, of velocity from position, and of acceleration from position."""
         average, difference = moving_average_taps(self.window), difference_taps(sample_time_s)
         velocity = cascade_taps(average, difference)
         return average, velocity, cascade_taps(velocity, difference, moving_average_taps(self.acceleration_window))
 
     def block(self, sample_time_s: float) -> FirFilter:
-        """Returns the chain for streaming."""
+        """Return the chain for streaming."""
         return FirFilter(chain_taps(*self.taps(sample_time_s)))
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
@@ -86,7 +86,7 @@ class OneSidedSavitzkyGolay:
     acceleration_order: int = 3
 
     def block(self, sample_time_s: float) -> FirFilter:
-        """Returns the filters for streaming."""
+        """Return the filters for streaming."""
         taps = one_sided_savitzky_golay_taps
         return FirFilter(
             chain_taps(
@@ -110,7 +110,7 @@ class OneSidedSavitzkyGolay:
 
 
 def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:
-    """Returns taps of shape ``(4, 3, lags)`` from those of one pressure, and of velocity and acceleration."""
+    """Return taps of shape ``(4, 3, lags)`` from those of one pressure, and of velocity and acceleration."""
     taps = np.zeros((4, 3, max(len(pressure), len(velocity), len(acceleration))))
     taps[0, PRESSURE_1, : len(pressure)] = pressure
     taps[1, PRESSURE_2, : len(pressure)] = pressure
@@ -120,18 +120,18 @@ def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:
 
 
 def run_causal(block: CausalBlock, samples: Array) -> SmoothSignals:
-    """Returns what a causal block with four outputs makes of a whole recording."""
+    """Return what a causal block with four outputs makes of a whole recording."""
     return SmoothSignals(*np.ascontiguousarray(block.advance(block.new_state(), np.ascontiguousarray(samples)).T))
 
 
 def run_causal_force(block: CausalBlock, force_n: Array) -> Array:
-    """Returns what a causal block makes of a force, which takes the place of pressure 1, shape ``(n,)``."""
+    """Return what a causal block makes of a force, which takes the place of pressure 1, shape ``(n,)``."""
     nothing = np.zeros_like(force_n)
     return run_causal(block, np.column_stack([force_n, nothing, nothing])).pressure_1_smooth_pa
 
 
 def run_causal_motion(block: CausalBlock, position_m: Array) -> tuple[Array, Array]:
-    """Returns velocity and acceleration that a causal block makes of a position, each of shape ``(n,)``."""
+    """Return velocity and acceleration that a causal block makes of a position, each of shape ``(n,)``."""
     nothing = np.zeros_like(position_m)
     signals = run_causal(block, np.column_stack([nothing, nothing, position_m]))
     return signals.velocity_m_s, signals.acceleration_m_s2

@@ -42,11 +42,11 @@ class MotionSense:
     dead_band_m_s: float
 
     def block(self, sample_time_s: float) -> MotionBlock:
-        """Returns the causal block at a sample time."""
+        """Return the causal block at a sample time."""
         return MotionBlock(self, sample_time_s)
 
     def velocity(self, recording: Recording) -> Array:
-        """Returns the velocity through a whole recording [m/s], shape ``(n,)``."""
+        """Return the velocity through a whole recording [m/s], shape ``(n,)``."""
         block = self.block(recording.sample_time_s)
         return block.advance(block.new_state(), recording.samples()[:, 2:3])
 

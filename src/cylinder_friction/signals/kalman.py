@@ -46,7 +46,7 @@ class KalmanModel:
     first_covariance: Array
 
     def gains(self) -> Gains:
-        """Returns the gains, which do not depend on what is measured (Rauch, Tung and Striebel 1965).
+        """Return the gains, which do not depend on what is measured (Rauch, Tung and Striebel 1965).
 
         Raises:
             ValueError: The gains do not settle: no noise moves the state.
@@ -68,7 +68,7 @@ class KalmanModel:
         raise ValueError(f"the Kalman gains have not settled after {MAXIMUM_ROWS} rows; raise the process noise")
 
     def memory_rows(self, remaining: float = 1e-3) -> int:
-        """Returns after how many rows the slowest part of a disturbance has faded to ``remaining`` of what it was."""
+        """Return after how many rows the slowest part of a disturbance has faded to ``remaining`` of what it was."""
         gain = self.gains().filter[-1]
         corrected = self.transition - np.outer(gain, self.transition[0])
         slowest = float(np.abs(np.linalg.eigvals(corrected)).max())
@@ -76,13 +76,13 @@ class KalmanModel:
 
 
 def random_walk(step_std: float, noise_std: float) -> KalmanModel:
-    """Returns a quantity that wanders: each step adds white noise of ``step_std``, measured with ``noise_std``."""
+    """Return a quantity that wanders: each step adds white noise of ``step_std``, measured with ``noise_std``."""
     one = np.ones((1, 1))
     return KalmanModel(one, step_std**2 * one, noise_std**2, 1e6 * (step_std**2 + noise_std**2) * one)
 
 
 def constant_jerk(jerk_std_m_s3: float, noise_std_m: float, sample_time_s: float) -> KalmanModel:
-    """Returns position, velocity and acceleration under a jerk that is constant within a step and white between steps.
+    """Return position, velocity and acceleration under a jerk that is constant within a step and white between steps.
 
     Args:
         jerk_std_m_s3: Standard deviation of the jerk [m/s³]; it belongs to one sample time.

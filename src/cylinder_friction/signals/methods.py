@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def filters_by_method(
     moving_average: Mapping[str, Any], savitzky_golay: Mapping[str, Any], rts: Mapping[str, Any]
 ) -> dict[str, SignalFilter]:
-    """Returns the filters from the parameters of each; both moving averages share theirs."""
+    """Return the filters from the parameters of each; both moving averages share theirs."""
     return {
         "moving_average": MovingAverage(**moving_average),
         "moving_average_centred": CentredMovingAverage(**moving_average),

@@ -24,12 +24,12 @@ SMOOTH_LOAD = "load_force_smooth_n"
 
 
 def has_pressures(recording: Recording) -> bool:
-    """Returns whether both pressures were measured; where they were, a drive force beside them is not looked at."""
+    """Return whether both pressures were measured; where they were, a drive force beside them is not looked at."""
     return all(column in recording.table.columns for column in SAMPLE_COLUMNS)
 
 
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
-    """Returns the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
+    """Return the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
     if has_pressures(recording):
         samples = np.stack([recording.column(column) for column in SAMPLE_COLUMNS]).T  # each signal in one piece
         return signal_filter.smooth(samples, recording.sample_time_s)
@@ -38,21 +38,21 @@ def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> Smoot
 
 
 def smooth_load(recording: Recording, signal_filter: SignalFilter) -> NDArray[np.float64] | None:
-    """Returns the measured load [N], shape ``(n,)``, smoothed as pressures are; None where none was measured."""
+    """Return the measured load [N], shape ``(n,)``, smoothed as pressures are; None where none was measured."""
     if LOAD_FORCE not in recording.table.columns:
         return None
     return signal_filter.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)
 
 
 def smooth_columns(recording: Recording, signal_filter: SignalFilter) -> dict[str, NDArray[np.float64]]:
-    """Returns every column that the filter adds to a recording, by name."""
+    """Return every column that the filter adds to a recording, by name."""
     columns = smooth_recording(recording, signal_filter).columns()
     load_n = smooth_load(recording, signal_filter)
     return columns if load_n is None else columns | {SMOOTH_LOAD: load_n}
 
 
 def signals_of(recording: Recording) -> SmoothSignals | SmoothDrive:
-    """Returns the smooth signals that the filter stage added to a recording.
+    """Return the smooth signals that the filter stage added to a recording.
 
     Raises:
         RecordingError: The recording has not been filtered.

@@ -38,11 +38,11 @@ class RtsSmoother:
     pressure_rate_pa_s: float = 6e5
 
     def models(self, sample_time_s: float) -> tuple[KalmanModel, KalmanModel]:
-        """Returns the models of a pressure and of the position, with the noise as declared."""
+        """Return the models of a pressure and of the position, with the noise as declared."""
         return self._pressure_model(0.0, sample_time_s), self._position_model(0.0, sample_time_s)
 
     def block(self, sample_time_s: float) -> SteadyKalman:
-        """Returns the causal twin for streaming."""
+        """Return the causal twin for streaming."""
         return SteadyKalman(*self.models(sample_time_s))
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
@@ -64,7 +64,7 @@ class RtsSmoother:
         return states[:, 1].copy(), states[:, 2].copy()
 
     def reach(self, sample_time_s: float) -> Reach:
-        """Returns the rows after which less than 1 % of a disturbance is left; strictly it looks at all rows."""
+        """Return the rows after which less than 1 % of a disturbance is left; strictly it looks at all rows."""
         rows = max(model.memory_rows() for model in self.models(sample_time_s))
         return Reach(rows, rows)
 
@@ -77,18 +77,18 @@ class RtsSmoother:
 
 
 def quantisation_step(values: Array) -> float:
-    """Returns the smallest step between two different values: the converter's least significant bit, or 0."""
+    """Return the smallest step between two different values: the converter's least significant bit, or 0."""
     steps = np.diff(np.unique(values))
     return float(steps.min()) if len(steps) else 0.0
 
 
 def at_least_converter(noise_std: float, step: float) -> float:
-    """Returns the noise, but no less than that of rounding to ``step``, whose variance is step²/12."""
+    """Return the noise, but no less than that of rounding to ``step``, whose variance is step²/12."""
     return max(noise_std, step / 12.0**0.5)
 
 
 def smooth_states(model: KalmanModel, measured: Array) -> Array:
-    """Returns the smoothed states, shape ``(n, k)``, from measurements of the first state, shape ``(n,)``."""
+    """Return the smoothed states, shape ``(n, k)``, from measurements of the first state, shape ``(n,)``."""
     gains = model.gains()
     # Relative to the first value numbers stay small; the first state of the model then has zero mean.
     first = measured[0]

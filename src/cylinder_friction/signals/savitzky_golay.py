@@ -24,7 +24,7 @@ ASYMMETRIC, SYMMETRIC, ANTISYMMETRIC = 0, 1, -1
 
 
 def savitzky_golay(values: Array, window: int, order: int, derivative: int = 0, sample_time_s: float = 1.0) -> Array:
-    """Returns the smooth signal or its derivative, shape ``(n,)``, as ``scipy.signal.savgol_filter`` does.
+    """Return the smooth signal or its derivative, shape ``(n,)``, as ``scipy.signal.savgol_filter`` does.
 
     Near either edge, where a window does not fit, the polynomial of the outermost whole window goes on.
 
@@ -52,7 +52,7 @@ def savitzky_golay(values: Array, window: int, order: int, derivative: int = 0, 
 
 @cache
 def _taps(window: int, order: int, derivative: int, sample_time_s: float) -> Array:
-    """Returns the taps of a whole window, evaluated in its middle, in the order of the samples: shape ``(window,)``."""
+    """Return the taps of a whole window, evaluated in its middle, in the order of the samples: shape ``(window,)``."""
     half = window // 2
     taps = _fit(np.arange(half, -half - 1.0, -1.0), np.zeros(1), order, derivative, sample_time_s)[0]
     return np.ascontiguousarray(taps[::-1])
@@ -60,7 +60,7 @@ def _taps(window: int, order: int, derivative: int, sample_time_s: float) -> Arr
 
 @cache
 def _edge_taps(window: int, order: int, derivative: int, sample_time_s: float) -> Array:
-    """Returns the taps at the places before the middle of the first window, then at those after the last one's.
+    """Return the taps at the places before the middle of the first window, then at those after the last one's.
 
     Shape ``(window - 1, window)``.
     """
@@ -71,7 +71,7 @@ def _edge_taps(window: int, order: int, derivative: int, sample_time_s: float) -
 
 
 def _fit(places: Array, at: Array, order: int, derivative: int, sample_time_s: float) -> Array:
-    """Returns taps on samples at ``places`` that evaluate a fitted polynomial ``at`` others, shape ``(len(at), n)``.
+    """Return taps on samples at ``places`` that evaluate a fitted polynomial ``at`` others, shape ``(len(at), n)``.
 
     Places count ``sample_time_s``. The taps are the shortest ones that are exact on each power up to ``order``.
     """
@@ -82,7 +82,7 @@ def _fit(places: Array, at: Array, order: int, derivative: int, sample_time_s: f
 
 
 def _symmetry(taps: Array) -> int:
-    """Returns how SciPy sums these taps: in pairs where they are symmetric or antisymmetric to one epsilon."""
+    """Return how SciPy sums these taps: in pairs where they are symmetric or antisymmetric to one epsilon."""
     half = len(taps) // 2
     right, left = taps[half + 1 :], taps[:half][::-1]
     epsilon = float(np.finfo(np.float64).eps)
@@ -93,7 +93,7 @@ def _symmetry(taps: Array) -> int:
 
 @numba.njit(cache=True)
 def _correlate(values: Any, taps: Any, symmetry: int, into: Any) -> None:
-    """Fills the rows of ``into`` that a whole window surrounds."""
+    """Fill the rows of ``into`` that a whole window surrounds."""
     half = len(taps) // 2
     end = len(values) - half
     for start in range(half, end, BLOCK_ROWS):
@@ -107,7 +107,7 @@ def _correlate(values: Any, taps: Any, symmetry: int, into: Any) -> None:
 
 @numba.njit(cache=True)
 def _asymmetric(values: Any, taps: Any, sums: Any) -> None:
-    """Fills ``sums``, shape ``(rows,)``, from ``values``, shape ``(rows + len(taps) - 1,)``: the last tap first."""
+    """Fill ``sums``, shape ``(rows,)``, from ``values``, shape ``(rows + len(taps) - 1,)``: the last tap first."""
     rows, last = len(sums), len(taps) - 1
     first = values[last : last + rows]
     for row in range(rows):

@@ -32,7 +32,7 @@ class SmoothSignals:
     acceleration_m_s2: Array
 
     def columns(self) -> dict[str, Array]:
-        """Returns the signals by name, as a recording's table takes them."""
+        """Return the signals by name, as a recording's table takes them."""
         return dict(vars(self))
 
 
@@ -51,7 +51,7 @@ class SmoothDrive:
     acceleration_m_s2: Array
 
     def columns(self) -> dict[str, Array]:
-        """Returns the signals by name, as a recording's table takes them."""
+        """Return the signals by name, as a recording's table takes them."""
         return dict(vars(self))
 
 
@@ -67,13 +67,13 @@ class SignalFilter(Protocol):
     """Smooths pressures and differentiates position, over a whole recording."""
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        """Returns the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
+        """Return the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
-        """Returns a force, shape ``(n,)``, smoothed as pressures are: neither later nor duller than they become."""
+        """Return a force, shape ``(n,)``, smoothed as pressures are: neither later nor duller than they become."""
 
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        """Returns velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``, as ``smooth`` does."""
+        """Return velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``, as ``smooth`` does."""
 
     def reach(self, sample_time_s: float) -> Reach:
-        """Returns how far the filter looks, the longest of its four outputs."""
+        """Return how far the filter looks, the longest of its four outputs."""

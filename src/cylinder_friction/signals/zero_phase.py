@@ -86,7 +86,7 @@ class SavitzkyGolay:
                 )
 
     def twin(self) -> OneSidedSavitzkyGolay:
-        """Returns the causal filter with the same windows and orders."""
+        """Return the causal filter with the same windows and orders."""
         return OneSidedSavitzkyGolay(**vars(self))
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
@@ -113,12 +113,12 @@ class SavitzkyGolay:
 
 
 def centred_taps(taps: Array) -> Array:
-    """Returns an odd number of taps with the same delay in the middle; taps must be (anti)symmetric."""
+    """Return an odd number of taps with the same delay in the middle; taps must be (anti)symmetric."""
     return taps if len(taps) % 2 else cascade_taps(taps, np.array([0.5, 0.5]))
 
 
 def run_centred(taps: Array, values: Array) -> Array:
-    """Returns the filtered values, shape ``(n,)``, with no delay; at the edges the signal goes on in point symmetry."""
+    """Return the filtered values, shape ``(n,)``, with no delay; at the edges the signal goes on in point symmetry."""
     half = len(taps) // 2
     if half == 0:
         return taps[0] * values

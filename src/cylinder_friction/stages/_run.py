@@ -14,7 +14,7 @@ from cylinder_friction.tracking.resources import sampled_resources
 
 
 def run_stage(name: str) -> None:
-    """Runs one stage in the current directory, the repository root.
+    """Run one stage in the current directory, the repository root.
 
     Raises:
         ParamsError: There is no such stage; or anything in ``params.yaml`` is refused, in whichever section, so that

@@ -38,7 +38,7 @@ def cylinder_from(params: CylinderParams) -> Cylinder:
 
 
 def flat(section: BaseModel, prefix: str = "") -> dict[str, Scalar]:
-    """Returns a section's parameters as ``{"outer.inner": value}``; lists become text."""
+    """Return a section's parameters as ``{"outer.inner": value}``; lists become text."""
     result: dict[str, Scalar] = {}
     for key, value in section.model_dump().items():
         _flatten(f"{prefix}{key}", value, result)
@@ -54,12 +54,12 @@ def _flatten(key: str, value: Any, into: dict[str, Scalar]) -> None:
 
 
 def artifacts(*paths: Path) -> dict[str, str]:
-    """Returns ``{path: hash}`` for a run record."""
+    """Return ``{path: hash}`` for a run record."""
     return {path.as_posix(): hash_of(path) for path in paths}
 
 
 def resume_folder(stage: str, *depends_on: BaseModel | dict[str, str] | dict[str, Any]) -> Path:
-    """Returns where a killed stage finds what it had finished; a hash of all it depends on, the code included."""
+    """Return where a killed stage finds what it had finished; a hash of all it depends on, the code included."""
     content = [part.model_dump() if isinstance(part, BaseModel) else part for part in depends_on]
     code = hash_of(Path(__file__).parent.parent / "estimators")
     key = hashlib.sha256(json.dumps([content, code], sort_keys=True).encode()).hexdigest()[:16]

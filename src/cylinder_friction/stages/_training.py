@@ -26,7 +26,7 @@ def forest_plan(params: HybridParams, training: TrainingParams) -> ForestPlan:
 
 
 def device_from(choice: str) -> str:
-    """Returns ``cuda`` or ``cpu``; ``auto`` takes CUDA where there is one.
+    """Return ``cuda`` or ``cpu``; ``auto`` takes CUDA where there is one.
 
     Raises:
         RuntimeError: ``cuda`` was asked for and there is none.

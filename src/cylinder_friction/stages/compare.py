@@ -62,7 +62,7 @@ MAIN, RIVAL = "hybrid", "lugre"
 
 
 def run(params: Params) -> RunRecord:
-    """Reads the models, ``data/processed/test`` and the true friction, writes ``reports/`` but for ``reports/runs``.
+    """Read the models, ``data/processed/test`` and the true friction, writes ``reports/`` but for ``reports/runs``.
 
     Raises:
         FileNotFoundError: A model or the test recordings are not there.
@@ -106,7 +106,7 @@ def comparison_settings(settings: CompareParams) -> ComparisonSettings:
 
 
 def load_estimators() -> dict[str, FrictionEstimator]:
-    """Returns every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
+    """Return every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
 
     Raises:
         FileNotFoundError: One of them, or the folder of baselines, is not there.
@@ -137,7 +137,7 @@ def _place(name: str) -> tuple[int, str]:
 
 
 def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
-    """Returns true friction [N] by recording name, as far as it is known; ``folder`` is empty where nobody knows it."""
+    """Return true friction [N] by recording name, as far as it is known; ``folder`` is empty where nobody knows it."""
     truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings} if folder else {}
     return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}
 

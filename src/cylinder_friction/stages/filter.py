@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def run(params: Params) -> RunRecord:
-    """Reads ``data/interim/recordings``, writes ``data/interim/signals``; the raw columns stay as they are.
+    """Read ``data/interim/recordings``, writes ``data/interim/signals``; the raw columns stay as they are.
 
     Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``; where a drive
     force stands in for the pressures, ``drive_force_smooth_n`` in place of the first two; and of a measured load

@@ -33,7 +33,7 @@ QUARANTINE_FILE = Path("data/interim/quarantine.json")
 
 
 def run(params: Params) -> RunRecord:
-    """Reads ``ingest.source``, writes ``data/interim/recordings``, one file a recording, and ``quarantine.json``.
+    """Read ``ingest.source``, writes ``data/interim/recordings``, one file a recording, and ``quarantine.json``.
 
     Raises:
         RecordingError: Mapping and ``label.load`` contradict each other, there is no file, or not one is usable.
@@ -51,7 +51,7 @@ def run(params: Params) -> RunRecord:
 
 
 def refuse_unlike_load(params: Params) -> None:
-    """Refuses what the stage ``label`` would refuse after all files were read.
+    """Refuse what the stage ``label`` would refuse after all files were read.
 
     Raises:
         RecordingError: A load cell is mapped that the label does not take, or the label takes one that is not mapped.
@@ -70,13 +70,13 @@ def refuse_unlike_load(params: Params) -> None:
 
 
 def source_from(params: Params) -> Source:
-    """Returns what ``ingest_folder`` reads, from the configuration."""
+    """Return what ``ingest_folder`` reads, from the configuration."""
     folder = Path(params.ingest.source)
     return Source(folder, params.ingest.pattern, recipe_from(params, folder))
 
 
 def recipe_from(params: Params, folder: Path) -> Recipe:
-    """Returns how a file becomes recordings; a table of names is looked for in ``folder``."""
+    """Return how a file becomes recordings; a table of names is looked for in ``folder``."""
     settings = params.ingest
     cylinder = cylinder_from(params.cylinder)
     table = None if settings.name_table is None else folder / settings.name_table
@@ -94,7 +94,7 @@ def recipe_from(params: Params, folder: Path) -> Recipe:
 
 
 def limits_from(settings: IngestParams, cylinder: Cylinder, load: LoadMode) -> CheckLimits:
-    """Returns what a recording of this cylinder must be."""
+    """Return what a recording of this cylinder must be."""
     return CheckLimits(
         cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2, load, **settings.checks.model_dump()
     )
@@ -103,7 +103,7 @@ def limits_from(settings: IngestParams, cylinder: Cylinder, load: LoadMode) -> C
 def _metrics(ingested: Ingested) -> dict[str, float]:
     seconds: defaultdict[str, float] = defaultdict(float)
     for metadata, rows in ingested.recordings:
-        seconds[f"test_{metadata.test}.seconds"] += rows * metadata.sample_time_s
+        seconds[f"condition_{metadata.condition}.seconds"] += rows * metadata.sample_time_s
     return {
         "files": float(ingested.files),
         "recordings": float(len(ingested.recordings)),

@@ -60,7 +60,7 @@ NO_TRUTH = "true friction of no recording is known, so labels cannot be audited"
 
 
 def run(params: Params) -> RunRecord:
-    """Reads ``data/interim/signals``, writes ``data/processed/{train,validation,test,audit}`` and ``identified.json``.
+    """Read ``data/interim/signals``, writes ``data/processed/{train,validation,test,audit}`` and ``identified.json``.
 
     Raises:
         RecordingError: A test has too few sessions to split, truth does not belong to its recording, or a session does
@@ -70,7 +70,7 @@ def run(params: Params) -> RunRecord:
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
     labeller = labeller_from(params)
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
-    refuse_unknown_test(params.lugre.test, [entry.test for entry in metadata])
+    refuse_unknown_condition(params.lugre.condition, [entry.condition for entry in metadata])
     split = split_sessions(metadata, **settings.split.model_dump())
     load_plan = LoadPlan(**settings.identify.model_dump())
     found = identify_sessions(metadata, labeller, filters[params.filter.method], load_plan)
@@ -89,21 +89,21 @@ def run(params: Params) -> RunRecord:
     )
 
 
-def refuse_unknown_test(lugre_test: str, tests: Sequence[str]) -> None:
-    """Refuses ``lugre.test`` here already: the stage that needs it comes after hours of search and training.
+def refuse_unknown_condition(lugre_condition: str, conditions: Sequence[str]) -> None:
+    """Refuse ``lugre.condition`` here already: the stage that needs it comes after hours of search and training.
 
     Raises:
         RecordingError: No recording is of that test.
     """
-    if lugre_test not in tests:
+    if lugre_condition not in conditions:
         raise RecordingError(
-            f"lugre.test is {lugre_test!r}, but the recordings are of tests {sorted(set(tests))}; "
+            f"lugre.condition is {lugre_condition!r}, but the recordings are of conditions {sorted(set(conditions))}; "
             "name the one without load: LuGre is identified on it"
         )
 
 
 def stiffness_from(settings: LabelParams) -> Stiffness:
-    """Returns which spring enters the equation of motion, from the configuration."""
+    """Return which spring enters the equation of motion, from the configuration."""
     return Stiffness(
         mode=settings.stiffness,
         bulk_modulus_pa=settings.bulk_modulus_pa,
@@ -114,7 +114,7 @@ def stiffness_from(settings: LabelParams) -> Stiffness:
 
 
 def labeller_from(params: Params) -> Labeller:
-    """Returns how labels are made, from the configuration."""
+    """Return how labels are made, from the configuration."""
     settings = params.label
     return Labeller(
         cylinder_from(params.cylinder),
@@ -132,7 +132,7 @@ def identify_sessions(
     load_plan: LoadPlan = _LOAD_PLAN,
     motion_plan: MotionPlan = _MOTION_PLAN,
 ) -> dict[str, SessionFound]:
-    """Returns what each session tells about its load and mass; nothing where neither is asked.
+    """Return what each session tells about its load and mass; nothing where neither is asked.
 
     A session is whole in one role, so nothing that judges takes part in what teaches.
 
@@ -159,7 +159,7 @@ def identify_sessions(
 
 
 def write_identified(found: Mapping[str, SessionFound]) -> None:
-    """Writes what was identified, one entry a session; names carry their units, ``_interval`` is a pair."""
+    """Write what was identified, one entry a session; names carry their units, ``_interval`` is a pair."""
     content: dict[str, Any] = {session: each.to_dict() for session, each in found.items()}
     write_json(IDENTIFIED_FILE, content or {"note": NOTHING_IDENTIFIED})
 
@@ -171,7 +171,7 @@ def write_labelled(
     used_filter: SignalFilter,
     found: Mapping[str, SessionFound],
 ) -> dict[str, float]:
-    """Writes one role's recordings with their labels; returns how many recordings, rows and usable rows."""
+    """Write one role's recordings with their labels; returns how many recordings, rows and usable rows."""
     rows, usable = 0, 0
     with whole_folder(PROCESSED_FOLDERS[role]) as folder:
         for recording in _filtered(names, f"label {role}"):
@@ -193,7 +193,7 @@ def audit_labels(
     filters: Mapping[str, SignalFilter],
     found: Mapping[str, SessionFound],
 ) -> tuple[list[AuditRow], int]:
-    """Returns the audit of every filter and the number of recordings whose truth is known."""
+    """Return the audit of every filter and the number of recordings whose truth is known."""
     folder = Path(params.ingest.truth)
     known = [name for name in names if params.ingest.truth and (folder / f"{name}.parquet").is_file()]
     audit = Audit(params.label.event_window_s)
@@ -205,11 +205,11 @@ def audit_labels(
 
 
 def write_audit(rows: Sequence[AuditRow]) -> None:
-    """Writes ``audit.json``, nested by filter, test and stratum, and ``audit.csv``, one line a row."""
+    """Write ``audit.json``, nested by filter, test and stratum, and ``audit.csv``, one line a row."""
     nested: dict[str, Any] = {} if rows else {"note": NO_TRUTH}
     for row in rows:
         content = row.to_dict()
-        place = nested.setdefault(content.pop("filter"), {}).setdefault(content.pop("test"), {})
+        place = nested.setdefault(content.pop("filter"), {}).setdefault(content.pop("condition"), {})
         place[content.pop("stratum")] = content
     text = io.StringIO()
     writer = csv.DictWriter(text, [field.name for field in fields(AuditRow)], lineterminator="\n")
@@ -221,14 +221,14 @@ def write_audit(rows: Sequence[AuditRow]) -> None:
 
 
 def _filtered(names: Sequence[str], what: str) -> Iterator[Recording]:
-    """Yields the named recordings one at a time, with a progress bar."""
+    """Yield the named recordings one at a time, with a progress bar."""
     for name in tqdm(names, what, unit="recording", disable=None):
         yield read_recording(SIGNALS_FOLDER / f"{name}.parquet")
 
 
 def _audit_metrics(rows: Sequence[AuditRow]) -> dict[str, float]:
     return {
-        f"audit.{row.filter}.test_{row.test}.{row.stratum}_mae_n": row.mae_n
+        f"audit.{row.filter}.condition_{row.condition}.{row.stratum}_mae_n": row.mae_n
         for row in rows
         if row.stratum in ("steady", "events")
     }

@@ -23,12 +23,12 @@ STRIBECK_FILE = "stribeck_points.json"
 
 
 def run(params: Params) -> RunRecord:
-    """Reads ``data/processed/train``, writes ``models/lugre`` with one folder an estimator and the Stribeck points.
+    """Read ``data/processed/train``, writes ``models/lugre`` with one folder an estimator and the Stribeck points.
 
     Raises:
-        RecordingError: No training recording is of the test that ``lugre.test`` names.
+        RecordingError: No training recording is of the test that ``lugre.condition`` names.
     """
-    paths = paths_of_test(PROCESSED_FOLDERS["train"], params.lugre.test)
+    paths = paths_of_condition(PROCESSED_FOLDERS["train"], params.lugre.condition)
     recordings = [read_recording(path) for path in paths]
     estimators = [kind(cylinder_from(params.cylinder), **params.lugre.model_dump()) for kind in KINDS]
     metrics: dict[str, float] = {}
@@ -58,14 +58,14 @@ def run(params: Params) -> RunRecord:
 KINDS = (LugreEstimator, PressureLugreEstimator)
 
 
-def paths_of_test(folder: Path, test: str) -> list[Path]:
-    """Returns the recordings of one test in a folder, sorted by name; raises ``RecordingError`` if there is none."""
-    tests = {path: read_metadata(path).test for path in recording_paths(folder)}
-    chosen = [path for path, its_test in tests.items() if its_test == test]
+def paths_of_condition(folder: Path, condition: str) -> list[Path]:
+    """Return the recordings of one test in a folder, sorted by name; raises ``RecordingError`` if there is none."""
+    conditions = {path: read_metadata(path).condition for path in recording_paths(folder)}
+    chosen = [path for path, its_condition in conditions.items() if its_condition == condition]
     if not chosen:
         raise RecordingError(
-            f"{folder}: no recording of test {test!r}; got tests {sorted(set(tests.values()))}; "
-            "name one of them as lugre.test in params.yaml"
+            f"{folder}: no recording of condition {condition!r}; got conditions {sorted(set(conditions.values()))}; "
+            "name one of them as lugre.condition in params.yaml"
         )
     return chosen
 

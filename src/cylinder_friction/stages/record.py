@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
 
 EMPTY_FILE = "README.txt"
-EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_test is 0.\n"
+EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_condition is 0.\n"
 
 
 def run(params: Params) -> RunRecord:
-    """Writes ``data/raw/rig`` (CSV: s, bar, bar, mm, °C) and ``data/raw/rig_truth`` (Parquet, SI): a file a recording.
+    """Write ``data/raw/rig`` (CSV: s, bar, bar, mm, °C) and ``data/raw/rig_truth`` (Parquet, SI): a file a recording.
 
-    With ``record.sessions_per_test`` 0, when one's own recordings are used, both folders hold a note alone.
+    With ``record.sessions_per_condition`` 0, when one's own recordings are used, both folders hold a note alone.
 
     Raises:
         ValueError: See ``rig.campaign.campaign``.
@@ -43,21 +43,24 @@ def run(params: Params) -> RunRecord:
         for recording in tqdm(recordings, "record", plan.recordings, unit="recording", disable=None):
             write_logger_csv(logger_folder / f"{recording.metadata.name}.csv", recording.logger)
             recording.truth.to_parquet(truth_folder / f"{recording.metadata.name}.parquet", index=False)
-            magnitudes_n[recording.metadata.test].append(_mean_magnitude_n(recording))
+            magnitudes_n[recording.metadata.condition].append(_mean_magnitude_n(recording))
     return RunRecord(
         name="record",
         params=flat(params.record) | flat(params.cylinder, "cylinder."),
         metrics={
             "recordings": float(plan.recordings),
             "seconds": plan.recordings * plan.duration_s,
-            **{f"test_{test}.mean_friction_n": float(np.mean(values)) for test, values in magnitudes_n.items()},
+            **{
+                f"condition_{condition}.mean_friction_n": float(np.mean(values))
+                for condition, values in magnitudes_n.items()
+            },
         },
         datasets={"rig": hash_of(RIG_FOLDER), "rig_truth": hash_of(RIG_TRUTH_FOLDER)},
     )
 
 
 def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
-    """Writes a table as the logger does, each number with so many decimals."""
+    """Write a table as the logger does, each number with so many decimals."""
     table.to_csv(path, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")
 
 

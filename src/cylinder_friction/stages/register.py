@@ -35,7 +35,7 @@ _FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
 
 def run(params: Params) -> RunRecord:
-    """Registers the candidate and writes ``models/registered.json``: the decision and what it was made on.
+    """Register the candidate and writes ``models/registered.json``: the decision and what it was made on.
 
     Raises:
         TrackingError: The registry cannot be reached: without it nobody knows the incumbent, so nothing is decided.
@@ -62,7 +62,7 @@ def run(params: Params) -> RunRecord:
     return RunRecord(
         name="register",
         params=flat(settings),
-        metrics={f"test_{test}.label_percent": value for test, value in candidate.errors_percent.items()}
+        metrics={f"condition_{condition}.label_percent": value for condition, value in candidate.errors_percent.items()}
         | {"promoted": float(registered.promote)},
         tags={"gate_reason": registered.reason, "model_key": candidate.model_key, **origin.tags()},
         artifacts=artifacts(REGISTERED_FILE, METRICS_FILE),
@@ -71,34 +71,34 @@ def run(params: Params) -> RunRecord:
 
 
 def measured_errors(folder: Path) -> dict[str, float]:
-    """Returns the error a test [percent of mean |label|] of the estimator in ``folder`` on the held-out recordings."""
+    """Return the error a test [percent of mean |label|] of the estimator in ``folder`` on the held-out recordings."""
     estimator = load_estimator(folder)
     labels: dict[str, list[np.ndarray]] = {}
     estimates: dict[str, list[np.ndarray]] = {}
     for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):
         usable = recording.usable()
-        test = recording.metadata.test
-        labels.setdefault(test, []).append(recording.column("friction_n")[usable])
-        estimates.setdefault(test, []).append(estimator.estimate(recording)[usable])
+        condition = recording.metadata.condition
+        labels.setdefault(condition, []).append(recording.column("friction_n")[usable])
+        estimates.setdefault(condition, []).append(estimator.estimate(recording)[usable])
     result = {}
-    for test in sorted(labels):
-        label, estimate = np.concatenate(labels[test]), np.concatenate(estimates[test])
-        result[test] = errors(label, estimate, np.ones(len(label), dtype=np.bool_)).percent
+    for condition in sorted(labels):
+        label, estimate = np.concatenate(labels[condition]), np.concatenate(estimates[condition])
+        result[condition] = errors(label, estimate, np.ones(len(label), dtype=np.bool_)).percent
     return result
 
 
 def _reported_errors(candidate: str) -> dict[str, float]:
-    """Returns the candidate's error a test from the comparison's report."""
+    """Return the candidate's error a test from the comparison's report."""
     report = read_json(METRICS_FILE)
     if candidate not in report:
         raise TrackingError(
             f"{METRICS_FILE}: has no estimator {candidate!r}, but {sorted(report)}; run the compare stage"
         )
-    return {test: numbers["label_percent"] for test, numbers in sorted(report[candidate].items())}
+    return {condition: numbers["label_percent"] for condition, numbers in sorted(report[candidate].items())}
 
 
 def _example(folder: Path) -> dict[str, list[float]]:
-    """Returns the first rows of the first held-out recording, by column."""
+    """Return the first rows of the first held-out recording, by column."""
     paths = recording_paths(folder)
     if not paths:
         raise TrackingError(f"{folder}: holds no held-out recording; run the label stage")

@@ -37,7 +37,7 @@ BEST_FILE = SEARCH_FOLDER / "best.json"
 
 
 def run(params: Params) -> RunRecord:
-    """Reads the training and validation recordings, writes the trials, the best parameters and the plots."""
+    """Read the training and validation recordings, writes the trials, the best parameters and the plots."""
     settings = params.search
     train = read_recordings(PROCESSED_FOLDERS["train"])
     validation = read_recordings(PROCESSED_FOLDERS["validation"])

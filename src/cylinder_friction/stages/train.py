@@ -46,7 +46,7 @@ REAL_TIME_BASELINES = ("random_forest", "lstm", "paper_lstm")
 
 
 def run(params: Params) -> RunRecord:
-    """Reads the training and validation recordings and the best parameters, writes every learnt estimator."""
+    """Read the training and validation recordings and the best parameters, writes every learnt estimator."""
     train = read_recordings(PROCESSED_FOLDERS["train"])
     validation = read_recordings(PROCESSED_FOLDERS["validation"])
     datasets = {role: hash_of(PROCESSED_FOLDERS[role]) for role in ("train", "validation")}
@@ -82,7 +82,7 @@ def run(params: Params) -> RunRecord:
 
 
 def chosen_hybrid(params: Params) -> tuple[Design, HybridParams]:
-    """Returns the design and hyperparameters to train: the search's best, or those in ``train.hybrid``."""
+    """Return the design and hyperparameters to train: the search's best, or those in ``train.hybrid``."""
     if not params.train.use_search:
         return params.search.hybrid, params.train.hybrid
     best = read_json(BEST_FILE)
@@ -148,7 +148,7 @@ def _write_curve(path: Path, curve: LearningCurve) -> None:
 
 
 def _sources(train: Sequence[Recording], validation: Sequence[Recording]) -> dict[str, dict[str, str]]:
-    """Returns the hash of every source file that was learnt from or listened to."""
+    """Return the hash of every source file that was learnt from or listened to."""
     return {
         role: {recording.name: recording.metadata.source_sha256 for recording in recordings}
         for role, recordings in (("train", train), ("validation", validation))

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def hash_of(path: Path) -> str:
-    """Returns the SHA-256 of a file's bytes, or of a folder's relative names and their files' hashes.
+    """Return the SHA-256 of a file's bytes, or of a folder's relative names and their files' hashes.
 
     Python's bytecode caches inside a folder do not count.
 

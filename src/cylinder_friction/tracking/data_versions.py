@@ -11,7 +11,7 @@ from cylinder_friction.tracking.versions import dvc_hash, file_md5, folder_hash
 
 
 def where_data_lies(root: Path, path: str, md5: str) -> str | None:
-    """Returns where data of this very content lies, every byte of it read and hashed; None where it lies nowhere.
+    """Return where data of this very content lies, every byte of it read and hashed; None where it lies nowhere.
 
     Args:
         root: The repository's root.

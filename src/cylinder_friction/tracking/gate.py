@@ -19,7 +19,7 @@ class Decision:
 
 
 def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None, tolerance_percent: float) -> Decision:
-    """Decides whether a candidate is promoted.
+    """Decide whether a candidate is promoted.
 
     A candidate is promoted when there is no incumbent, or when it is better overall (mean over the tests) and in
     no single test worse. A regression in one test refuses it however good the mean: a controller works in one
@@ -46,9 +46,9 @@ def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None
     new, old = _mean(candidate), _mean(incumbent)
     means = f"mean error {new:.3f} % against the incumbent's {old:.3f} %"
     worse = [
-        f"test {test}: {candidate[test]:.3f} % against {incumbent[test]:.3f} %"
-        for test in sorted(candidate)
-        if candidate[test] > incumbent[test] + tolerance_percent
+        f"condition {condition}: {candidate[condition]:.3f} % against {incumbent[condition]:.3f} %"
+        for condition in sorted(candidate)
+        if candidate[condition] > incumbent[condition] + tolerance_percent
     ]
     if not new < old:
         return Decision(False, f"refused: not better overall, {means}")
@@ -64,9 +64,9 @@ def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None
 def _unusable(who: str, errors: Mapping[str, float]) -> str | None:
     if not errors:
         return f"refused: the {who} has no figure of any test; run the compare stage"
-    for test in sorted(errors):
-        if not (math.isfinite(errors[test]) and errors[test] >= 0.0):
-            return f"refused: the {who}'s error in test {test} is {errors[test]}, but expected a number not below 0"
+    for condition in sorted(errors):
+        if not (math.isfinite(errors[condition]) and errors[condition] >= 0.0):
+            return f"refused: the {who}'s error in condition {condition} is {errors[condition]}, but expected a number not below 0"
     return None
 
 
@@ -76,7 +76,7 @@ def _uncompared(candidate: Mapping[str, float], incumbent: Mapping[str, float]) 
         ("incumbent", sorted(set(candidate) - set(incumbent))),
     ):
         if missing:
-            return f"refused: the {who} has no figure of test {', '.join(missing)}; both need the same tests"
+            return f"refused: the {who} has no figure of condition {', '.join(missing)}; both need the same tests"
     return None
 
 

@@ -52,7 +52,7 @@ class Lineage:
         return all(link.holds for link in self.links)
 
     def text(self) -> str:
-        """Returns the way back, one link a line, and what is broken."""
+        """Return the way back, one link a line, and what is broken."""
         width = max(len(link.name) for link in self.links)
         lines = [self.model]
         lines += [f"  {'ok    ' if link.holds else 'BROKEN'} {link.name:<{width}}  {link.found}" for link in self.links]
@@ -62,7 +62,7 @@ class Lineage:
 
 
 def lineage(uri: str, root: Path) -> Lineage:
-    """Follows the way back from a registered model and checks every link.
+    """Follow the way back from a registered model and checks every link.
 
     Args:
         uri: ``models:/<name>@<alias>`` or ``models:/<name>/<version>``.
@@ -184,7 +184,7 @@ def _params_link(root: Path, origin: dict[str, Any]) -> Link:
 
 
 def _where_in_history(root: Path, file: str, fits: Callable[[str], bool]) -> str | None:
-    """Returns where a version of ``file`` fits: the working tree, or the newest commit that changed it so."""
+    """Return where a version of ``file`` fits: the working tree, or the newest commit that changed it so."""
     path = root / file
     if path.is_file() and fits(path.read_text(encoding="utf-8")):
         return "the working tree"

@@ -48,7 +48,7 @@ _log = logging.getLogger(__name__)
 
 
 def log_run(record: RunRecord, root: Path) -> str:
-    """Logs a record as an MLflow run with its children below it, and returns the run's id.
+    """Log a record as an MLflow run with its children below it, and returns the run's id.
 
     A run that is already there whole is returned as it is; one that a kill left half-written is deleted and
     logged anew. Two records with equal content are one run.
@@ -65,7 +65,7 @@ def log_run(record: RunRecord, root: Path) -> str:
 
 
 def track_or_warn(record: RunRecord, root: Path) -> str | None:
-    """Logs a record like ``log_run``; where that fails, the stage's files stand and a warning says how to catch up."""
+    """Log a record like ``log_run``; where that fails, the stage's files stand and a warning says how to catch up."""
     try:
         return log_run(record, root)
     except Exception as error:  # whatever the store does must not cost a finished stage its result
@@ -79,13 +79,13 @@ def track_or_warn(record: RunRecord, root: Path) -> str | None:
 
 
 def find_run(store: Store, record: RunRecord) -> str | None:
-    """Returns the id of the finished run of this very record, if there is one."""
+    """Return the id of the finished run of this very record, if there is one."""
     finished = [run for run in _runs_of(store, record) if run.info.status == "FINISHED"]
     return finished[0].info.run_id if finished else None
 
 
 def log_in(store: Store, record: RunRecord, root: Path) -> str:
-    """Does what ``log_run`` does, in a store that is already open."""
+    """Do what ``log_run`` does, in a store that is already open."""
     found = find_run(store, record)
     if found is not None:
         return found
@@ -200,7 +200,7 @@ def _refuse_changed_artifacts(record: RunRecord, root: Path) -> None:
 
 
 def _allowed(name: str) -> str:
-    """Returns a name that MLflow takes: letters, digits, ``_ - . / :`` and spaces."""
+    """Return a name that MLflow takes: letters, digits, ``_ - . / :`` and spaces."""
     return re.sub(r"[^\w\-./: ]", "_", name)
 
 

@@ -46,7 +46,7 @@ SIGNATURE = ModelSignature(
 def save_model_folder(
     path: Path, estimator: Path, lineage: dict[str, Any], example: pd.DataFrame, mlflow_model: Model
 ) -> None:
-    """Writes an MLflow model folder that holds everything the served model needs.
+    """Write an MLflow model folder that holds everything the served model needs.
 
     Args:
         path: Where; must not be there yet.
@@ -72,7 +72,7 @@ def save_model_folder(
 
 
 def version_of(store: Store, uri: str) -> ModelVersion:
-    """Returns the registered version that ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` names.
+    """Return the registered version that ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` names.
 
     Raises:
         LineageError: The URI has another form, or the registry has no such version.
@@ -94,7 +94,7 @@ def version_of(store: Store, uri: str) -> ModelVersion:
 
 
 def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
-    """Returns the model folder of a registered version, copied below ``folder``.
+    """Return the model folder of a registered version, copied below ``folder``.
 
     Raises:
         TrackingError: Its files cannot be read.
@@ -109,7 +109,7 @@ def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
 
 
 def example_rows(uri: str, root: Path) -> dict[str, Any]:
-    """Returns the input example inside a registered model, as ``{"columns": [...], "data": [[...], ...]}``.
+    """Return the input example inside a registered model, as ``{"columns": [...], "data": [[...], ...]}``.
 
     Raises:
         TrackingError: The registry cannot be reached or has no such model.
@@ -121,7 +121,7 @@ def example_rows(uri: str, root: Path) -> dict[str, Any]:
 
 
 def artifact_path(model_folder: Path, artifact: str) -> Path:
-    """Returns where an artifact lies in a model folder."""
+    """Return where an artifact lies in a model folder."""
     configured = Model.load(str(model_folder)).flavors["python_function"]["artifacts"][artifact]["path"]
     return model_folder / configured
 

@@ -35,7 +35,7 @@ TRAIN_RECORD = "reports/runs/train.json"
 
 
 def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersion:
-    """Returns the candidate's version of the registered model; logs the model and makes the version where they lack.
+    """Return the candidate's version of the registered model; logs the model and makes the version where they lack.
 
     Raises:
         TrackingError: The candidate's folder is not the one that was measured, or the registry lost the version.
@@ -73,7 +73,7 @@ def _version_of(store: Store, candidate: Candidate) -> ModelVersion | None:
 
 
 def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> tuple[str, str]:
-    """Returns the ids of the logged model and of the run that made it; logs both where they are not there whole."""
+    """Return the ids of the logged model and of the run that made it; logs both where they are not there whole."""
     run_id = log_in(store, _training_record(candidate, root), root)
     query = f"tags.`{MODEL_KEY}` = '{candidate.model_key}'"
     for model in store.client.search_logged_models([store.experiment_id], filter_string=query):
@@ -110,7 +110,7 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> tupl
 
 
 def _training_record(candidate: Candidate, root: Path) -> RunRecord:
-    """Returns the record of the stage that made the model; a short one of its own where that file is not there."""
+    """Return the record of the stage that made the model; a short one of its own where that file is not there."""
     path = root / TRAIN_RECORD
     if path.is_file():
         return RunRecord.from_dict(json.loads(path.read_text(encoding="utf-8")))

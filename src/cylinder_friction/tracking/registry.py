@@ -37,7 +37,7 @@ _DECISION = "gate_decision"
 def register(
     candidate: Candidate, root: Path, tolerance_percent: float, measure_again: Callable[[Path], Errors]
 ) -> Registered:
-    """Makes the candidate a version of the registered model and, if the gate lets it, the champion.
+    """Make the candidate a version of the registered model and, if the gate lets it, the champion.
 
     A refused candidate becomes a version too, without the alias: the registry then shows what was tried and why it
     was refused. Whatever moment a kill comes at, calling it again ends in the same state: a model is recognised by
@@ -70,7 +70,7 @@ def register(
 
 
 def register_again(root: Path) -> str | None:
-    """Makes what ``models/registered.json`` says true of the store in use; returns it in words, None without the file.
+    """Make what ``models/registered.json`` says true of the store in use; returns it in words, None without the file.
 
     The decision stands as it was made. The alias goes to the version only where it was promoted and nobody else has
     taken the place since.
@@ -112,7 +112,7 @@ def _same(champion: ModelVersion | None, version: ModelVersion) -> bool:
 def _incumbent(
     store: Store, champion: ModelVersion | None, candidate: Candidate, measure_again: Callable[[Path], Errors]
 ) -> Incumbent | None:
-    """Returns the champion's figures: its own where they were measured on the same recordings, else measured anew."""
+    """Return the champion's figures: its own where they were measured on the same recordings, else measured anew."""
     if champion is None:
         return None
     key = champion.tags.get(MODEL_KEY, "unknown")
@@ -146,7 +146,7 @@ def _write_decision(store: Store, version: ModelVersion, registered: Registered)
 
 
 def _promote(store: Store, version: ModelVersion, champion: ModelVersion | None) -> None:
-    """Moves the alias, last and in one step; tags say from where to where, since MLflow keeps no history of it."""
+    """Move the alias, last and in one step; tags say from where to where, since MLflow keeps no history of it."""
     tags = {
         "promoted_from": "none" if champion is None else f"version {champion.version}",
         "promoted_to": f"version {version.version}",

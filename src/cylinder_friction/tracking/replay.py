@@ -42,7 +42,7 @@ class Replayed:
 
 
 def replay(root: Path) -> Replayed:
-    """Logs every ``reports/runs/<stage>.json`` that the store lacks and makes sure the registered model is there.
+    """Log every ``reports/runs/<stage>.json`` that the store lacks and makes sure the registered model is there.
 
     Raises:
         TrackingError: The store cannot be reached, or there is nothing to log.

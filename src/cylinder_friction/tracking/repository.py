@@ -24,7 +24,7 @@ class Commit:
 
 
 def repository_root(start: Path) -> Path:
-    """Returns the absolute root of the repository that holds ``start``; ``start`` itself where there is none.
+    """Return the absolute root of the repository that holds ``start``; ``start`` itself where there is none.
 
     An experiment that DVC runs in ``.dvc/tmp/exps`` belongs to the repository around it, not to the throw-away copy.
     """
@@ -39,7 +39,7 @@ def repository_root(start: Path) -> Path:
 
 
 def git(root: Path, *arguments: str) -> str | None:
-    """Returns what git answers, stripped; None where git fails, is absent or ``root`` is no repository."""
+    """Return what git answers, stripped; None where git fails, is absent or ``root`` is no repository."""
     try:
         done = subprocess.run(  # noqa: S603
             ["git", "-C", str(root), *arguments],  # noqa: S607
@@ -51,7 +51,7 @@ def git(root: Path, *arguments: str) -> str | None:
 
 
 def commit_of(root: Path) -> Commit:
-    """Returns the commit that ``root`` is at; ``unknown`` and dirty where there is none."""
+    """Return the commit that ``root`` is at; ``unknown`` and dirty where there is none."""
     sha = git(root, "rev-parse", "HEAD")
     if sha is None:
         return Commit("unknown", dirty=True)

@@ -48,7 +48,7 @@ def sampled_resources(stage: str, root: Path, interval_s: float = 1.0) -> Iterat
 
 
 def resource_metrics(root: Path, record: RunRecord) -> list[Metric]:
-    """Returns the samples of the stage that made ``record`` as MLflow metrics; none where it was not sampled.
+    """Return the samples of the stage that made ``record`` as MLflow metrics; none where it was not sampled.
 
     The first record that asks after a stage has run owns the samples; a record that came from a cache has none.
     """

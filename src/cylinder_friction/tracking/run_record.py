@@ -41,7 +41,7 @@ class RunRecord:
     experiment: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Returns the content of its file. The main experiment is not written down: older files have no such key."""
+        """Return the content of its file. The main experiment is not written down: older files have no such key."""
         content = {**asdict(self), "children": [child.to_dict() for child in self.children]}
         return content if self.experiment else {key: value for key, value in content.items() if key != "experiment"}
 
@@ -51,5 +51,5 @@ class RunRecord:
         return cls(**{**content, "children": children})
 
     def key(self) -> str:
-        """Returns the hash of the content: two records with one key are one run."""
+        """Return the hash of the content: two records with one key are one run."""
         return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()

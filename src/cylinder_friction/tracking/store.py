@@ -52,28 +52,28 @@ class Store:
     experiment_id: str
 
     def experiment(self, part: str) -> str:
-        """Returns the id of one of the project's experiments, made if it is not there yet; ``""`` is the main one."""
+        """Return the id of one of the project's experiments, made if it is not there yet; ``""`` is the main one."""
         return _experiment(self.client, self.uri, self.root, experiment_name(part)) if part else self.experiment_id
 
 
 def experiment_name(part: str = "") -> str:
-    """Returns the name in MLflow of one of the project's experiments; ``""`` is the main one."""
+    """Return the name in MLflow of one of the project's experiments; ``""`` is the main one."""
     return f"{EXPERIMENT}-{part}" if part else EXPERIMENT
 
 
 def tracking_uri(root: Path) -> str:
-    """Returns ``MLFLOW_TRACKING_URI`` where it is set, else SQLite at the repository's root by absolute path."""
+    """Return ``MLFLOW_TRACKING_URI`` where it is set, else SQLite at the repository's root by absolute path."""
     return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{repository_root(root) / 'mlflow.db'}"
 
 
 def artifact_folder(root: Path) -> Path:
-    """Returns where the default store keeps its artifacts."""
+    """Return where the default store keeps its artifacts."""
     return repository_root(root) / "mlartifacts"
 
 
 @contextmanager
 def open_store(root: Path) -> Iterator[Store]:
-    """Yields the store, made if it is not there yet; other processes of this repository wait until the block ends.
+    """Yield the store, made if it is not there yet; other processes of this repository wait until the block ends.
 
     The lock makes "look whether it is there, else log it" one step, and a killed process gives it back.
 

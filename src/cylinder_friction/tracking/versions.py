@@ -40,7 +40,7 @@ class Origin:
         return params_hash(self.params)
 
     def tags(self) -> dict[str, str]:
-        """Returns the tags of a registered version: one hash each."""
+        """Return the tags of a registered version: one hash each."""
         processed = {
             f"data_{path.removeprefix('data/').replace('/', '_')}_md5": md5
             for path, md5 in self.data.items()
@@ -58,7 +58,7 @@ class Origin:
 
 
 def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
-    """Returns what the workspace's models are made from, as ``dvc.lock`` and ``params.yaml`` say.
+    """Return what the workspace's models are made from, as ``dvc.lock`` and ``params.yaml`` say.
 
     Args:
         root: The repository's root.
@@ -84,7 +84,7 @@ def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
 
 
 def locked_hashes(text: str) -> dict[str, str]:
-    """Returns ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word."""
+    """Return ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word."""
     stages = (yaml.safe_load(text) or {}).get("stages", {})
     result: dict[str, str] = {}
     for kind in ("deps", "outs"):
@@ -94,7 +94,7 @@ def locked_hashes(text: str) -> dict[str, str]:
 
 
 def shaping_params(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the sections of the parameters that shape a model."""
+    """Return the sections of the parameters that shape a model."""
     return {section: values for section, values in content.items() if section not in JUDGING_SECTIONS}
 
 
@@ -103,7 +103,7 @@ def params_hash(params: Mapping[str, Any]) -> str:
 
 
 def dvc_hash(path: Path) -> str:
-    """Returns the hash that DVC gives a file or a folder (``.dir`` at its end).
+    """Return the hash that DVC gives a file or a folder (``.dir`` at its end).
 
     A folder's is the MD5 of the JSON list of its files' MD5 and relative paths, sorted by path.
     """
@@ -114,7 +114,7 @@ def dvc_hash(path: Path) -> str:
 
 
 def folder_hash(entries: Sequence[Mapping[str, str]]) -> str:
-    """Returns the hash that DVC gives a folder with these files."""
+    """Return the hash that DVC gives a folder with these files."""
     ordered = sorted(entries, key=lambda entry: entry["relpath"])
     listing = json.dumps([{"md5": entry["md5"], "relpath": entry["relpath"]} for entry in ordered], sort_keys=True)
     return f"{hashlib.md5(listing.encode(), usedforsecurity=False).hexdigest()}.dir"

@@ -100,7 +100,7 @@ def run_search(
     journal: Path,
     after_trial: Callable[[Trial], None],
 ) -> list[Trial]:
-    """Runs what is left of the plan and returns all trials in order.
+    """Run what is left of the plan and returns all trials in order.
 
     Args:
         space: Where to look.
@@ -124,12 +124,12 @@ def run_search(
 
 
 def read_trials(journal: Path) -> list[Trial]:
-    """Returns the trials of a file that ``run_search`` wrote; none where there is no file."""
+    """Return the trials of a file that ``run_search`` wrote; none where there is no file."""
     return [Trial.from_dict(entry) for entry in read_json(journal)] if journal.is_file() else []
 
 
 def best_trial(trials: Sequence[Trial]) -> Trial:
-    """Returns the complete trial with the smallest error, the earliest of equals.
+    """Return the complete trial with the smallest error, the earliest of equals.
 
     Raises:
         ValueError: No trial was completed.
@@ -145,7 +145,7 @@ def best_trial(trials: Sequence[Trial]) -> Trial:
 
 
 def study_of(trials: Sequence[Trial], space: SearchSpace, plan: SearchPlan) -> optuna.Study:
-    """Returns an in-memory Optuna study holding these trials, its sampler seeded by their number."""
+    """Return an in-memory Optuna study holding these trials, its sampler seeded by their number."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     sampler = optuna.samplers.TPESampler(seed=plan.seed * 10_007 + len(trials), n_startup_trials=plan.startup_trials)
     pruner = optuna.pruners.MedianPruner(

@@ -56,7 +56,7 @@ class BoostingPlan:
 def fit_boosted_trees(
     features: NDArray[np.float32], target: NDArray[np.float64], plan: BoostingPlan, seed: int
 ) -> onnx.ModelProto:
-    """Fits histogram gradient boosting and returns it as ONNX, the one form it is stored and run in.
+    """Fit histogram gradient boosting and returns it as ONNX, the one form it is stored and run in.
 
     One thread sums the histograms, so that the same rows give the same trees on any machine.
 
@@ -85,7 +85,7 @@ def fit_boosted_trees(
 
 
 def trees_to_onnx(model: HistGradientBoostingRegressor, inputs: int) -> onnx.ModelProto:
-    """Returns a fitted model as a ``TreeEnsembleRegressor`` that takes every row the way scikit-learn does.
+    """Return a fitted model as a ``TreeEnsembleRegressor`` that takes every row the way scikit-learn does.
 
     scikit-learn compares with thresholds in double precision, ONNX in single. Features are single precision on both
     sides, so the greatest single-precision number that is not above a threshold parts them alike. Leaf values are
@@ -131,7 +131,7 @@ def trees_to_onnx(model: HistGradientBoostingRegressor, inputs: int) -> onnx.Mod
 
 
 def _rounded_down(thresholds: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Returns the greatest single-precision numbers that are not above given ones."""
+    """Return the greatest single-precision numbers that are not above given ones."""
     with np.errstate(over="ignore"):
         single = thresholds.astype(np.float32)
     above = single.astype(np.float64) > thresholds

@@ -51,10 +51,10 @@ class ByDirectionEstimator(FrictionEstimator):
 
     @abstractmethod
     def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
-        """Sets levels and slope from the usable rows."""
+        """Set levels and slope from the usable rows."""
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Finds the levels on all usable rows; a situation that never came keeps 0 N."""
+        """Find the levels on all usable rows; a situation that never came keeps 0 N."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         seen = [self._look(self.new_state(), recording.samples(self.inputs)) for recording in recordings]

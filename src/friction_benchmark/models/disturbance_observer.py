@@ -90,7 +90,7 @@ class DisturbanceObserver(FrictionEstimator):
         self._order = [int(np.argmax(column)) for column in on_inputs(np.eye(3)[:, :, None], inputs)[:, :, 0]]
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Finds the friction law, how far the sensors are off, and the noises, in this order."""
+        """Find the friction law, how far the sensors are off, and the noises, in this order."""
         self._begin_fit(recordings)
         traces = [
             self._trace(AVERAGE.new_state(), new_sense(), recording.samples(self.inputs)) for recording in recordings
@@ -219,7 +219,7 @@ class DisturbanceObserver(FrictionEstimator):
 
 
 def sensor_errors(beside: Sequence[tuple[Array, Any]], sample_time_s: float) -> dict[str, float]:
-    """Returns how far the force balance is off at the start, how fast that changes, and how much it wanders.
+    """Return how far the force balance is off at the start, how fast that changes, and how much it wanders.
 
     Args:
         beside: For each recording force balance less label [N], and its mask of usable rows.

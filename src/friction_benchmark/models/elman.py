@@ -155,7 +155,7 @@ class ElmanEstimator(LearnedEstimator):
         )
 
     def model_multiply_adds(self) -> int:
-        """Returns those of one step of the network, which comes every fourth sample: the worst case."""
+        """Return those of one step of the network, which comes every fourth sample: the worst case."""
         return weight_count(len(self._columns()) + 1, self.plan.nodes)
 
     def write_model(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - some hundred numbers are JSON
@@ -179,7 +179,7 @@ class ElmanEstimator(LearnedEstimator):
         return places_of(self.features, (*VELOCITIES, *task_columns(self.features)))
 
     def _inputs(self, features: Single) -> Single:
-        """Returns what the network sees, shape ``(n, k)``."""
+        """Return what the network sees, shape ``(n, k)``."""
         assert self.features is not None
         way = last_motion(self.features, features)
         return np.column_stack([features[:, self._columns()], way]).astype(np.float32)
@@ -189,7 +189,7 @@ class ElmanEstimator(LearnedEstimator):
         return 1 if self.features.has_base else STRIDE
 
     def _batch(self, recordings: Sequence[SequenceData]) -> Batch:
-        """Returns pieces from places drawn at random, as many of each recording as of the others."""
+        """Return pieces from places drawn at random, as many of each recording as of the others."""
         generator = np.random.default_rng([self.seed, 1])
         stride = self._stride()
         length = min(SEGMENT_STEPS, *(len(each.target) // stride for each in recordings))
@@ -211,7 +211,7 @@ class ElmanEstimator(LearnedEstimator):
 
 
 def train_with_adam(batch: Batch, plan: ElmanPlan, seed: int) -> Found:
-    """Returns the best weights that Adam (Kingma and Ba 2015) passes, each step on all rows of the batch.
+    """Return the best weights that Adam (Kingma and Ba 2015) passes, each step on all rows of the batch.
 
     First weights are uniform within one over the root of a node's inputs (Glorot and Bengio 2010); the gradient is cut
     at norm 1.

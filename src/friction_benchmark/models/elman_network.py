@@ -25,7 +25,7 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
 def weight_count(inputs: int, nodes: int) -> int:
-    """Returns how many weights such a network has; as many are the multiply-adds of a step, its biases left in."""
+    """Return how many weights such a network has; as many are the multiply-adds of a step, its biases left in."""
     return nodes * (inputs + nodes + 2) + 1
 
 
@@ -45,19 +45,19 @@ class Batch:
 
     @property
     def rows(self) -> int:
-        """Steps of all sequences together, scored or not: what one evaluation of the network costs."""
+        """Step of all sequences together, scored or not: what one evaluation of the network costs."""
         return int(self.target.size)
 
 
 def cost(weights: NDArray[np.float64], nodes: int, feedback: float, batch: Batch) -> float:
-    """Returns the mean of ``sqrt(e² + knee²) - knee`` over the scored steps; context starts at zero."""
+    """Return the mean of ``sqrt(e² + knee²) - knee`` over the scored steps; context starts at zero."""
     return float(_cost(weights.astype(np.float32), nodes, np.float32(feedback), *_arrays(batch)))
 
 
 def cost_and_gradient(
     weights: NDArray[np.float64], nodes: int, feedback: float, batch: Batch
 ) -> tuple[float, NDArray[np.float64]]:
-    """Returns the cost and its gradient by every weight, back through the whole sequence (Werbos 1990)."""
+    """Return the cost and its gradient by every weight, back through the whole sequence (Werbos 1990)."""
     value, gradient = _gradient(weights.astype(np.float32), nodes, np.float32(feedback), *_arrays(batch))
     return float(value), gradient.astype(np.float64)
 
@@ -68,7 +68,7 @@ def _arrays(batch: Batch) -> tuple[Single, Single, Single]:
 
 @numba.njit(cache=True)
 def elman_step(weights: Single, feedback: np.float32, row: Single, hidden: Single, context: Single) -> np.float32:
-    """Takes one step: changes ``hidden`` and ``context``, each shape ``(nodes,)``; returns the output."""
+    """Take one step: changes ``hidden`` and ``context``, each shape ``(nodes,)``; returns the output."""
     nodes, inputs = hidden.shape[0], row.shape[0]
     recurrent = inputs * nodes
     bias = recurrent + nodes * nodes
@@ -90,7 +90,7 @@ def elman_step(weights: Single, feedback: np.float32, row: Single, hidden: Singl
 def _hidden_step(
     weights: Single, feedback: np.float32, rows: Single, before: Single, context: Single, hidden: Single
 ) -> None:
-    """Steps all sequences: changes ``context``, writes ``hidden``, each shape ``(nodes, sequences)``."""
+    """Step all sequences: changes ``context``, writes ``hidden``, each shape ``(nodes, sequences)``."""
     nodes, count = hidden.shape
     inputs = rows.shape[0]
     recurrent = inputs * nodes
@@ -147,7 +147,7 @@ def _cost(weights: Single, nodes: int, feedback: np.float32, inputs: Single, tar
 
 @numba.njit(cache=True)
 def _forward(weights: Single, nodes: int, feedback: np.float32, inputs: Single) -> tuple[Single, Single, Single]:
-    """Returns hidden nodes and context after each step and before the first, and the outputs."""
+    """Return hidden nodes and context after each step and before the first, and the outputs."""
     steps, count = inputs.shape[0], inputs.shape[2]
     hidden = np.zeros((steps + 1, nodes, count), dtype=np.float32)
     contexts = np.zeros((steps + 1, nodes, count), dtype=np.float32)

@@ -57,7 +57,7 @@ class GradientBoostingEstimator(LearnedEstimator):
         self._trees: Forest | None = None
 
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
-        """Learns from ``plan.rows`` usable rows; nothing stops early."""
+        """Learn from ``plan.rows`` usable rows; nothing stops early."""
         rows = [self.past.advance(self.past.new_memory(), each.features)[each.usable] for each in train]
         target = np.concatenate([each.target[each.usable] for each in train]).astype(np.float64)
         self._set_model(fit_boosted_trees(np.concatenate(rows), target, self.plan, self.seed))
@@ -70,7 +70,7 @@ class GradientBoostingEstimator(LearnedEstimator):
         return self._trees.predict(self.past.advance(memory, features))
 
     def model_multiply_adds(self) -> int:
-        """Returns the comparisons on the longest way through every tree, and the averages."""
+        """Return the comparisons on the longest way through every tree, and the averages."""
         assert self._trees is not None
         assert self.features is not None
         return self._trees.comparisons() + self.past.multiply_adds(len(self.features.names))

@@ -76,7 +76,7 @@ class Gru:
         return np.zeros((self.weights.layers, self.weights.nodes), dtype=np.float32)
 
     def advance(self, state: Single, features: Single) -> tuple[Single, Single]:
-        """Returns the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
+        """Return the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
         w, inputs = self.weights, self.weights.input[0].shape[0]
         biases = (w.input_bias, w.recurrent_bias)
         result: tuple[Single, Single] = _run(
@@ -133,7 +133,7 @@ def _cell_step(given: Single, kept: Single, hidden: Single) -> None:
 
 
 def gru_to_onnx(weights: GruWeights) -> onnx.ModelProto:
-    """Returns the checked graph: ``features`` (time, batch, k) and ``hidden_in`` (layers, batch, nodes) to ``hidden``
+    """Return the checked graph: ``features`` (time, batch, k) and ``hidden_in`` (layers, batch, nodes) to ``hidden``
     (time, batch, nodes), ``head`` (time, batch, 1) and ``hidden_out``; all float32."""
     nodes: list[onnx.NodeProto] = []
     constants = [
@@ -180,7 +180,7 @@ def gru_to_onnx(weights: GruWeights) -> onnx.ModelProto:
 
 
 def gru_from_onnx(model: onnx.ModelProto) -> GruWeights:
-    """Returns the weights inside a graph that ``gru_to_onnx`` made."""
+    """Return the weights inside a graph that ``gru_to_onnx`` made."""
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     layers = range(sum(1 for name in stored if name.endswith("_R")))
     biases = np.concatenate([stored[f"layer{layer}_B"] for layer in layers])

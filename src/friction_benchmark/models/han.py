@@ -124,7 +124,7 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
         self._taught: Perceptron | None = None
 
     def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Learns from synthetic friction along the motion of ``train`` and, if fine-tuned, from its labels then."""
+        """Learn from synthetic friction along the motion of ``train`` and, if fine-tuned, from its labels then."""
         self._begin_fit(train)
         self._set_features(fit_features(MOTION, self.cylinder, train))
         self.target_mean_n, self.target_scale_n = 0.0, generic_parameters(self.cylinder).coulomb_n
@@ -169,13 +169,13 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
         return super().advance(state, self._seen(samples))
 
     def _seen(self, samples: Array) -> Array:
-        """Returns the columns that its features are made from: the position alone without fine tuning."""
+        """Return the columns that its features are made from: the position alone without fine tuning."""
         assert self.features is not None
         places = [self.inputs.index(name) for name in self.features.inputs]
         return np.ascontiguousarray(samples[:, places])
 
     def _inputs(self, memory: HanMemory, features: Single) -> tuple[Single, NDArray[np.bool_]]:
-        """Returns what the network sees at each sample, and where the window stepped; changes ``memory``."""
+        """Return what the network sees at each sample, and where the window stepped; changes ``memory``."""
         assert self.features is not None
         plan, place = self.features.front_end, self.features.names.index("velocity_m_s")
         velocity = features[:, place].astype(np.float64) * plan.scale[place] + plan.mean[place]
@@ -185,7 +185,7 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
         return np.concatenate([rows, way[:, None], others], axis=1), stepped
 
     def _labelled(self, recordings: Sequence[SequenceData]) -> tuple[Single, Single]:
-        """Returns rows and targets at every step of the window that may be used."""
+        """Return rows and targets at every step of the window that may be used."""
         rows, targets = [], []
         for each in recordings:
             seen, stepped = self._inputs(self.new_memory(), each.features)
@@ -223,7 +223,7 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
 
 
 def _hold(values: Single, stepped: NDArray[np.bool_], held: Single) -> Single:
-    """Returns the last value at each sample, shape ``(n,)``; changes ``held``."""
+    """Return the last value at each sample, shape ``(n,)``; changes ``held``."""
     result = np.concatenate([held, values])[np.cumsum(stepped)]
     if len(result):
         held[0] = result[-1]

@@ -53,14 +53,14 @@ class Past:
         return cls(tuple(content["lags"]), tuple(content["averages"]))
 
     def width(self, features: int) -> int:
-        """Returns how many columns ``advance`` makes of so many features."""
+        """Return how many columns ``advance`` makes of so many features."""
         return features * (1 + len(self.lags) + len(self.averages))
 
     def new_memory(self) -> PastMemory:
         return PastMemory()
 
     def advance(self, memory: PastMemory, features: Rows) -> Rows:
-        """Returns features, lagged and averaged ones side by side, shape ``(n, width(k))``, float32."""
+        """Return features, lagged and averaged ones side by side, shape ``(n, width(k))``, float32."""
         count = len(features)
         if count == 0:
             return np.empty((0, self.width(features.shape[1])), dtype=np.float32)

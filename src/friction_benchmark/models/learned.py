@@ -53,7 +53,7 @@ class LearnedEstimator(FrictionEstimator):
 
     @abstractmethod
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        """Learns the targets, in standard deviations, of one sequence a recording.
+        """Learn the targets, in standard deviations, of one sequence a recording.
 
         ``validation``, which may be empty, only stops it early. Features are standardised float32, shape
         ``(n, len(self.features.names))``.
@@ -61,37 +61,37 @@ class LearnedEstimator(FrictionEstimator):
 
     @abstractmethod
     def new_memory(self) -> Any:
-        """Returns the model's memory before the first sample; None where it has none."""
+        """Return the model's memory before the first sample; None where it has none."""
 
     @abstractmethod
     def predict(self, memory: Any, features: NDArray[np.float32]) -> NDArray[Any]:
-        """Returns the target, shape ``(n,)``, of the next ``n`` rows of features; changes ``memory``.
+        """Return the target, shape ``(n,)``, of the next ``n`` rows of features; changes ``memory``.
 
         Cutting the rows into pieces must not change one bit (a matrix product over many rows does: compute row by row).
         """
 
     @abstractmethod
     def model_multiply_adds(self) -> int:
-        """Returns the multiply-adds of one step of the model, features left out."""
+        """Return the multiply-adds of one step of the model, features left out."""
 
     @abstractmethod
     def write_model(self, folder: Path) -> dict[str, Any]:
-        """Writes networks and forests as ONNX into ``folder``; returns the rest, constructor arguments too, as JSON."""
+        """Write networks and forests as ONNX into ``folder``; returns the rest, constructor arguments too, as JSON."""
 
     @classmethod
     @abstractmethod
     def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
-        """Returns the estimator that ``write_model`` wrote; features and scaling are set by the caller."""
+        """Return the estimator that ``write_model`` wrote; features and scaling are set by the caller."""
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learns from all recordings, to the end of the schedule.
+        """Learn from all recordings, to the end of the schedule.
 
         Nothing is held out for early stopping: measured on other sessions, the sessions missed more than it brought.
         """
         self.fit_with_validation(recordings, ())
 
     def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Learns features, scaling and model from ``train``; ``validation``, if any, only stops training early."""
+        """Learn features, scaling and model from ``train``; ``validation``, if any, only stops training early."""
         self._begin_fit(train)
         self._set_features(fit_features(self.inputs, self.cylinder, train))
         pairs = [self._pair(recording) for recording in train]
@@ -120,7 +120,7 @@ class LearnedEstimator(FrictionEstimator):
         self.features, self._block = features, FeatureBlock(features)
 
     def _pair(self, recording: Recording) -> tuple[NDArray[np.float32], Array]:
-        """Returns the features of a recording, and what the force balance leaves of its label [N]."""
+        """Return the features of a recording, and what the force balance leaves of its label [N]."""
         assert self._block is not None
         features, base_n = self._block.advance(self._block.new_state(), recording.samples(self.inputs))
         return features, recording.column("friction_n") - base_n

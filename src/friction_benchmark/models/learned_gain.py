@@ -133,7 +133,7 @@ class LearnedGainEstimator(FrictionEstimator):
         self._offset_bias = 0.0
 
     def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learns from the recordings' ``friction_n``: labels, or a simulated rig's true friction.
+        """Learn from the recordings' ``friction_n``: labels, or a simulated rig's true friction.
 
         Raises:
             FloatingPointError: Training diverged.
@@ -181,7 +181,7 @@ class LearnedGainEstimator(FrictionEstimator):
         return np.asarray(_track(balance_n, gain[latest], state.tracked_n) + self.scale_n * offset[latest])
 
     def multiply_adds(self) -> int:
-        """Returns the multiply-adds of a sample at which the network steps: the most that a sample costs."""
+        """Return the multiply-adds of a sample at which the network steps: the most that a sample costs."""
         assert self.features is not None
         assert self._network is not None
         return self.features.multiply_adds() + self._network.weights.multiply_adds() + self.architecture.nodes + 2
@@ -230,7 +230,7 @@ class LearnedGainEstimator(FrictionEstimator):
 
 
 def _mean_offset_n(cylinder: Cylinder, recordings: Sequence[Recording]) -> float:
-    """Returns the mean over recordings of |median of friction less force balance| [N], on usable rows."""
+    """Return the mean over recordings of |median of friction less force balance| [N], on usable rows."""
     areas = force_balance_taps(cylinder)[0, :, 0]
     offsets = [
         np.median((recording.column("friction_n") - recording.samples() @ areas)[recording.usable()])
@@ -242,7 +242,7 @@ def _mean_offset_n(cylinder: Cylinder, recordings: Sequence[Recording]) -> float
 
 @numba.njit(cache=True)
 def _heads(hidden: Single, logit: Single, offset_head: Single, offset_bias: float) -> tuple[Array, Array]:
-    """Returns gain and offset, float64, of each step of the network."""
+    """Return gain and offset, float64, of each step of the network."""
     gain, offset = np.empty(len(logit)), np.empty(len(logit))
     for row in range(len(logit)):
         gain[row] = sigmoid(logit[row])
@@ -252,7 +252,7 @@ def _heads(hidden: Single, logit: Single, offset_head: Single, offset_bias: floa
 
 @numba.njit(cache=True)
 def _track(balance_n: Array, gain: Array, tracked_n: Array) -> Array:
-    """Returns the tracked force [N]; it begins at the first force balance."""
+    """Return the tracked force [N]; it begins at the first force balance."""
     result = np.empty_like(balance_n)
     for row in range(len(balance_n)):
         if np.isnan(tracked_n[0]):

@@ -55,7 +55,7 @@ class GainNetwork(FrictionNetwork):
             nn.init.constant_(layer.bias, bias)
 
     def steer(self, features: torch.Tensor, state: Any) -> tuple[torch.Tensor, torch.Tensor, Any]:
-        """Returns gains and offsets, each ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
+        """Return gains and offsets, each ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
         hidden, state = self.lstm(features, state)
         return torch.sigmoid(self.head(hidden)[..., 0]), self.offset(hidden)[..., 0], state
 
@@ -78,7 +78,7 @@ class _Track(torch.autograd.Function):
 
 
 def track(gain: torch.Tensor, balance: torch.Tensor, last: torch.Tensor) -> torch.Tensor:
-    """Returns the tracked force, shape ``(time, batch)``, after ``last``, ``(batch,)``; differentiable by the gain."""
+    """Return the tracked force, shape ``(time, batch)``, after ``last``, ``(batch,)``; differentiable by the gain."""
     tracked: torch.Tensor = _Track.apply(gain, balance, last)
     return tracked
 
@@ -96,7 +96,7 @@ def _forward(gain: Single, balance: Single, last: Single) -> Single:
 
 @numba.njit(cache=True)
 def _backward(gain: Single, balance: Single, last: Single, tracked: Single, upstream: Single) -> Single:
-    """Returns the derivative by the gain; the adjoint runs backwards, ``l[t] = u[t] + (1 - g[t+1]) l[t+1]``."""
+    """Return the derivative by the gain; the adjoint runs backwards, ``l[t] = u[t] + (1 - g[t+1]) l[t+1]``."""
     slope = np.empty_like(gain)
     one = np.float32(1.0)
     for batch in range(balance.shape[1]):
@@ -112,7 +112,7 @@ def _backward(gain: Single, balance: Single, last: Single, tracked: Single, upst
 def train_gain(
     architecture: GainArchitecture, plan: GainPlan, recordings: Sequence[TrackingSequence], seed: int
 ) -> tuple[LstmWeights, Single, float]:
-    """Trains with AdamW (Loshchilov and Hutter 2019) and a cosine schedule on the mean absolute error.
+    """Train with AdamW (Loshchilov and Hutter 2019) and a cosine schedule on the mean absolute error.
 
     Returns:
         The network with the gain's head, and weights and bias of the offset's head.
@@ -156,7 +156,7 @@ def _train_group(
     group: Sequence[TrackingSequence],
     generator: np.random.Generator,
 ) -> float:
-    """Takes one update a stretch; state and tracked force carry on, the gradient does not. Returns the last error."""
+    """Take one update a stretch; state and tracked force carry on, the gradient does not. Returns the last error."""
     features, balance, target, weight = _side_by_side(group, plan.burn_in)
     cut = plan.stride * int(generator.integers(plan.stretch // plan.stride))
     edges = sorted({0, *range(cut, len(balance), plan.stretch), len(balance)})
@@ -180,7 +180,7 @@ def _train_group(
 
 
 def _side_by_side(group: Sequence[TrackingSequence], burn_in: int) -> tuple[torch.Tensor, ...]:
-    """Returns features (time, batch, k), balance, target and weight (time, batch), padded at the end."""
+    """Return features (time, batch, k), balance, target and weight (time, batch), padded at the end."""
     time, batch = max(len(one.target) for one in group), len(group)
     features = torch.zeros(time, batch, group[0].features.shape[1])
     balance, target, weight = (torch.zeros(time, batch) for _ in range(3))

@@ -110,7 +110,7 @@ class LugreResidualEstimator(GradientBoostingEstimator):
         self.lugre_scale_n = 1.0
 
     def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Identifies LuGre, then learns what it leaves, from the same recordings."""
+        """Identify LuGre, then learns what it leaves, from the same recordings."""
         self._begin_fit(train)
         count = min(self.identified_on, len(train))
         self.lugre.fit([train[int(number * len(train) / count)] for number in range(count)])

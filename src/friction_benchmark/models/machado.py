@@ -114,7 +114,7 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
         self._use(network)
 
     def new_memory(self) -> Array:
-        """Returns the velocities of the last ``delay`` samples, NaN before the first."""
+        """Return the velocities of the last ``delay`` samples, NaN before the first."""
         return np.full(self.plan.delay, np.nan)
 
     def predict(self, memory: Array, features: Single) -> NDArray[Any]:
@@ -127,7 +127,7 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
         super()._set_features(features)
 
     def _inputs(self, memory: Array, features: Single) -> Single:
-        """Returns what the network sees, shape ``(n, k)``; changes ``memory``."""
+        """Return what the network sees, shape ``(n, k)``; changes ``memory``."""
         assert self.features is not None
         plan, names = self.features.front_end, self.features.names
         now, creep = (features[:, place] for place in places_of(self.features, VELOCITIES))
@@ -145,7 +145,7 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
         return np.column_stack([now, creep, change, stiction, others]).astype(np.float32)
 
     def _rows(self, recordings: Sequence[SequenceData], generator: np.random.Generator) -> tuple[Array, Array]:
-        """Returns inputs and targets of rows drawn from all recordings."""
+        """Return inputs and targets of rows drawn from all recordings."""
         inputs = np.concatenate([self._inputs(self.new_memory(), each.features)[each.usable] for each in recordings])
         target = np.concatenate([each.target[each.usable] for each in recordings])
         drawn = generator.permutation(len(target))[:ROWS]
@@ -155,7 +155,7 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
 def _fit(
     rows: Array, target: Array, unseen: Array, unseen_target: Array, plan: MachadoPlan, generator: np.random.Generator
 ) -> Perceptron:
-    """Returns the network of the iterate, every twentieth looked at, that is best on the unseen rows."""
+    """Return the network of the iterate, every twentieth looked at, that is best on the unseen rows."""
     inputs, nodes = rows.shape[1], plan.nodes
     spread = np.concatenate([np.full((inputs + 1) * nodes, inputs**-0.5), np.full(nodes, nodes**-0.5), [0.0]])
     start = spread * generator.uniform(-1.0, 1.0, len(spread))
@@ -192,14 +192,14 @@ def _parts(weights: NDArray[Any], nodes: int) -> tuple[NDArray[Any], NDArray[Any
 
 
 def _outputs(weights: Array, nodes: int, rows: Array) -> tuple[Array, Array]:
-    """Returns hidden outputs, shape ``(n, nodes)``, and the output, shape ``(n,)``, of all rows."""
+    """Return hidden outputs, shape ``(n, nodes)``, and the output, shape ``(n,)``, of all rows."""
     hidden, bias, head, last = _parts(weights, nodes)
     active = np.tanh(rows @ hidden + bias)
     return active, active @ head + last
 
 
 def _cost(weights: Array, nodes: int, penalty: float, rows: Array, target: Array) -> tuple[float, Array]:
-    """Returns the mean of ``sqrt(e² + knee²) - knee`` with the penalty, and its gradient."""
+    """Return the mean of ``sqrt(e² + knee²) - knee`` with the penalty, and its gradient."""
     active, output = _outputs(weights, nodes, rows)
     error = output - target
     root = np.sqrt(error * error + KNEE**2)

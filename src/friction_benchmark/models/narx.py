@@ -87,7 +87,7 @@ class NarxEstimator(LearnedEstimator):
         self._weights = np.zeros(1)
 
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        """Finds poles on some recordings, judged by any validation ones, then terms and parameters on all."""
+        """Find poles on some recordings, judged by any validation ones, then terms and parameters on all."""
         few = [train[int(number * len(train) / SEARCHED)] for number in range(min(SEARCHED, len(train)))]
         best = np.inf
         at_rest, sliding = self.at_rest, self.sliding
@@ -173,7 +173,7 @@ class NarxEstimator(LearnedEstimator):
 
 
 def _robust(design: Array, target: Array) -> Array:
-    """Returns weights near to least absolute error: squares within ``SMALL_RESIDUAL``, absolute beyond."""
+    """Return weights near to least absolute error: squares within ``SMALL_RESIDUAL``, absolute beyond."""
     scale = np.sqrt((design**2).mean(axis=0)) + 1e-12
     scaled = design / scale
     importance = np.ones(len(target))

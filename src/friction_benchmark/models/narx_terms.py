@@ -23,14 +23,14 @@ COLLINEAR = 1e-8
 
 
 def candidate_terms(present: int, columns: int) -> Terms:
-    """Returns, shape ``(m, 2)``: constant, every column, and every product of two of the first ``present`` columns."""
+    """Return, shape ``(m, 2)``: constant, every column, and every product of two of the first ``present`` columns."""
     linear = [(column, 0) for column in range(columns + 1)]
     products = [(first, second) for first in range(1, present + 1) for second in range(1, first + 1)]
     return np.array(linear + products, dtype=np.int64)
 
 
 def chosen_terms(gram: Array, moment: Array, count: int) -> Terms:
-    """Returns the indices of ``count`` terms, each the one that explains most of what those before it left.
+    """Return the indices of ``count`` terms, each the one that explains most of what those before it left.
 
     Forward regression with orthogonal least squares by the error reduction ratio (Chen, Billings and Luo 1989; FROLS
     in Billings 2013), on products of regressors alone: choosing a term takes its share out of all others.
@@ -60,13 +60,13 @@ def chosen_terms(gram: Array, moment: Array, count: int) -> Terms:
 
 @numba.njit(cache=True)
 def poles(creep: Array, at_rest: float, sliding: float) -> Array:
-    """Returns how much of the last estimate is kept, shape ``(n,)``, for ``creep = v / (|v| + v_c)``, in [-1, 1]."""
+    """Return how much of the last estimate is kept, shape ``(n,)``, for ``creep = v / (|v| + v_c)``, in [-1, 1]."""
     return at_rest + (sliding - at_rest) * np.minimum(np.abs(creep), 1.0)
 
 
 @numba.njit(cache=True)
 def filtered_terms(columns: Array, terms: Terms, kept: Array, every: int) -> Array:
-    """Returns every ``every``-th row, from the last of the first ``every`` on, of terms behind the model's own poles.
+    """Return every ``every``-th row, from the last of the first ``every`` on, of terms behind the model's own poles.
 
     Args:
         columns: Shape ``(n, c)``, column 0 one.
@@ -87,7 +87,7 @@ def filtered_terms(columns: Array, terms: Terms, kept: Array, every: int) -> Arr
 
 @numba.njit(cache=True)
 def free_run(columns: Array, terms: Terms, weights: Array, kept: Array, state: Array) -> Array:
-    """Returns the model's output, fed with its own last output, shape ``(n,)``; ``state`` is that, NaN at first."""
+    """Return the model's output, fed with its own last output, shape ``(n,)``; ``state`` is that, NaN at first."""
     result = np.empty(columns.shape[0])
     for row in range(columns.shape[0]):
         total = 0.0

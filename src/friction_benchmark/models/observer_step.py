@@ -63,7 +63,7 @@ class ObserverNoise:
                 raise ValueError(f"ObserverNoise: {field.name} must be a positive number, but got {value!r}")
 
     def packed(self) -> Array:
-        """Returns the numbers in the order of the fields, shape ``(12,)``, as the compiled step takes them."""
+        """Return the numbers in the order of the fields, shape ``(12,)``, as the compiled step takes them."""
         return np.array([getattr(self, field.name) for field in fields(self)])
 
 
@@ -78,7 +78,7 @@ class Belief:
 
 
 def new_belief(noise: ObserverNoise, areas_m2: Array) -> Belief:
-    """Returns the belief before the first sample; both pressures' zeros are equally uncertain in pascal."""
+    """Return the belief before the first sample; both pressures' zeros are equally uncertain in pascal."""
     share = areas_m2**2 / (areas_m2**2).sum()
     mean = np.zeros(STATES)
     mean[SCALE] = 1.0
@@ -89,7 +89,7 @@ def new_belief(noise: ObserverNoise, areas_m2: Array) -> Belief:
 
 @numba.njit(cache=True)
 def law_parts(coefficients: Array, direction: float, speed: float, memory: float) -> tuple[float, float]:
-    """Returns signed friction at nought pressure [N] and its rise with pressure [N/bar]; 0 without a direction."""
+    """Return signed friction at nought pressure [N] and its rise with pressure [N/bar]; 0 without a direction."""
     if direction == 0.0:
         return 0.0, 0.0
     row = coefficients[0] if direction > 0.0 else coefficients[1]
@@ -115,7 +115,7 @@ def observe(
     covariance: Array,
     last: Array,
 ) -> Array:
-    """Returns friction and the sensors' part of the force balance [N], shape ``(n, 2)``; changes the belief in place.
+    """Return friction and the sensors' part of the force balance [N], shape ``(n, 2)``; changes the belief in place.
 
     Args:
         motion: Rows of ``sense``, shape ``(n, 4)``.

@@ -61,7 +61,7 @@ class Perceptron:
         return int(self.kernels[0].shape[0])
 
     def multiply_adds(self) -> int:
-        """Returns the multiply-adds of one row."""
+        """Return the multiply-adds of one row."""
         return sum(kernel.size for kernel in self.kernels)
 
 
@@ -75,7 +75,7 @@ class PerceptronRunner:
         self.rectified = weights.activation == "relu"
 
     def run(self, rows: Single) -> Single:
-        """Returns the output, shape ``(n,)``, of rows, shape ``(n, inputs)``."""
+        """Return the output, shape ``(n,)``, of rows, shape ``(n, inputs)``."""
         return _run(self.sizes, self.flat, self.rectified, np.ascontiguousarray(rows, dtype=np.float32))
 
 
@@ -92,7 +92,7 @@ def _run(sizes: NDArray[np.int64], flat: Single, rectified: bool, rows: Single) 
 def perceptron_step(
     sizes: NDArray[np.int64], flat: Single, rectified: bool, values: Single, room: Single
 ) -> np.float32:
-    """Returns the output of one row; ``room``, shape ``(2, widest)``, is written over."""
+    """Return the output of one row; ``room``, shape ``(2, widest)``, is written over."""
     place = 0
     for node in range(sizes[0]):
         room[0, node] = values[node]
@@ -114,7 +114,7 @@ def perceptron_step(
 
 
 def write_perceptron(path: Path, weights: Perceptron) -> None:
-    """Writes the checked graph: ``features`` (rows, inputs) to ``output`` (rows, 1), float32."""
+    """Write the checked graph: ``features`` (rows, inputs) to ``output`` (rows, 1), float32."""
     nodes: list[onnx.NodeProto] = []
     constants: list[onnx.TensorProto] = []
     source, last = "features", len(weights.kernels) - 1
@@ -140,7 +140,7 @@ def write_perceptron(path: Path, weights: Perceptron) -> None:
 
 
 def read_perceptron(path: Path) -> Perceptron:
-    """Returns the perceptron that ``write_perceptron`` wrote."""
+    """Return the perceptron that ``write_perceptron`` wrote."""
     model = onnx.load(path)
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     layers = range(len(stored) // 2)

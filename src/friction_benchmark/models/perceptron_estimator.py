@@ -42,7 +42,7 @@ class PerceptronEstimator(LearnedEstimator, Generic[Plan]):
         self._runner: PerceptronRunner | None = None
 
     def model_multiply_adds(self) -> int:
-        """Returns those of one step of the network: the worst case where it does not step at every sample."""
+        """Return those of one step of the network: the worst case where it does not step at every sample."""
         assert self.network is not None
         return self.network.multiply_adds()
 

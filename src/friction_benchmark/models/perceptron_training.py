@@ -26,7 +26,7 @@ LOOKS = 20
 
 
 def new_perceptron(inputs: int, nodes: Sequence[int], seed: int) -> Perceptron:
-    """Returns a rectified perceptron with PyTorch's usual first weights (He et al. 2015)."""
+    """Return a rectified perceptron with PyTorch's usual first weights (He et al. 2015)."""
     with reproducible(seed):
         sizes = [inputs, *nodes, 1]
         layers = [nn.Linear(before, after) for before, after in itertools.pairwise(sizes)]
@@ -42,7 +42,7 @@ def train_perceptron(
     seed: int,
     unseen: tuple[Single, Single] | None = None,
 ) -> Perceptron:
-    """Returns the weights after ``steps`` batches, or those of the look at which unseen rows are estimated best.
+    """Return the weights after ``steps`` batches, or those of the look at which unseen rows are estimated best.
 
     Mean absolute error; Adam (Kingma and Ba 2015) with a learning rate that falls with a cosine.
 
@@ -81,7 +81,7 @@ def train_perceptron(
 
 
 def last_hidden(weights: Perceptron, rows: Single) -> Single:
-    """Returns the last hidden layer's outputs, shape ``(n, nodes)``, of a rectified perceptron."""
+    """Return the last hidden layer's outputs, shape ``(n, nodes)``, of a rectified perceptron."""
     values = rows
     for kernel, bias in zip(weights.kernels[:-1], weights.biases[:-1], strict=True):
         values = np.maximum(values @ kernel + bias, np.float32(0.0))

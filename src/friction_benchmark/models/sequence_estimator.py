@@ -73,13 +73,13 @@ class SteppedNetwork(Protocol):
         """Numbers in its last hidden state."""
 
     def new_state(self) -> Any:
-        """Returns the state before the first step."""
+        """Return the state before the first step."""
 
     def advance(self, state: Any, features: Single) -> tuple[Single, Single]:
-        """Returns hidden states, shape ``(n, width)``, and outputs, shape ``(n,)``; changes ``state``."""
+        """Return hidden states, shape ``(n, width)``, and outputs, shape ``(n,)``; changes ``state``."""
 
     def multiply_adds(self) -> int:
-        """Returns the multiply-adds of one step."""
+        """Return the multiply-adds of one step."""
 
 
 @dataclass
@@ -123,15 +123,15 @@ class SequenceEstimator(LearnedEstimator):
 
     @abstractmethod
     def make_network(self, inputs: int) -> torch.nn.Module:
-        """Returns the network to train: ``(features, state) -> (output, state)``, time first, None the first state."""
+        """Return the network to train: ``(features, state) -> (output, state)``, time first, None the first state."""
 
     @abstractmethod
     def to_onnx(self, network: Any) -> onnx.ModelProto:
-        """Returns a trained network as ONNX."""
+        """Return a trained network as ONNX."""
 
     @abstractmethod
     def from_onnx(self, model: onnx.ModelProto) -> SteppedNetwork:
-        """Returns the network that ``to_onnx`` stored, ready to step."""
+        """Return the network that ``to_onnx`` stored, ready to step."""
 
     def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
         from friction_benchmark.models.sequence_training import train_sequences  # PyTorch: training alone waits
@@ -149,7 +149,7 @@ class SequenceEstimator(LearnedEstimator):
         return self.hold(memory, features)[1]
 
     def hold(self, memory: HeldMemory, features: Single) -> tuple[Single, Single]:
-        """Returns hidden states, shape ``(n, width)``, and outputs, ``(n,)``, of the latest step at each row."""
+        """Return hidden states, shape ``(n, width)``, and outputs, ``(n,)``, of the latest step at each row."""
         assert self.network is not None
         stride, phase, rows = self.plan.stride, memory.phase, len(features)
         due = np.ascontiguousarray(features[-phase % stride :: stride])
@@ -160,7 +160,7 @@ class SequenceEstimator(LearnedEstimator):
         return hidden[latest], head[latest]
 
     def model_multiply_adds(self) -> int:
-        """Returns the multiply-adds of a sample at which the network steps: the most that a sample costs."""
+        """Return the multiply-adds of a sample at which the network steps: the most that a sample costs."""
         assert self.network is not None
         return self.network.multiply_adds()
 

@@ -31,7 +31,7 @@ class GruNetwork(nn.Module):
         self.head = _zero_head(architecture.nodes)
 
     def forward(self, features: torch.Tensor, state: Any = None) -> tuple[torch.Tensor, Any]:
-        """Returns the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
+        """Return the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
         hidden, state = self.gru(features, state)
         return self.head(self.dropout(hidden)).squeeze(-1), state
 
@@ -48,7 +48,7 @@ class CausalConvolution(nn.Module):
         self.convolution = weight_norm(convolution)
 
     def forward(self, signal: torch.Tensor, before: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
-        """Takes signals of shape ``(batch, inputs, time)``; returns ``(batch, channels, time)``, and their tail."""
+        """Take signals of shape ``(batch, inputs, time)``; returns ``(batch, channels, time)``, and their tail."""
         if before is None:
             before = signal.new_zeros(signal.shape[0], signal.shape[1], self.tail)
         joined = torch.cat([before, signal], dim=2)
@@ -72,7 +72,7 @@ class TcnNetwork(nn.Module):
         self.head = _zero_head(channels)
 
     def forward(self, features: torch.Tensor, state: Any = None) -> tuple[torch.Tensor, Any]:
-        """Returns the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
+        """Return the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
         before = (None,) * len(self.convolutions) if state is None else state
         tails = []
         signal, residual = features.permute(1, 2, 0), self.shortcut(features).permute(1, 2, 0)
@@ -87,7 +87,7 @@ class TcnNetwork(nn.Module):
 
 
 def gru_weights_of(network: GruNetwork) -> GruWeights:
-    """Returns a network's weights as plain arrays, gates reordered from PyTorch's r, z, n to ONNX's z, r, h."""
+    """Return a network's weights as plain arrays, gates reordered from PyTorch's r, z, n to ONNX's z, r, h."""
     gru, nodes, layers = network.gru, network.gru.hidden_size, network.gru.num_layers
     order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (1, 0, 2)])
     parts = {name: _array(value) for name, value in gru.named_parameters()}
@@ -104,7 +104,7 @@ def gru_weights_of(network: GruNetwork) -> GruWeights:
 
 
 def tcn_weights_of(network: TcnNetwork) -> TcnWeights:
-    """Returns a network's weights as plain arrays, the newest sample's tap first, weight normalisation worked in."""
+    """Return a network's weights as plain arrays, the newest sample's tap first, weight normalisation worked in."""
     convolutions = [module.convolution for module in network.convolutions]
     kernels = [np.ascontiguousarray(_array(each.weight)[:, :, ::-1].transpose(2, 1, 0)) for each in convolutions]  # type: ignore[union-attr, arg-type]
     return TcnWeights(

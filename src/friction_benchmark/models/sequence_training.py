@@ -37,7 +37,7 @@ def train_sequences(
     validation: Sequence[SequenceData],
     seed: int,
 ) -> tuple[nn.Module, LearningCurve]:
-    """Trains with AdamW (Loshchilov and Hutter 2019), cosine schedule; returns the best epoch's network.
+    """Train with AdamW (Loshchilov and Hutter 2019), cosine schedule; returns the best epoch's network.
 
     Where no recording is there for early stopping, that is the last epoch's.
 
@@ -80,7 +80,7 @@ def train_sequences(
 
 
 def _cut(recordings: Sequence[SequenceData], longest: int) -> list[SequenceData]:
-    """Returns the recordings in stretches of equal length, none longer than ``longest`` samples (0: whole)."""
+    """Return the recordings in stretches of equal length, none longer than ``longest`` samples (0: whole)."""
     result = []
     for recording in recordings:
         rows = len(recording.target)
@@ -109,7 +109,7 @@ class _Steps:
 
 
 def _strided(rows: SideBySide, stride: int, phase: int) -> _Steps:
-    """Returns the steps of recordings whose first ``phase`` samples are left out."""
+    """Return the steps of recordings whose first ``phase`` samples are left out."""
     steps = (rows.target.shape[0] - phase) // stride
     end = phase + steps * stride
     shape = (steps, stride, rows.target.shape[1])
@@ -160,7 +160,7 @@ def _train_epoch(
 
 
 def _cost(error: torch.Tensor, huber: float) -> torch.Tensor:
-    """Returns Huber's cost of an absolute error, divided by its bend so that its slope ends at 1 (Huber 1964)."""
+    """Return Huber's cost of an absolute error, divided by its bend so that its slope ends at 1 (Huber 1964)."""
     if huber == 0.0:
         return error
     return torch.where(error < huber, 0.5 * error**2 / huber, error - 0.5 * huber)

@@ -35,7 +35,7 @@ class SlidingLaw:
 
     @classmethod
     def fit(cls, motion: Array, pressure_bar: Array, friction_n: Array) -> SlidingLaw:
-        """Returns the law nearest to labelled sliding, by least absolute residuals (iteratively reweighted).
+        """Return the law nearest to labelled sliding, by least absolute residuals (iteratively reweighted).
 
         Args:
             motion: Rows of ``sense``, shape ``(n, 4)``; rows at rest are passed over.

@@ -29,19 +29,19 @@ OF_PRESSURES = (
 
 
 def task_columns(features: Features) -> tuple[str, ...]:
-    """Returns what the task lets a model see beside the motion: raw pressures' features, a temperature, a level."""
+    """Return what the task lets a model see beside the motion: raw pressures' features, a temperature, a level."""
     pressures = OF_PRESSURES if features.has_base else ()
     others = tuple(f"{name}_20" for name in features.inputs if name not in SAMPLE_COLUMNS)
     return pressures + others
 
 
 def places_of(features: Features, names: Sequence[str]) -> list[int]:
-    """Returns the columns of features by their names."""
+    """Return the columns of features by their names."""
     return [features.names.index(name) for name in names]
 
 
 def last_motion(features: Features, rows: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Returns which way the piston moved last, shape ``(n,)``, by rows of features: -1, 0 before it first moved, or 1.
+    """Return which way the piston moved last, shape ``(n,)``, by rows of features: -1, 0 before it first moved, or 1.
 
     Not standardised: a swarm that searches weights within a box does worse with a direction whose mean is taken off.
     """

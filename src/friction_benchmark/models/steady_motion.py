@@ -65,7 +65,7 @@ class SteadyMotion:
 
 @numba.njit(cache=True)
 def _counted(velocity_m_s: float, averaged_m: float, play: Array, sample_time_s: float) -> float:
-    """Returns the velocity while the averaged position has lately pushed the play that way, else 0; moves the play."""
+    """Return the velocity while the averaged position has lately pushed the play that way, else 0; moves the play."""
     push(averaged_m, play, PLAY_M, sample_time_s / CENTRING_S, sample_time_s)
     return velocity_m_s if play[AGE] < LASTING_S and velocity_m_s * play[DIRECTION] > 0.0 else 0.0
 
@@ -80,13 +80,13 @@ def _through_play(smooth: Array, play: Array, sample_time_s: float) -> Array:
 
 
 def new_sense() -> Array:
-    """Returns the state of ``sense`` before the first sample, shape ``(7,)``."""
+    """Return the state of ``sense`` before the first sample, shape ``(7,)``."""
     return np.concatenate([np.full(4, np.nan), new_play()])
 
 
 @numba.njit(cache=True)
 def sense(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: float, state: Array) -> Array:
-    """Returns, shape ``(n, 4)``: velocity, exactly 0 at standstill [m/s]; acceleration [m/s²]; direction of the last
+    """Return, shape ``(n, 4)``: velocity, exactly 0 at standstill [m/s]; acceleration [m/s²]; direction of the last
     motion; memory.
 
     Position, velocity and acceleration are the states of a settled Kalman filter; velocity counts only while the

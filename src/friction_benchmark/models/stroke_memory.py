@@ -37,14 +37,14 @@ COUNT, FORCE, PRESSURE, SPEED = range(4)
 
 
 def new_stroke_memory() -> Array:
-    """Returns the memory before the first sample, shape ``(2, 4)``: out and in; count and means of force balance [N],
+    """Return the memory before the first sample, shape ``(2, 4)``: out and in; count and means of force balance [N],
     pressure 2 [Pa] and speed [m/s]."""
     return np.zeros((2, 4))
 
 
 @numba.njit(cache=True)
 def remember_strokes(velocity_m_s: Array, balance_n: Array, pressure_2_pa: Array, memory: Array) -> Array:
-    """Returns what is remembered at each sample, shape ``(n, 8)``, each about 1 in size; changes ``memory``.
+    """Return what is remembered at each sample, shape ``(n, 8)``, each about 1 in size; changes ``memory``.
 
     Args:
         velocity_m_s: Causal, shape ``(n,)``.

@@ -112,7 +112,7 @@ class _SpentError(Exception):
 def swarm_then_simplex(
     cost: Cost, lower: Array, upper: Array, budget: int, seed: int, plan: SwarmPlan | None = None
 ) -> Found:
-    """Returns the best place in a box that the swarm, and then the simplex from the swarm's best, have found.
+    """Return the best place in a box that the swarm, and then the simplex from the swarm's best, have found.
 
     Args:
         cost: Of a place, shape ``(d,)``.
@@ -142,7 +142,7 @@ def swarm_then_simplex(
 
 
 def _swarm(cost: _Counted, lower: Array, upper: Array, plan: SwarmPlan, generator: np.random.Generator) -> None:
-    """Searches until the budget is spent."""
+    """Search until the budget is spent."""
     count, span = plan.side**2, upper - lower
     places = lower + span * generator.random((count, len(lower)))
     steps = plan.fastest * span * generator.uniform(-1.0, 1.0, places.shape)
@@ -172,7 +172,7 @@ def _swarm(cost: _Counted, lower: Array, upper: Array, plan: SwarmPlan, generato
 def _learn_alone(
     cost: _Counted, places: Array, costs: Array, span: Array, plan: SwarmPlan, generator: np.random.Generator
 ) -> None:
-    """Tries places close around the best agent, on a lattice that shrinks with the search, and moves it there."""
+    """Try places close around the best agent, on a lattice that shrinks with the search, and moves it there."""
     best = int(np.argmin(costs))
     radius = plan.self_learning_radius * (1.0 - cost.spent / cost.budget) * span
     for _ in range(plan.self_learning_agents):
@@ -183,7 +183,7 @@ def _learn_alone(
 
 
 def _neighbours(side: int) -> NDArray[np.int64]:
-    """Returns the four neighbours of each agent (von Neumann's), shape ``(side², 4)``; edges meet."""
+    """Return the four neighbours of each agent (von Neumann's), shape ``(side², 4)``; edges meet."""
     row, column = np.divmod(np.arange(side * side), side)
     around = [
         ((row - 1) % side, column),

@@ -36,7 +36,7 @@ REST_M_S = 1.5e-3
 
 
 def generic_parameters(cylinder: Cylinder) -> LugreParameters:
-    """Returns the LuGre model of a cylinder of which nothing but its sizes and moving mass is known."""
+    """Return the LuGre model of a cylinder of which nothing but its sizes and moving mass is known."""
     static_n = BREAKAWAY_PA * cylinder.piston_area_m2
     stiff = 2.0 * DAMPING_RATIO * math.sqrt(BRISTLE_STIFFNESS_N_M * cylinder.moving_mass_kg)
     damping = max(0.0, stiff - VISCOUS_N_S_M)
@@ -55,7 +55,7 @@ def generic_parameters(cylinder: Cylinder) -> LugreParameters:
 
 
 def drawn_parameters(centre: LugreParameters, spread: float, generator: np.random.Generator) -> LugreParameters:
-    """Returns parameters each within ``1 ± spread`` of the centre's; static friction and retraction by their excess."""
+    """Return parameters each within ``1 ± spread`` of the centre's; static friction and retraction by their excess."""
 
     def factor() -> float:
         return float(generator.uniform(1.0 - spread, 1.0 + spread))
@@ -73,12 +73,12 @@ def drawn_parameters(centre: LugreParameters, spread: float, generator: np.rando
 
 
 def smooth_velocity(recording: Recording) -> Array:
-    """Returns a recording's velocity without delay [m/s], zero at rest, shape ``(n,)``; from its position alone."""
+    """Return a recording's velocity without delay [m/s], zero at rest, shape ``(n,)``; from its position alone."""
     position = recording.column("position_m")
     velocity = savitzky_golay(position, MOTION_WINDOW, MOTION_ORDER, 1, recording.sample_time_s)
     return np.where(np.abs(velocity) < REST_M_S, 0.0, velocity)
 
 
 def synthetic_friction(parameters: LugreParameters, velocity_m_s: Array, sample_time_s: float) -> Array:
-    """Returns LuGre friction [N] along a motion, shape ``(n,)``."""
+    """Return LuGre friction [N] along a motion, shape ``(n,)``."""
     return simulate(parameters, velocity_m_s, sample_time_s, new_bristle())

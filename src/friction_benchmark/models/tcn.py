@@ -42,7 +42,7 @@ class TcnArchitecture:
             raise ValueError(f"expected levels, channels >= 1, kernel >= 2 and dropout in [0, 1), but got {self}")
 
     def receptive_field(self) -> int:
-        """Returns how many steps, the present one included, an output can depend on."""
+        """Return how many steps, the present one included, an output can depend on."""
         return 1 + 2 * (self.kernel - 1) * (2**self.levels - 1)
 
 
@@ -95,7 +95,7 @@ class Tcn:
         return TcnState(np.zeros((convolutions, self._rows, widest), dtype=np.float32))
 
     def advance(self, state: TcnState, features: Single) -> tuple[Single, Single]:
-        """Returns the last block's output, shape ``(n, channels)``, and the head's, shape ``(n,)``."""
+        """Return the last block's output, shape ``(n, channels)``, and the head's, shape ``(n,)``."""
         w = self.weights
         hidden, output = _run(
             self._kernels,
@@ -158,7 +158,7 @@ def _run(
 
 @numba.njit(cache=True)
 def _convolve(kernel: Single, bias: Single, ring: Single, place: int, level: int, count: int, result: Single) -> None:
-    """Writes ReLU of the dilated convolution's output at ``place`` into ``result``."""
+    """Write ReLU of the dilated convolution's output at ``place`` into ``result``."""
     result[:] = bias
     for tap in range(kernel.shape[0]):
         seen = (place - tap * (1 << level)) % ring.shape[0]
@@ -168,7 +168,7 @@ def _convolve(kernel: Single, bias: Single, ring: Single, place: int, level: int
 
 
 def tcn_to_onnx(weights: TcnWeights) -> onnx.ModelProto:
-    """Returns the checked graph over a whole sequence from its start: ``features`` (batch, k, time) to ``hidden``
+    """Return the checked graph over a whole sequence from its start: ``features`` (batch, k, time) to ``hidden``
     (batch, channels, time) and ``head`` (batch, 1, time); all float32."""
     constants = [
         *_parameters("shortcut", weights.shortcut.T[:, :, None], weights.shortcut_bias),
@@ -209,7 +209,7 @@ def tcn_to_onnx(weights: TcnWeights) -> onnx.ModelProto:
 
 
 def tcn_from_onnx(model: onnx.ModelProto) -> TcnWeights:
-    """Returns the weights inside a graph that ``tcn_to_onnx`` made."""
+    """Return the weights inside a graph that ``tcn_to_onnx`` made."""
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     count = sum(1 for name in stored if name.startswith("convolution") and name.endswith("_weight"))
     kernels = [stored[f"convolution{number}_weight"].transpose(2, 1, 0)[::-1] for number in range(count)]

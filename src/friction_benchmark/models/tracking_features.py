@@ -69,7 +69,7 @@ class TrackingFeatures:
 
     @classmethod
     def of(cls, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str], *, strokes: bool) -> Self:
-        """Returns the features, their scaling learnt on usable rows of these recordings alone.
+        """Return the features, their scaling learnt on usable rows of these recordings alone.
 
         Raises:
             ValueError: The first three inputs are not both raw pressures and the position.
@@ -100,7 +100,7 @@ class TrackingFeatures:
         return TrackingState(self._block.new_state(), new_stroke_memory())
 
     def advance(self, state: TrackingState, samples: Array) -> tuple[NDArray[np.float32], Array]:
-        """Returns features, shape ``(n, k)``, float32, and P1·A1 - P2·A2 [N], shape ``(n,)``."""
+        """Return features, shape ``(n, k)``, float32, and P1·A1 - P2·A2 [N], shape ``(n,)``."""
         features, balance_n = self._block.advance(state.features, samples)
         if not self.strokes:
             return features, balance_n
@@ -123,7 +123,7 @@ class TrackingFeatures:
 
 
 def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> list[FeatureRow]:
-    """Returns the linear features, each bent where it has a limit; further inputs give their moving average of 20."""
+    """Return the linear features, each bent where it has a limit; further inputs give their moving average of 20."""
     count = len(inputs)
     areas = np.zeros((count, 1))
     areas[:3] = force_balance_taps(cylinder)[0]

@@ -37,12 +37,12 @@ class WindowState:
 
 
 def new_window() -> WindowState:
-    """Returns the state before the first sample: at rest for ever."""
+    """Return the state before the first sample: at rest for ever."""
     return WindowState(np.zeros(int(SPANS.sum())), np.zeros(2, dtype=np.int64), np.zeros(WINDOW_INPUTS, np.float32))
 
 
 def advance_window(state: WindowState, velocity_m_s: Array) -> tuple[Single, NDArray[np.bool_]]:
-    """Returns the window at each sample, shape ``(n, WINDOW_INPUTS)``, and where it stepped; changes ``state``."""
+    """Return the window at each sample, shape ``(n, WINDOW_INPUTS)``, and where it stepped; changes ``state``."""
     return _advance(np.ascontiguousarray(velocity_m_s, dtype=np.float64), state.ring, state.place, state.window, SPANS)
 
 

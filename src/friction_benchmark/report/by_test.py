@@ -21,25 +21,25 @@ COVERED = (0.87, 0.93)
 AFTER_REVERSAL = ("after reversal", "#000000", "diamond")
 
 
-def errors_by_test(result: TaskResult, names: Names) -> str:
-    """Returns the SVG of every model's error in each test; the worst test stands at the right."""
+def errors_by_condition(result: TaskResult, names: Names) -> str:
+    """Return the SVG of every model's error in each test; the worst test stands at the right."""
     words = f"{capital(result.title)}, {split_words(result.split)}: error of every model by test"
-    entries = [entry for entry in result.entries if entry.by_test]
+    entries = [entry for entry in result.entries if entry.by_condition]
     rows = begun(entries, names, result.floor, words, "worst")
     scale = logarithmic(
-        [value for entry in entries for value in entry.by_test.values()], rows.start, rows.end, room=1.08
+        [value for entry in entries for value in entry.by_condition.values()], rows.start, rows.end, room=1.08
     )
     rows.drawing.across(scale, rows.top, rows.bottom, "{:g}".format, "MAE [% of mean |friction| of the test]")
-    tests = _tests([entry.by_test for entry in entries])
+    tests = _tests([entry.by_condition for entry in entries])
     for row, entry in enumerate(entries):
-        _marks(rows, row, entry.by_test, tests, scale, lambda value: f"{of_size(value)} %")
-        rows.number(row, of_size(max(entry.by_test.values())))
+        _marks(rows, row, entry.by_condition, tests, scale, lambda value: f"{of_size(value)} %")
+        rows.number(row, of_size(max(entry.by_condition.values())))
     rows.drawing.legend(_legend(tests), 4.0, 14.0)
     return rows.drawing.svg()
 
 
 def coverage(result: TaskResult, names: Names) -> str:
-    """Returns the SVG of every model's coverage in each test and just after reversals, over the band aimed at."""
+    """Return the SVG of every model's coverage in each test and just after reversals, over the band aimed at."""
     words = f"{capital(result.title)}, {split_words(result.split)}: coverage of the 90 % bounds by test"
     entries = [entry for entry in result.entries if entry.trust is not None]
     rows = begun(entries, names, result.floor, words, "all")
@@ -74,7 +74,7 @@ def _tests(found: Sequence[Mapping[str, float]]) -> list[str]:
 
 
 def _legend(tests: Sequence[str]) -> list[tuple[str, str, str]]:
-    name = "test {}" if all(len(test) < 3 for test in tests) else "{}"
+    name = "condition {}" if all(len(test) < 3 for test in tests) else "{}"
     return [(name.format(test), *TEST_MARKS[index % len(TEST_MARKS)]) for index, test in enumerate(tests)]
 
 
@@ -84,5 +84,5 @@ def _marks(
     for index, test in enumerate(tests):
         if math.isfinite(values.get(test, math.nan)):
             colour, shape = TEST_MARKS[index % len(TEST_MARKS)]
-            tip = f"test {test}: {form(values[test])}"
+            tip = f"condition {test}: {form(values[test])}"
             rows.drawing.mark(scale(values[test]), rows.places[row], shape, colour, 4.2, tip)

@@ -23,7 +23,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def pareto_front(entries: Sequence[Entry]) -> list[Entry]:
-    """Returns the models that no other beats at the same or a lower cost, cheapest first."""
+    """Return the models that no other beats at the same or a lower cost, cheapest first."""
     front: list[Entry] = []
     for entry in sorted(entries, key=lambda entry: (entry.multiply_adds, entry.score.percent.value)):
         if not front or entry.score.percent.value < front[-1].score.percent.value:
@@ -32,7 +32,7 @@ def pareto_front(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def error_against_cost(result: TaskResult, names: Names) -> str:
-    """Returns the SVG; both scales are logarithmic, a model without arithmetic stands at one multiply-add."""
+    """Return the SVG; both scales are logarithmic, a model without arithmetic stands at one multiply-add."""
     words = f"{capital(result.title)}, {split_words(result.split)}: error against multiply-adds a step, Pareto front"
     entries = result.entries
     drawing = Drawing(max(HEIGHT, TOP + ROW * len(entries) + FOOT), words)
@@ -69,7 +69,7 @@ def _draw_front(drawing: Drawing, labels: Labels, points: Sequence[tuple[float, 
 
 
 def _power(value: float) -> str:
-    """Returns a small number as it is, one from 1000 on with its power of ten."""
+    """Return a small number as it is, one from 1000 on with its power of ten."""
     mantissa, exponent = f"{value:e}".split("e")
     if value < 1000.0:
         return f"{value:g}"

@@ -37,7 +37,7 @@ class Scale:
         return self.start + share * (self.end - self.start)
 
     def ticks(self, most: int = 9) -> list[float]:
-        """Returns round values within the scale: as many as ``most``, where that is possible."""
+        """Return round values within the scale: as many as ``most``, where that is possible."""
         if self.logarithmic:
             powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
             choices = [
@@ -53,7 +53,7 @@ class Scale:
 
 
 def logarithmic(values: Iterable[float], start: float, end: float, room: float = 1.15, least: float = 3.0) -> Scale:
-    """Returns a logarithmic scale that holds the positive values with some room and spans a factor ``least``."""
+    """Return a logarithmic scale that holds the positive values with some room and spans a factor ``least``."""
     inside = [value for value in values if math.isfinite(value) and value > 0.0] or [1.0]
     low, high = min(inside) / room, max(inside) * room
     if high / low < least:
@@ -63,7 +63,7 @@ def logarithmic(values: Iterable[float], start: float, end: float, room: float =
 
 
 def text_width(words: str, size: float) -> float:
-    """Returns about how wide words are [px]."""
+    """Return about how wide words are [px]."""
     return LETTER * size * len(words)
 
 
@@ -99,7 +99,7 @@ class Drawing:
     def text(
         self, x: float, y: float, words: str, anchor: str = "start", size: float = 12.0, style: str = "", tip: str = ""
     ) -> None:
-        """Adds words; ``style`` is ``quiet``, ``strong`` or nothing, ``tip`` shows below the mouse."""
+        """Add words; ``style`` is ``quiet``, ``strong`` or nothing, ``tip`` shows below the mouse."""
         shown = f' class="{style}"' if style else ""
         hint = f"<title>{html.escape(tip)}</title>" if tip else ""
         self._parts.append(
@@ -110,7 +110,7 @@ class Drawing:
     def mark(
         self, x: float, y: float, shape: str, colour: str, size: float = 5.0, tip: str = "", hollow: bool = False
     ) -> None:
-        """Adds a circle, square, triangle, diamond or cross of about ``size`` pixels' radius."""
+        """Add a circle, square, triangle, diamond or cross of about ``size`` pixels' radius."""
         hint = f"<title>{html.escape(tip)}</title>" if tip else ""
         paint = f'fill="#fff" stroke="{colour}" stroke-width="1.8"' if hollow else f'fill="{colour}" stroke="#fff"'
         if shape == "circle":
@@ -120,21 +120,21 @@ class Drawing:
         self._parts.append(f'<polygon points="{route}" {paint}>{hint}</polygon>')
 
     def legend(self, entries: Iterable[tuple[str, str, str]], x: float, y: float, hollow: Sequence[str] = ()) -> None:
-        """Adds words behind their marks in one row: (words, colour, shape) each."""
+        """Add words behind their marks in one row: (words, colour, shape) each."""
         for words, colour, shape in entries:
             self.mark(x + 5.0, y - 4.0, shape, colour, 4.6, hollow=words in hollow)
             self.text(x + 14.0, y, words, size=11.5)
             x += 30.0 + text_width(words, 11.5)
 
     def across(self, scale: Scale, top: float, bottom: float, form: Callable[[float], str], words: str) -> None:
-        """Adds a horizontal axis: grid lines from top to bottom, numbers below, words below them."""
+        """Add a horizontal axis: grid lines from top to bottom, numbers below, words below them."""
         for tick in scale.ticks(8):
             self.line(scale(tick), top, scale(tick), bottom, "#E3E8ED")
             self.text(scale(tick), bottom + 14.0, form(tick), "middle", 11.0, "quiet")
         self.text(0.5 * (scale.start + scale.end), bottom + 31.0, words, "middle", 11.5, "quiet")
 
     def up(self, scale: Scale, left: float, right: float, form: Callable[[float], str], words: str) -> None:
-        """Adds a vertical axis: grid lines from left to right, numbers at the left, words above the numbers."""
+        """Add a vertical axis: grid lines from left to right, numbers at the left, words above the numbers."""
         for tick in scale.ticks(8):
             self.line(left, scale(tick), right, scale(tick), "#E3E8ED")
             self.text(left - 6.0, scale(tick) + 4.0, form(tick), "end", 11.0, "quiet")

@@ -54,7 +54,7 @@ class Cell:
 
 
 def shade(strength: float) -> tuple[str, str]:
-    """Returns paper and ink: from blue over white to orange, with letters that stay legible."""
+    """Return paper and ink: from blue over white to orange, with letters that stay legible."""
     strength = max(-1.0, min(1.0, strength))
     tone, mix = (_BLUE if strength < 0.0 else _ORANGE), 0.7 * abs(strength)
     paper = [round(255 + mix * (part - 255)) for part in tone]
@@ -81,7 +81,7 @@ def table(
     style: str = "",
     sortable: bool = True,
 ) -> str:
-    """Returns a table; the first column stays in sight where the rest must be scrolled.
+    """Return a table; the first column stays in sight where the rest must be scrolled.
 
     Args:
         head: Of every column; a click sorts by it.

@@ -54,7 +54,7 @@ class Labels:
         self.taken.append(Box(min(x1, x2) - 1.0, min(y1, y2) - 1.0, max(x1, x2) + 1.0, max(y1, y2) + 1.0))
 
     def add(self, place: tuple[float, float], words: str, strong: bool) -> bool:
-        """Writes a name beside its mark, or near it with a thin line to it; returns whether there was room.
+        """Write a name beside its mark, or near it with a thin line to it; returns whether there was room.
 
         A strong name is bold and looks for room further away than others.
         """

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def label_line(result: TaskResult) -> float | None:
-    """Returns the error of the off-line label itself, where errors are against true friction and it is known [%]."""
+    """Return the error of the off-line label itself, where errors are against true friction and it is known [%]."""
     known = result.label_truth_percent
     return known.value if known is not None and result.reference == "truth" else None
 
 
 def leaderboard(result: TaskResult, names: Names) -> str:
-    """Returns the SVG: best at the top, logarithmic scale; the floor's interval is a band behind all rows."""
+    """Return the SVG: best at the top, logarithmic scale; the floor's interval is a band behind all rows."""
     words = f"{capital(result.title)}, {split_words(result.split)}: error of every model with its 95 % interval"
     rows = begun(result.entries, names, result.floor, words, "percent")
     drawing = rows.drawing

@@ -30,24 +30,24 @@ class Names:
     participants: Mapping[str, Participant]
 
     def title(self, model: str) -> str:
-        """Returns its title; a model that is no participant keeps the name the project knows it by."""
+        """Return its title; a model that is no participant keeps the name the project knows it by."""
         return self.participants[model].title if model in self.participants else known.title(model)
 
     def family(self, model: str) -> str:
         return self.participants[model].family if model in self.participants else "other"
 
     def mark(self, model: str) -> tuple[str, str]:
-        """Returns colour and shape."""
+        """Return colour and shape."""
         return FAMILIES.get(self.family(model), _OTHER)
 
     def legend(self, models: Iterable[str]) -> list[tuple[str, str, str]]:
-        """Returns family, colour and shape of every family among the models, floors first."""
+        """Return family, colour and shape of every family among the models, floors first."""
         present = {self.family(model): self.mark(model) for model in models}
         order = [family for family in FAMILIES if family in present]
         order += sorted(family for family in present if family not in FAMILIES)
         return [(family, *present[family]) for family in order]
 
     def by_family(self, models: Iterable[str]) -> list[str]:
-        """Returns the models family by family, each family in the order given."""
+        """Return the models family by family, each family in the order given."""
         order = list(FAMILIES)
         return sorted(models, key=lambda model: order.index(f) if (f := self.family(model)) in order else len(order))

@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
 
 def anchor(task: str) -> str:
-    """Returns where a task's section can be linked to."""
+    """Return where a task's section can be linked to."""
     return "task-" + "".join(letter if letter.isalnum() else "-" for letter in task)
 
 
 def main_split(results: BenchmarkResults) -> str:
-    """Returns the split of the first heat map: held-out sessions, or the first there is."""
+    """Return the split of the first heat map: held-out sessions, or the first there is."""
     splits = [result.split for result in results.tasks]
     return min(splits, key=lambda split: (split != next(iter(SPLITS)), splits.index(split)))
 
 
 def verdict(result: TaskResult) -> str:
-    """Returns in words whether the best model beats the floor outside the paired interval."""
+    """Return in words whether the best model beats the floor outside the paired interval."""
     best = result.entries[0]
     if best.model == result.floor:
         return "nothing beats the floor"
@@ -46,7 +46,7 @@ def verdict(result: TaskResult) -> str:
 
 
 def winners(results: BenchmarkResults, names: Names) -> str:
-    """Returns a table with one row a leaderboard: its best model, the floor, and what lies between them."""
+    """Return a table with one row a leaderboard: its best model, the floor, and what lies between them."""
     rows = []
     for result in results.tasks:
         best = result.entries[0]
@@ -73,7 +73,7 @@ def winners(results: BenchmarkResults, names: Names) -> str:
 
 
 def heat_map(results: Sequence[TaskResult], names: Names) -> str:
-    """Returns models by tasks, percent in every cell, coloured by the ratio to the floor of the column.
+    """Return models by tasks, percent in every cell, coloured by the ratio to the floor of the column.
 
     Models stand family by family, within each the one first that does best against the floors.
     """
@@ -98,7 +98,7 @@ def heat_map(results: Sequence[TaskResult], names: Names) -> str:
 
 
 def heat_key() -> str:
-    """Returns the legend of the heat map as HTML."""
+    """Return the legend of the heat map as HTML."""
     entries = [
         (f'<i style="background:{shade(strength)[0]};border:1px solid #c9d1d9"></i>', words)
         for strength, words in (
@@ -125,7 +125,7 @@ def _floor(result: TaskResult) -> float:
 
 
 def _standing(model: str, results: Sequence[TaskResult]) -> float:
-    """Returns the mean over the tasks of the shade of a model's cells."""
+    """Return the mean over the tasks of the shade of a model's cells."""
     shades = []
     for result in results:
         entry = _found(model, result)

@@ -98,19 +98,19 @@ class BenchmarkPage(Page):
         self._body.append(f'<p class="{style}">{html.escape(words)}</p>')
 
     def raw(self, content: str) -> None:
-        """Adds HTML as it is; the caller has escaped what needs it."""
+        """Add HTML as it is; the caller has escaped what needs it."""
         self._body.append(content)
 
     def folded_content(self, words: str, content: str) -> None:
         self._body.append(f"<details><summary>{html.escape(words)}</summary>{content}</details>")
 
     def figures(self, *figures: tuple[str, str]) -> None:
-        """Adds SVG pictures with their captions; two stand side by side where there is room."""
+        """Add SVG pictures with their captions; two stand side by side where there is room."""
         self._body.append(figures_html(*figures))
 
 
 def figures_html(*figures: tuple[str, str]) -> str:
-    """Returns SVG pictures with their captions; two stand side by side where there is room."""
+    """Return SVG pictures with their captions; two stand side by side where there is room."""
     shown = "".join(
         f"<figure>{svg}<figcaption>{html.escape(caption)}</figcaption></figure>" for svg, caption in figures
     )

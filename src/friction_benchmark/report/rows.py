@@ -31,7 +31,7 @@ TEST_MARKS = (
 
 
 def fitting(words: str, width: float, size: float) -> str:
-    """Returns words cut with an ellipsis where they are wider than ``width`` [px]."""
+    """Return words cut with an ellipsis where they are wider than ``width`` [px]."""
     if text_width(words, size) <= width:
         return words
     return words[: max(1, int(width / text_width(" ", size)) - 1)].rstrip() + "…"
@@ -52,12 +52,12 @@ class Rows:
         return TOP
 
     def number(self, row: int, words: str, style: str = "") -> None:
-        """Writes a number behind a row."""
+        """Write a number behind a row."""
         self.drawing.text(WIDTH - 4.0, self.places[row] + 4.0, words, "end", SMALL, style)
 
 
 def begun(entries: Sequence[Entry], names: Names, floor: str, words: str, over_numbers: str) -> Rows:
-    """Returns a chart with its rows, names and marks of family; axis and points are the caller's.
+    """Return a chart with its rows, names and marks of family; axis and points are the caller's.
 
     Args:
         entries: One row each, from the top.

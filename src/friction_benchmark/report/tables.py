@@ -29,7 +29,7 @@ EMPTY = Cell(NOTHING, style="none")
 
 
 def number(value: float, form: Callable[[float], str] = of_size, style: str = "") -> Cell:
-    """Returns a cell with a number; one that is not finite is an empty cell."""
+    """Return a cell with a number; one that is not finite is an empty cell."""
     return Cell(form(value), value=value, style=style) if math.isfinite(value) else EMPTY
 
 
@@ -40,7 +40,7 @@ def model_cell(entry: Entry, result: TaskResult, names: Names) -> Cell:
 
 
 def margin_cell(below: Interval | None) -> Cell:
-    """Returns how far a model is below the floor; its colour says whether the interval leaves out zero."""
+    """Return how far a model is below the floor; its colour says whether the interval leaves out zero."""
     if below is None:
         return EMPTY
     style = "good" if below.low > 0.0 else "bad" if below.high < 0.0 else ""
@@ -78,7 +78,7 @@ def _extra(key: str) -> str:
 def motion_table(result: TaskResult, names: Names) -> str:
     """Percent and newtons by stratum, and percent by test, shaded against the floor of the same column."""
     strata = [name for name in STRATA if any(name in entry.strata for entry in result.entries)]
-    tests = sorted({test for entry in result.entries for test in entry.by_test})
+    tests = sorted({test for entry in result.entries for test in entry.by_condition})
     floor = next((entry for entry in result.entries if entry.model == result.floor), None)
     rows = []
     for entry in result.entries:
@@ -88,8 +88,8 @@ def motion_table(result: TaskResult, names: Names) -> str:
             base = floor.strata.get(stratum, (math.nan, 0.0))[0] if floor else math.nan
             cells.append(_against(percent, base, f"{of_size(newtons)} N"))
         for test in tests:
-            base = floor.by_test.get(test, math.nan) if floor else math.nan
-            cells.append(_against(entry.by_test.get(test, math.nan), base))
+            base = floor.by_condition.get(test, math.nan) if floor else math.nan
+            cells.append(_against(entry.by_condition.get(test, math.nan), base))
         rows.append(cells)
     head = [Cell("Model"), *(Cell(STRATA[name]) for name in strata), *(Cell(test) for test in tests)]
     groups = [
@@ -107,7 +107,7 @@ def _against(percent: float, floor: float, small: str = "") -> Cell:
 
 
 def against_floor(percent: float, floor: float) -> float | None:
-    """Returns -1 at half the floor's error or less, 0 at the floor's, 1 at twice it or more."""
+    """Return -1 at half the floor's error or less, 0 at the floor's, 1 at twice it or more."""
     if not (math.isfinite(floor) and floor > 0.0 and percent > 0.0):
         return None
     return max(-1.0, min(1.0, math.log2(percent / floor)))

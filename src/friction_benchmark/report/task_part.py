@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from friction_benchmark.report.by_test import coverage, errors_by_test
+from friction_benchmark.report.by_condition import coverage, errors_by_condition
 from friction_benchmark.report.costs import error_against_cost
 from friction_benchmark.report.leaderboard import label_line, leaderboard
 from friction_benchmark.report.overview import anchor
@@ -28,7 +28,7 @@ DOTS = ", the dotted line the off-line label itself"
 
 
 def task_part(page: BenchmarkPage, results: Sequence[TaskResult], names: Names, finding: str) -> None:
-    """Adds the section of a task.
+    """Add the section of a task.
 
     Args:
         page: The page so far.
@@ -76,8 +76,8 @@ def _split(page: BenchmarkPage, result: TaskResult, names: Names, folded: bool) 
     if not folded:
         page.raw(error_table(result, names))
     further = []
-    if any(entry.by_test for entry in result.entries):
-        further.append((errors_by_test(result, names), "Error by test; logarithmic scale."))
+    if any(entry.by_condition for entry in result.entries):
+        further.append((errors_by_condition(result, names), "Error by test; logarithmic scale."))
     if any(entry.trust is not None for entry in result.entries):
         further.append(
             (

@@ -20,7 +20,7 @@ REFERENCES = {"label": "label", "truth": "true friction"}
 
 
 def of_size(value: float) -> str:
-    """Returns a number with about three digits: 0.12, 4.56, 45.6, 456."""
+    """Return a number with about three digits: 0.12, 4.56, 45.6, 456."""
     if not math.isfinite(value):
         return NOTHING
     size = abs(value)
@@ -29,28 +29,28 @@ def of_size(value: float) -> str:
 
 
 def signed(value: float) -> str:
-    """Returns a number with its sign, which is a true minus."""
+    """Return a number with its sign, which is a true minus."""
     text = of_size(value)
     return f"+{text}" if value > 0.0 and text.strip("0.") not in ("", NOTHING) else text
 
 
 def within(interval: Interval) -> str:
-    """Returns the ends of an interval."""
+    """Return the ends of an interval."""
     return f"{of_size(interval.low)} to {of_size(interval.high)}"
 
 
 def share(value: float, digits: int = 1) -> str:
-    """Returns a share as percent."""
+    """Return a share as percent."""
     return f"{100.0 * value:.{digits}f} %" if math.isfinite(value) else NOTHING
 
 
 def counted(value: float) -> str:
-    """Returns a count with its thousands apart."""
+    """Return a count with its thousands apart."""
     return f"{value:,.0f}" if math.isfinite(value) else NOTHING
 
 
 def seconds(value: float) -> str:
-    """Returns a time in the unit that suits it."""
+    """Return a time in the unit that suits it."""
     if not math.isfinite(value):
         return NOTHING
     return (
@@ -59,7 +59,7 @@ def seconds(value: float) -> str:
 
 
 def plain(name: str) -> str:
-    """Returns an identifier as words: ``forecast_100ms`` is forecast 100 ms."""
+    """Return an identifier as words: ``forecast_100ms`` is forecast 100 ms."""
     words = name.replace("_", " ").split()
     return " ".join(f"{word[:-2]} ms" if word.endswith("ms") and word[:-2].isdigit() else word for word in words)
 
@@ -73,5 +73,5 @@ def capital(words: str) -> str:
 
 
 def denominator(result: TaskResult) -> str:
-    """Returns what percentages of a result are of."""
+    """Return what percentages of a result are of."""
     return f"mean |{REFERENCES[result.reference]}| = {of_size(result.mean_friction_n)} N"

@@ -38,7 +38,7 @@ DEFINITIONS = [
 
 
 def write_report(results: BenchmarkResults, findings: Mapping[str, str], path: Path) -> None:
-    """Writes the benchmark as one HTML page that loads nothing; equal results make equal bytes.
+    """Write the benchmark as one HTML page that loads nothing; equal results make equal bytes.
 
     Args:
         results: What was found; at least one leaderboard with at least one entry, each best first.
@@ -52,7 +52,7 @@ def write_report(results: BenchmarkResults, findings: Mapping[str, str], path: P
 
 
 def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
-    """Returns the page that ``write_report`` writes."""
+    """Return the page that ``write_report`` writes."""
     empty = [f"{result.task}, {split_words(result.split)}" for result in results.tasks if not result.entries]
     if empty or not results.tasks:
         raise ValueError(f"expected leaderboards with entries, but got none in: {'; '.join(empty) or 'the results'}")
@@ -114,6 +114,6 @@ def _participants(page: BenchmarkPage, results: BenchmarkResults, names: Names) 
 
 
 def _budget_entry(name: str, value: float | int | str) -> str:
-    """Returns one entry of the budget as HTML."""
+    """Return one entry of the budget as HTML."""
     words = of_size(value) if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value
     return f"<div><dt>{html.escape(capital(name))}</dt><dd>{html.escape(words)}</dd></div>"

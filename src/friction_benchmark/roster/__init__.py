@@ -18,7 +18,7 @@ MODULES = tuple(
 
 
 def roster(modules: Sequence[str] = MODULES) -> dict[str, RosterEntry]:
-    """Returns the participants of these modules by name, in order.
+    """Return the participants of these modules by name, in order.
 
     Raises:
         ValueError: Two have one name.

@@ -28,7 +28,7 @@ _SOURCES = {
 
 
 def _make(name: str, making: Making) -> AnalyticalEstimator:
-    """Returns one model; effort cuts generations and the simulations of each local search."""
+    """Return one model; effort cuts generations and the simulations of each local search."""
     return AnalyticalEstimator(
         making.cylinder, model_named(name), making.inputs, effort=scaled_effort(making.effort, making.seed)
     )

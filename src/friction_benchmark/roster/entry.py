@@ -57,12 +57,12 @@ class Making:
 
 
 def needs_only_position(inputs: tuple[str, ...]) -> bool:
-    """Returns whether a model that needs no more than the position can be made."""
+    """Return whether a model that needs no more than the position can be made."""
     return "position_m" in inputs
 
 
 def needs_raw_pressures(inputs: tuple[str, ...]) -> bool:
-    """Returns whether both raw pressures are there, besides the position."""
+    """Return whether both raw pressures are there, besides the position."""
     return {"pressure_1_pa", "pressure_2_pa", "position_m"} <= set(inputs)
 
 

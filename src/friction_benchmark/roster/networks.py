@@ -41,7 +41,7 @@ RECURRENT_FIRST: dict[str, Value] = {"layers": 1, "nodes": 32, "learning_rate": 
 
 
 def _plan(making: Making, full: int, slow: int, layers: int, steps: int, batch_size: int = 16) -> SequencePlan:
-    """Returns the plan of this effort; ``full`` are the epochs of effort 1 and one layer at every sample, ``slow`` the
+    """Return the plan of this effort; ``full`` are the epochs of effort 1 and one layer at every sample, ``slow`` the
     stride where there are no raw pressures."""
     stride = 1 if needs_raw_pressures(making.inputs) else slow
     epochs = max(1, round(making.effort * full * stride / layers))

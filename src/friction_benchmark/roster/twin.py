@@ -20,7 +20,7 @@ SOURCE = "after Revach et al. 2022 (KalmanNet)"
 
 
 def make_learned_gain(making: Making) -> LearnedGainEstimator:
-    """Returns the filter of learned gain; effort cuts how often it goes through its recordings."""
+    """Return the filter of learned gain; effort cuts how often it goes through its recordings."""
     lessons = max(1, round(FULL_LESSONS * making.effort))
     return LearnedGainEstimator(
         making.cylinder,

@@ -22,16 +22,16 @@ class Stream(Protocol):
     """
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Output:
-        """Returns friction, lower, upper [N] and flags."""
+        """Return friction, lower, upper [N] and flags."""
 
     def reset(self) -> None:
-        """Forgets everything."""
+        """Forget everything."""
 
     def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Resets, then takes ``steps`` steps on one sample."""
+        """Reset, then takes ``steps`` steps on one sample."""
 
     def close(self) -> None:
-        """Gives back what the stream holds outside Python."""
+        """Give back what the stream holds outside Python."""
 
 
 class Runtime(Protocol):
@@ -41,7 +41,7 @@ class Runtime(Protocol):
     """In the table of tolerances."""
 
     def open(self, model: StepModel, folder: Path) -> Stream:
-        """Returns a fresh stream.
+        """Return a fresh stream.
 
         Args:
             model: What to run; always the same for one ``folder``.
@@ -52,7 +52,7 @@ class Runtime(Protocol):
 
 
 def all_runtimes() -> list[Runtime]:
-    """Returns the adapters of every module in this folder."""
+    """Return the adapters of every module in this folder."""
     modules = sorted(path.stem for path in Path(__file__).parent.glob("*.py") if path.stem != "__init__")
     found = []
     for module in modules:
@@ -62,7 +62,7 @@ def all_runtimes() -> list[Runtime]:
 
 
 def run(stream: Stream, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns newtons, shape ``(n, 3)``, and flags, shape ``(n,)``, of samples, shape ``(n, 3)``."""
+    """Return newtons, shape ``(n, 3)``, and flags, shape ``(n,)``, of samples, shape ``(n, 3)``."""
     if hasattr(stream, "run"):
         newtons, flags = stream.run(samples)
         return np.asarray(newtons), np.asarray(flags).astype(np.int64)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 class _Stream(CompiledStream):
     def close(self) -> None:
-        """Holds nothing outside Python."""
+        """Hold nothing outside Python."""
 
 
 class C:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 class _Stream(ReferenceStream):
     def close(self) -> None:
-        """Holds nothing."""
+        """Hold nothing."""
 
 
 class Reference:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 class _Stream(RealTimeStream):
     def close(self) -> None:
-        """Holds nothing."""
+        """Hold nothing."""
 
 
 class _Rows(_Stream):

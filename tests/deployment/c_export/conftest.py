@@ -116,7 +116,7 @@ def trajectories() -> dict[str, np.ndarray]:
 def compiled(
     golden_model: StepModel, tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[[str, Precision], CompiledEstimator]:
-    """Returns the compiled model of a shape and precision, each compiled once."""
+    """Return the compiled model of a shape and precision, each compiled once."""
     if not any(shutil.which(name) for name in COMPILERS):
         pytest.skip("no C compiler")
     made: dict[tuple[str, str], CompiledEstimator] = {}

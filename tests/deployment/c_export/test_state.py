@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def floats_of(stream: CompiledStream, model: StepModel) -> np.ndarray:
-    """Returns the single-precision part of the state: hidden and cell values, which stand before the counters."""
+    """Return the single-precision part of the state: hidden and cell values, which stand before the counters."""
     assert model.network is not None
     count = 2 * model.network.layers * model.network.nodes
     lags = max(taps.shape[-1] for taps in (model.feature_taps, model.base_taps, model.velocity_taps))

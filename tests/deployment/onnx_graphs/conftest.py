@@ -28,7 +28,7 @@ def golden_model() -> StepModel:
 
 
 def network(inputs: int, layers: int, nodes: int) -> LstmWeights:
-    """Returns random weights."""
+    """Return random weights."""
     generator = np.random.default_rng(layers)
 
     def weights(*shape: int) -> np.ndarray:
@@ -42,7 +42,7 @@ def network(inputs: int, layers: int, nodes: int) -> LstmWeights:
 
 
 def shaped(golden: StepModel, shape: str) -> StepModel:
-    """Returns a model of one of ``SHAPES``: filters, guard and bounds of the golden one, the rest its own."""
+    """Return a model of one of ``SHAPES``: filters, guard and bounds of the golden one, the rest its own."""
     features = len(golden.feature_taps)
     none = replace(golden, network=None, forest=None, forest_sees="nothing", head_counts=False)
     if shape == "hybrid":

@@ -107,7 +107,7 @@ def test_a_graph_of_another_kind_is_refused(exported: ExportedOnnx) -> None:
 
 def test_an_estimator_without_a_step_is_refused(cylinder: Cylinder, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="lugre: has no real-time step"):
-        export_onnx(LugreEstimator(cylinder, test="1"), tmp_path)
+        export_onnx(LugreEstimator(cylinder, condition="1"), tmp_path)
 
 
 def test_the_command_writes_both_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -127,7 +127,7 @@ def test_the_command_says_where_no_model_is(tmp_path: Path, capsys: pytest.Captu
 def test_the_command_refuses_an_estimator_without_a_step(
     cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    estimator = LugreEstimator(cylinder, test="1", population=4, generations=2)
+    estimator = LugreEstimator(cylinder, condition="1", population=4, generations=2)
     estimator.fit(labelled_recordings)
     estimator.save(tmp_path / "lugre")
     assert main(["export", "onnx", str(tmp_path / "lugre"), "--output", str(tmp_path / "onnx")]) == 1

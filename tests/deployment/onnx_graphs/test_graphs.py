@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def rolled(stream: OnnxStepStream | ReferenceStream, samples: np.ndarray) -> np.ndarray:
-    """Returns friction, lower, upper and flags of samples stepped through, shape ``(n, 4)``."""
+    """Return friction, lower, upper and flags of samples stepped through, shape ``(n, 4)``."""
     return np.array([stream.step(*sample) for sample in samples]).reshape(-1, 4)
 
 

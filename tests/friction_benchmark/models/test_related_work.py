@@ -100,7 +100,7 @@ def test_the_seed_decides_all(name: str, cylinder: Cylinder, warm_recordings: li
 def test_velocity_explains_most_of_friction_without_pressures(
     name: str, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
-    one_load = [recording for recording in labelled_recordings if recording.metadata.test == "1"]
+    one_load = [recording for recording in labelled_recordings if recording.metadata.condition == "1"]
     estimator = made(name, cylinder, PRESSURE_FREE, effort=0.05)
     estimator.fit(one_load)
     level = float(np.mean(np.abs(one_load[0].column("friction_n"))))

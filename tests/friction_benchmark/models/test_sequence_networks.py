@@ -38,7 +38,7 @@ SHAPES: dict[str, Architecture | TcnArchitecture] = {
 
 
 def random_network(architecture: Architecture | TcnArchitecture) -> tuple[Any, Any, Any]:
-    """Returns a network in PyTorch with random weights, the same as ONNX, and that at run time."""
+    """Return a network in PyTorch with random weights, the same as ONNX, and that at run time."""
     torch.manual_seed(3)
     network: Any
     if isinstance(architecture, TcnArchitecture):

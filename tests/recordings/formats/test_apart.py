@@ -48,7 +48,7 @@ def write_good(path: Path) -> Path:
 
 
 def write_crashing(path: Path) -> Path:
-    """Writes an attribute of text whose type says it is neither text nor a sequence; libhdf5 follows a wild pointer."""
+    """Write an attribute of text whose type says it is neither text nor a sequence; libhdf5 follows a wild pointer."""
     content = bytearray(write_good(path).read_bytes())
     content[content.index(b"unit\0\0\0\0\x19") + 9] = 255
     path.write_bytes(content)
@@ -56,7 +56,7 @@ def write_crashing(path: Path) -> Path:
 
 
 def write_crashing_matlab(path: Path) -> Path:
-    """Writes a struct with a text whose dimensions take no bytes; SciPy goes on with dimensions it never read."""
+    """Write a struct with a text whose dimensions take no bytes; SciPy goes on with dimensions it never read."""
     scipy.io.savemat(path, {"t": ROWS[:, None], "units": {"t": "s"}})
     content = bytearray(path.read_bytes())
     content[content.rindex(DIMENSIONS) + 4] = 0
@@ -65,7 +65,7 @@ def write_crashing_matlab(path: Path) -> Path:
 
 
 def write_greedy_matlab(path: Path) -> Path:
-    """Writes a struct that claims to be an array of a thousand million; SciPy fills the memory with them."""
+    """Write a struct that claims to be an array of a thousand million; SciPy fills the memory with them."""
     scipy.io.savemat(path, {"t": ROWS[:, None], "units": {"t": "s"}})
     content = bytearray(path.read_bytes())
     content[content.index(DIMENSIONS) + 15] = 64
@@ -74,7 +74,7 @@ def write_greedy_matlab(path: Path) -> Path:
 
 
 def write_hanging(path: Path) -> Path:
-    """Writes a heap of texts whose objects do not fill it; libhdf5 looks for the next one for ever."""
+    """Write a heap of texts whose objects do not fill it; libhdf5 looks for the next one for ever."""
     content = bytearray(write_good(path).read_bytes())
     content[content.index(b"GCOL") + 25] = 1
     path.write_bytes(content)
@@ -82,7 +82,7 @@ def write_hanging(path: Path) -> Path:
 
 
 def write_ring(path: Path) -> Path:
-    """Writes MDF blocks that point in a circle; asammdf walks it for ever."""
+    """Write MDF blocks that point in a circle; asammdf walks it for ever."""
     format_writers.write_mdf4(path, *format_writers.synthetic(40))
     content = bytearray(path.read_bytes())
     channel = content.index(b"##CN")
@@ -247,7 +247,7 @@ def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending:
 
 
 def processes(pid: int) -> list[psutil.Process]:
-    """Returns the process of this number as long as it runs; one that ended but was not collected does not."""
+    """Return the process of this number as long as it runs; one that ended but was not collected does not."""
     try:
         process = psutil.Process(pid)
         return [] if process.status() == psutil.STATUS_ZOMBIE else [process]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def read(tmp_path: Path):  # type: ignore[no-untyped-def]
-    """Writes text (CRLF and all as given) to a file and reads it."""
+    """Write text (CRLF and all as given) to a file and reads it."""
 
     def written(content: str | bytes, *, wanted: list[str] | None = None, **options: str) -> LoggedTable:
         path = tmp_path / "log.csv"

@@ -41,7 +41,7 @@ def names_of(text: str) -> dict[str, str]:
 
 
 def comment_of(text: str, column: str) -> str:
-    """Returns the remarks right above a column's line."""
+    """Return the remarks right above a column's line."""
     lines = text.splitlines()
     end = next(row for row, line in enumerate(lines) if line.startswith(f"  {column}:"))
     start = end
@@ -200,7 +200,7 @@ def test_the_template_can_be_another_and_the_names_pattern_finds_test_and_sessio
     loaded = yaml.safe_load(mapping_yaml(guess))
     assert (loaded["source"], loaded["pattern"]) == ("logs", "**/*.csv.gz")
     names = names_from_path("a/no-load_day1_3.csv.gz", compile_name_pattern(loaded["name_pattern"]))
-    assert (names.test, names.session) == ("no-load", "no-load_day1_3")
+    assert (names.condition, names.session) == ("no-load", "no-load_day1_3")
     short = mapping_yaml(guess, source="data/raw/own", template="from: {source}\nchannels:\n{channels}\n")
     assert yaml.safe_load(short)["from"] == "data/raw/own"
 
@@ -291,7 +291,7 @@ def test_a_file_without_names_gets_its_time_and_a_list() -> None:
 
 
 def test_a_file_of_the_rig_is_guessed_as_it_is_configured(tmp_path: Path) -> None:
-    path = tmp_path / "test1_session01_recording01.csv"
+    path = tmp_path / "condition1_session01_recording01.csv"
     values = {"Time [s]": TIME, "P1 [bar]": 20 + STROKE, "P2 [bar]": 9 + STROKE, "Position [mm]": 250 * STROKE}
     values["Oil temperature [degC]"] = 35.0 + 0.01 * TIME
     pd.DataFrame(values).to_csv(path, index=False)

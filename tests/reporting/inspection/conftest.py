@@ -31,7 +31,7 @@ def strokes(cylinder: Cylinder) -> Recording:
 def made_strokes(
     cylinder: Cylinder, load_n: float = 0.0, rest_s: float = 3.0, seconds: float = 60.0, sign: float = 1.0
 ) -> Recording:
-    """Returns strokes at several speeds with 300 N of Coulomb and 1500 N s/m of viscous friction, after a rest.
+    """Return strokes at several speeds with 300 N of Coulomb and 1500 N s/m of viscous friction, after a rest.
 
     Args:
         cylinder: Whose areas make pressures of forces.

@@ -19,7 +19,7 @@ OK, BAD = Finding("rate", "ok", "200 Hz"), Finding("motion", "refused", "does no
 
 
 def subjects(recording: Recording, outcomes: str) -> list[Inspected]:
-    """Returns a file a letter: g is good, b refused with a recording, u unreadable."""
+    """Return a file a letter: g is good, b refused with a recording, u unreadable."""
     return [
         Inspected(f"{number}.csv", [OK if letter == "g" else BAD], None if letter == "u" else recording)
         for number, letter in enumerate(outcomes)

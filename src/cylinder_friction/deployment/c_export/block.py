@@ -56,7 +56,7 @@ class EstimateBlock:
 
 
 def learned_block(model: StepModel, bank: FilterBank, real: Type) -> EstimateBlock:
-    """Returns the block of a model made of base force, network and forest, whichever of them it has."""
+    """Return the block of a model made of base force, network and forest, whichever of them it has."""
     parts, fields = [], []
     operations = 4
     if model.network is not None or model.forest is not None:
@@ -112,7 +112,7 @@ def _needs_head(model: StepModel) -> bool:
 
 
 def _forest_inputs(model: StepModel) -> list[str]:
-    """Returns the statements that copy what the forest sees, in the order of ``forest_sees``."""
+    """Return the statements that copy what the forest sees, in the order of ``forest_sees``."""
     sources = {
         "nothing": [],
         "hidden": [("NODES", "state->hidden[LAYERS - 1]")],

@@ -32,7 +32,7 @@ class NoCompilerError(RuntimeError):
 
 
 def find_compiler(names: Sequence[str] = COMPILERS) -> str:
-    """Returns the path of the first compiler that is there.
+    """Return the path of the first compiler that is there.
 
     Raises:
         NoCompilerError: None is.
@@ -45,7 +45,7 @@ def find_compiler(names: Sequence[str] = COMPILERS) -> str:
 
 
 def compile_library(exported: ExportedC, compiler: str | None = None, options: Sequence[str] = OPTIMISED) -> Path:
-    """Compiles an exported source into a shared library beside it, with every warning an error, and returns its path.
+    """Compile an exported source into a shared library beside it, with every warning an error, and returns its path.
 
     Raises:
         NoCompilerError: There is no compiler, or it refused the source; its words are in the message.
@@ -100,7 +100,7 @@ class CompiledEstimator:
             function.argtypes, function.restype = arguments, None
 
     def stream(self) -> CompiledStream:
-        """Returns a fresh instance."""
+        """Return a fresh instance."""
         return CompiledStream(self)
 
 
@@ -116,21 +116,21 @@ class CompiledStream:
         estimator._init(self._state)
 
     def reset(self) -> None:
-        """Forgets everything; the next step is a first step."""
+        """Forget everything; the next step is a first step."""
         self._c._reset(self._state)
 
     def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Resets, then takes ``steps`` steps on one and the same sample."""
+        """Reset, then takes ``steps`` steps on one and the same sample."""
         self._c._warm_up(self._state, pressure_1_pa, pressure_2_pa, position_m, steps)
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Returns the estimate at this sample, whatever the sample is."""
+        """Return the estimate at this sample, whatever the sample is."""
         self._c._step(self._state, pressure_1_pa, pressure_2_pa, position_m, self._output)
         out = self._output
         return Estimate(out.friction_n, out.lower_n, out.upper_n, out.flags)
 
     def run(self, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
-        """Returns friction, lower and upper bound, shape ``(n, 3)`` [N], and flags, ``(n,)``, of samples ``(n, 3)``."""
+        """Return friction, lower and upper bound, shape ``(n, 3)`` [N], and flags, ``(n,)``, of samples ``(n, 3)``."""
         estimates, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.uint32)
         for row, sample in enumerate(samples.tolist()):
             *values, said = self.step(*sample)
@@ -138,9 +138,9 @@ class CompiledStream:
         return estimates, flags
 
     def saved(self) -> bytes:
-        """Returns the whole state."""
+        """Return the whole state."""
         return self._state.raw
 
     def restore(self, saved: bytes) -> None:
-        """Puts a saved state back."""
+        """Put a saved state back."""
         ctypes.memmove(self._state, saved, len(saved))

@@ -62,7 +62,7 @@ def export_c(
     precision: Precision = "double",
     part: Part = "whole",
 ) -> ExportedC:
-    """Writes ``name.c`` and ``name.h`` into ``folder``.
+    """Write ``name.c`` and ``name.h`` into ``folder``.
 
     Args:
         estimator: A fitted hybrid, LSTM, forest, force balance, ridge regression or LuGre.
@@ -92,7 +92,7 @@ def export_model(
     precision: Precision = "double",
     kind: str = "hybrid",
 ) -> ExportedC:
-    """Writes ``name.c`` and ``name.h`` of a model that is plain arrays already; arguments as for ``export_c``."""
+    """Write ``name.c`` and ``name.h`` of a model that is plain arrays already; arguments as for ``export_c``."""
     if not _IDENTIFIER.fullmatch(name):
         raise ValueError(f"name must be lower-case letters, digits and underscores, a letter first, but got {name!r}")
     if precision not in ("double", "float"):
@@ -134,7 +134,7 @@ def export_model(
 
 
 def fingerprint(model: StepModel | LugreModel) -> str:
-    """Returns the SHA-256 of every number of a model, the same on every machine."""
+    """Return the SHA-256 of every number of a model, the same on every machine."""
     digest = hashlib.sha256()
     _add(digest, model)
     return digest.hexdigest()

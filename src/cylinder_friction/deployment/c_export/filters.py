@@ -48,12 +48,12 @@ class FilterBank:
         return int(self.rows.shape[2])
 
     def operations(self) -> int:
-        """Returns the multiply-adds of one step."""
+        """Return the multiply-adds of one step."""
         return sum(last - first for row in self.rows for first, last in filter(None, map(_extent, row)))
 
 
 def filter_bank(model: StepModel) -> FilterBank:
-    """Returns the model's filters, each distinct one once."""
+    """Return the model's filters, each distinct one once."""
     lags = max(taps.shape[-1] for taps in (model.feature_taps, model.base_taps, model.velocity_taps))
     every = [*model.feature_taps, model.velocity_taps, model.base_taps]
     rows: list[Array] = []
@@ -73,7 +73,7 @@ def filter_bank(model: StepModel) -> FilterBank:
 
 
 def filter_source(bank: FilterBank, kind: Type) -> str:
-    """Returns the taps and ``filter_samples``, which fills ``filtered[ROWS]`` from the ring of samples."""
+    """Return the taps and ``filter_samples``, which fills ``filtered[ROWS]`` from the ring of samples."""
     taps, lines, start = [], [], 0
     for index, row in enumerate(bank.rows):
         terms = []
@@ -127,7 +127,7 @@ def _row_source(index: int, terms: list[_Term], kind: Type) -> list[str]:
 
 
 def feature_source(model: StepModel, bank: FilterBank, kind: Type) -> str:
-    """Returns ``make_features``: soft limit and standardisation of each feature, written into ``features``."""
+    """Return ``make_features``: soft limit and standardisation of each feature, written into ``features``."""
     lines = []
     for index, row in enumerate(bank.feature):
         limit = float(model.feature_limits[index])
@@ -147,7 +147,7 @@ static void make_features(const real filtered[ROWS], float features[FEATURES])
 
 
 def _extent(taps: Array) -> tuple[int, int] | None:
-    """Returns the first lag and one past the last lag that count; None where none does."""
+    """Return the first lag and one past the last lag that count; None where none does."""
     used = np.flatnonzero(taps)
     return None if len(used) == 0 else (int(used[0]), int(used[-1]) + 1)
 

@@ -45,18 +45,18 @@ class FlatForest:
     depths: NDArray[np.int64]
 
     def operations(self) -> int:
-        """Returns the comparisons of one step, and the sum of the leaves."""
+        """Return the comparisons of one step, and the sum of the leaves."""
         return int(SIDE_BY_SIDE * self.depths.sum() + len(self.roots))
 
 
 def ordered(values: NDArray[np.float32]) -> NDArray[np.int32]:
-    """Returns integers in the same order as the given numbers, -0 equal to 0; C does the same to inputs."""
+    """Return integers in the same order as the given numbers, -0 equal to 0; C does the same to inputs."""
     bits = (values + np.float32(0.0)).view(np.int32)
     return np.where(bits < 0, bits ^ np.int32(0x7FFFFFFF), bits)
 
 
 def flatten(forest: Forest) -> FlatForest:
-    """Returns a forest laid out for the walk.
+    """Return a forest laid out for the walk.
 
     Raises:
         ValueError: A tree is too large for 16-bit ways.
@@ -81,7 +81,7 @@ def flatten(forest: Forest) -> FlatForest:
 
 
 def forest_source(flat: FlatForest, inputs: int) -> str:
-    """Returns the nodes and ``run_forest``."""
+    """Return the nodes and ``run_forest``."""
     nodes = (
         f"{{{content}, {child}u, {source}u}}"
         for content, child, source in zip(flat.content.tolist(), flat.child.tolist(), flat.source.tolist(), strict=True)
@@ -156,7 +156,7 @@ static real run_forest(const float inputs[FOREST_INPUTS])
 
 
 def _flat_tree(forest: Forest, root: int) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], int]:
-    """Returns content, child and source of one tree's nodes, and its depth."""
+    """Return content, child and source of one tree's nodes, and its depth."""
     order, depth = _two_levels_together(forest, root)
     place = {node: index for index, node in enumerate(order)}
     leaf = forest.feature[order] < 0
@@ -167,7 +167,7 @@ def _flat_tree(forest: Forest, root: int) -> tuple[NDArray[np.int32], NDArray[np
 
 
 def _two_levels_together(forest: Forest, root: int) -> tuple[list[int], int]:
-    """Returns a tree's nodes, each pair of children followed by the pairs below them, and the tree's depth."""
+    """Return a tree's nodes, each pair of children followed by the pairs below them, and the tree's depth."""
     order, waiting, deepest = [root], [(root, 0)], 0
     while waiting:
         parent, depth = waiting.pop()

@@ -17,7 +17,7 @@ BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4}
 
 
 def ordered_fields(fields: Sequence[StateField], real: Type) -> list[tuple[str, str, str, int]]:
-    """Returns ``(C type, declarator, comment, bytes)`` of each field, widest types first: none needs padding."""
+    """Return ``(C type, declarator, comment, bytes)`` of each field, widest types first: none needs padding."""
     rows: list[tuple[str, str, str, int]] = []
     for field in fields:
         c_type = real if field.role == "real" else field.role
@@ -29,7 +29,7 @@ def ordered_fields(fields: Sequence[StateField], real: Type) -> list[tuple[str, 
 
 
 def header_values(model: StepModel, rows: Sequence[tuple[str, str, str, int]], real: Type) -> dict[str, object]:
-    """Returns what ``HEADER`` asks for, beside names, hash and version."""
+    """Return what ``HEADER`` asks for, beside names, hash and version."""
     width = max(len(c_type) + len(declarator) for c_type, declarator, _, _ in rows) + 2
     fields = [f"    {f'{c_type} {declarator};':<{width}} /* {comment} */" for c_type, declarator, comment, _ in rows]
     return {

@@ -19,7 +19,7 @@ _PLACE = re.compile(r"@(\w+)@")
 
 
 def number(value: float, kind: Type) -> str:
-    """Returns a literal of that type: the shortest that reads back to the same value.
+    """Return a literal of that type: the shortest that reads back to the same value.
 
     Raises:
         ValueError: The value is not finite in that type.
@@ -32,12 +32,12 @@ def number(value: float, kind: Type) -> str:
 
 
 def numbers(values: ArrayLike, kind: Type) -> str:
-    """Returns the numbers of an array in C order, with commas, wrapped."""
+    """Return the numbers of an array in C order, with commas, wrapped."""
     return wrapped(number(value, kind) for value in np.asarray(values).ravel().tolist())
 
 
 def wrapped(items: Iterable[str], indent: str = "    ") -> str:
-    """Returns items with commas between them, in indented lines of at most ``LINE`` characters."""
+    """Return items with commas between them, in indented lines of at most ``LINE`` characters."""
     lines, line = [], indent
     for item in items:
         if len(line) + len(item) + 2 > LINE and line != indent:
@@ -49,7 +49,7 @@ def wrapped(items: Iterable[str], indent: str = "    ") -> str:
 
 
 def filled(template: str, values: Mapping[str, object]) -> str:
-    """Returns the template with every ``@key@`` replaced by its value.
+    """Return the template with every ``@key@`` replaced by its value.
 
     Raises:
         KeyError: The template asks for a key that is not there.

@@ -45,7 +45,7 @@ class LugreModel:
 
 
 def lugre_model(estimator: LugreEstimator) -> LugreModel:
-    """Returns what one step of a fitted LuGre estimator needs; its bounds say nothing unless it was calibrated."""
+    """Return what one step of a fitted LuGre estimator needs; its bounds say nothing unless it was calibrated."""
     if estimator.sample_time_s is None or estimator.training_range is None:
         raise NotFittedError(f"{estimator.kind}: not fitted yet; call fit or load first")
     assert estimator.parameters is not None
@@ -75,7 +75,7 @@ def lugre_model(estimator: LugreEstimator) -> LugreModel:
 
 
 def lugre_block(model: LugreModel, bank: FilterBank, real: Type) -> EstimateBlock:
-    """Returns the C of the play and of one step of the model."""
+    """Return the C of the play and of one step of the model."""
     smooth, rate = bank.feature
     law, sense = model.parameters, model.sense
     constants = {

@@ -34,7 +34,7 @@ IMPULSE = 2.0**20
 
 
 def model_of(estimator: FrictionEstimator) -> StepModel:
-    """Returns what one step of an estimator needs.
+    """Return what one step of an estimator needs.
 
     Raises:
         NotFittedError: There is nothing fitted or loaded yet.
@@ -48,7 +48,7 @@ def model_of(estimator: FrictionEstimator) -> StepModel:
 
 
 def part_of(model: StepModel, part: Part) -> StepModel:
-    """Returns a smaller model inside a hybrid: ``lstm`` leaves the forest out, ``base`` the network too.
+    """Return a smaller model inside a hybrid: ``lstm`` leaves the forest out, ``base`` the network too.
 
     Its bounds say nothing, since they were calibrated on the whole.
 
@@ -75,7 +75,7 @@ def part_of(model: StepModel, part: Part) -> StepModel:
 
 
 def linear_model(estimator: FrictionEstimator) -> StepModel:
-    """Returns the step of an estimator that is linear in lagged raw samples, found from its response to impulses."""
+    """Return the step of an estimator that is linear in lagged raw samples, found from its response to impulses."""
     if estimator.sample_time_s is None or estimator.training_range is None:
         raise NotFittedError(f"{estimator.kind}: not fitted yet; call fit or load first")
     taps, at_rest_n = impulse_response(estimator)
@@ -99,7 +99,7 @@ def linear_model(estimator: FrictionEstimator) -> StepModel:
 
 
 def impulse_response(estimator: FrictionEstimator) -> tuple[Array, float]:
-    """Returns the taps of a linear estimator, shape ``(3, lags)``, and what it gives for zeros [N].
+    """Return the taps of a linear estimator, shape ``(3, lags)``, and what it gives for zeros [N].
 
     A filter without end (a low-pass) is cut where the rest no longer counts.
     """

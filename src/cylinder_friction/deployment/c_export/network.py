@@ -31,14 +31,14 @@ ACTIVATION_OPERATIONS = 14
 
 
 def network_operations(weights: LstmWeights, head: bool) -> int:
-    """Returns multiply-adds of one step, and the operations of the activations."""
+    """Return multiply-adds of one step, and the operations of the activations."""
     sums = sum(layer_weights(weights, layer).size for layer in range(weights.layers))
     activations = weights.layers * weights.nodes * (5 * ACTIVATION_OPERATIONS + 3)
     return sums + activations + (weights.nodes if head else 0)
 
 
 def layer_weights(weights: LstmWeights, layer: int) -> NDArray[np.float32]:
-    """Returns one layer's weights in the order in which C reads them: bias, tiles, rows too few for a tile."""
+    """Return one layer's weights in the order in which C reads them: bias, tiles, rows too few for a tile."""
     inputs = weights.inputs if layer == 0 else weights.nodes
     rows = np.concatenate([weights.bias[layer][None], weights.input[layer][:inputs], weights.recurrent[layer]])
     rows = np.pad(rows, ((0, 0), (0, -rows.shape[1] % ACROSS)))
@@ -48,7 +48,7 @@ def layer_weights(weights: LstmWeights, layer: int) -> NDArray[np.float32]:
 
 
 def network_source(weights: LstmWeights, head: bool) -> str:
-    """Returns the weights, ``run_network`` and, where asked for, ``run_head``; all in single precision, as trained."""
+    """Return the weights, ``run_network`` and, where asked for, ``run_head``; all in single precision, as trained."""
     tables, calls = [], []
     for index in range(weights.layers):
         values = layer_weights(weights, index)
@@ -86,7 +86,7 @@ def network_source(weights: LstmWeights, head: bool) -> str:
 
 
 def _polynomial(coefficients: tuple[np.float32, ...]) -> str:
-    """Returns Horner's scheme in ``square``, lowest coefficient first in the argument."""
+    """Return Horner's scheme in ``square``, lowest coefficient first in the argument."""
     *lower, text = [number(float(value), "float") for value in coefficients]
     for value in reversed(lower):
         text = f"({text}) * square + {value}" if "*" in text else f"{text} * square + {value}"

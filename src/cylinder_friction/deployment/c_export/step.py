@@ -17,7 +17,7 @@ GUARD_OPERATIONS = 40
 
 
 def guard_fields(lags: int) -> tuple[StateField, ...]:
-    """Returns the state of guard, filters and bounds."""
+    """Return the state of guard, filters and bounds."""
     return (
         StateField("real", "window", (3, 2 * lags), "last samples of each channel, newest at cursor, kept twice"),
         StateField("real", "held", (3,), "last sound value of each channel"),
@@ -34,7 +34,7 @@ def guard_fields(lags: int) -> tuple[StateField, ...]:
 
 
 def step_values(model: StepModel, bank: FilterBank, block: EstimateBlock, real: Type) -> dict[str, object]:
-    """Returns what ``STEP`` and ``PRELUDE`` ask for, the name excepted."""
+    """Return what ``STEP`` and ``PRELUDE`` ask for, the name excepted."""
     guard, bounds = model.guard, model.bounds
 
     def row(values: tuple[float, ...]) -> str:

@@ -60,7 +60,7 @@ class BuiltFmu:
 
 
 def build_fmu(estimator: EstimatorInC, model: StepModel, fmi: FmiVersion) -> BuiltFmu:
-    """Returns the FMU of an exported estimator, with a binary for this computer where a C compiler is found.
+    """Return the FMU of an exported estimator, with a binary for this computer where a C compiler is found.
 
     Args:
         estimator: The estimator in C.
@@ -105,7 +105,7 @@ def build_fmu(estimator: EstimatorInC, model: StepModel, fmi: FmiVersion) -> Bui
 
 
 def _fingerprint(facts: FmuFacts, sources: Mapping[str, bytes], fmi: FmiVersion) -> str:
-    """Returns a hash of all that goes into the FMU but the binary, written as a GUID is."""
+    """Return a hash of all that goes into the FMU but the binary, written as a GUID is."""
     digest = hashlib.sha256(model_description(facts, fmi))
     for name in sorted(sources):
         digest.update(f"\0{name}\0{len(sources[name])}\0".encode() + sources[name])
@@ -113,7 +113,7 @@ def _fingerprint(facts: FmuFacts, sources: Mapping[str, bytes], fmi: FmiVersion)
 
 
 def _binary(facts: FmuFacts, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[str | None, bytes, str]:
-    """Returns path and bytes of the binary, and a sentence on it; None where this computer cannot make one."""
+    """Return path and bytes of the binary, and a sentence on it; None where this computer cannot make one."""
     host, compiler = this_host(), find_compiler()
     if host is None:
         return None, b"", "sources only: FMI has no name for this computer; the host program must compile them"

@@ -48,7 +48,7 @@ class Host:
 
 
 def this_host() -> Host | None:
-    """Returns None on a computer that FMI has no name for: not of 64 bits, or another system."""
+    """Return None on a computer that FMI has no name for: not of 64 bits, or another system."""
     system, machine = SYSTEMS.get(platform.system()), BITS_64.get(platform.machine().lower())
     if system is None or machine is None:
         return None
@@ -58,12 +58,12 @@ def this_host() -> Host | None:
 
 
 def find_compiler() -> str | None:
-    """Returns the path of the first C compiler found, or None."""
+    """Return the path of the first C compiler found, or None."""
     return next((path for name in COMPILERS if (path := shutil.which(name)) is not None), None)
 
 
 def compile_library(compiler: str, files: Mapping[str, bytes], to_compile: Sequence[str], suffix: str) -> bytes:
-    """Returns the shared library made of the sources.
+    """Return the shared library made of the sources.
 
     Args:
         compiler: Path of a compiler that takes gcc's options.

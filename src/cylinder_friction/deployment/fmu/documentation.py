@@ -28,7 +28,7 @@ communication step size is {step} s; any other is refused. Friction is positive 
 
 
 def documentation(facts: FmuFacts) -> bytes:
-    """Returns ``documentation/index.html``."""
+    """Return ``documentation/index.html``."""
     rows = "\n".join(
         "<tr>"
         + "".join(f"<td>{escape(cell)}</td>" for cell in (v.name, v.causality, v.unit or "", v.description))

@@ -43,7 +43,7 @@ class ExportedFmu:
 def export_fmu(
     estimator: FrictionEstimator, path: Path, fmi: FmiVersion = 2, precision: Precision = "double"
 ) -> ExportedFmu:
-    """Writes the FMU of a fitted estimator: sources, and a binary for this computer where a C compiler is found.
+    """Write the FMU of a fitted estimator: sources, and a binary for this computer where a C compiler is found.
 
     Args:
         estimator: Of any kind that can be exported to C.
@@ -67,7 +67,7 @@ def export_model_fmu(
     precision: Precision = "double",
     kind: str = "hybrid",
 ) -> ExportedFmu:
-    """Writes the FMU of a model that is plain arrays already; arguments and errors as for ``export_fmu``."""
+    """Write the FMU of a model that is plain arrays already; arguments and errors as for ``export_fmu``."""
     if path.suffix != ".fmu":
         raise ValueError(f"expected a file whose name ends in .fmu, but got {path.name!r}")
     name = model_identifier(path.stem)
@@ -83,6 +83,6 @@ def export_model_fmu(
 
 
 def model_identifier(stem: str) -> str:
-    """Returns a file's name as a C identifier in lower case, ``friction_`` before it where it could not be one."""
+    """Return a file's name as a C identifier in lower case, ``friction_`` before it where it could not be one."""
     name = re.sub(r"[^a-z0-9]+", "_", stem.lower()).strip("_") or "model"
     return name if re.match(r"(?!fm[iu])[a-z]", name) else f"friction_{name}"

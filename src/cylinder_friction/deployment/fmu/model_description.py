@@ -40,12 +40,12 @@ class FmuFacts:
 
 
 def model_description(facts: FmuFacts, fmi: FmiVersion) -> bytes:
-    """Returns modelDescription.xml; the same facts give the same bytes."""
+    """Return modelDescription.xml; the same facts give the same bytes."""
     return _xml(_description_2(facts) if fmi == 2 else _description_3(facts))
 
 
 def build_description(facts: FmuFacts) -> bytes:
-    """Returns sources/buildDescription.xml of FMI 3.0."""
+    """Return sources/buildDescription.xml of FMI 3.0."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
     build = SubElement(root, "BuildConfiguration", modelIdentifier=facts.name)
     files = SubElement(build, "SourceFileSet", language="C99")

@@ -15,7 +15,7 @@ READABLE = 0o100644
 
 
 def packed(content: Mapping[str, bytes]) -> bytes:
-    """Returns a zip file of ``content``, in alphabetical order of its paths, with no time of writing in it."""
+    """Return a zip file of ``content``, in alphabetical order of its paths, with no time of writing in it."""
     buffer = io.BytesIO()
     with ZipFile(buffer, "w") as archive:
         for path in sorted(content):

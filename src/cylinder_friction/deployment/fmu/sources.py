@@ -20,13 +20,13 @@ INTERFACE_FILES = {
 
 
 def interface_sources(fmi: FmiVersion) -> dict[str, bytes]:
-    """Returns FMI's functions in C, by file name."""
+    """Return FMI's functions in C, by file name."""
     folder = files(__package__) / "sources"
     return {name: (folder / name).read_bytes() for name in INTERFACE_FILES[fmi]}
 
 
 def model_header(name: str, token: str, sample_time_s: float, variables: Sequence[FmuVariable]) -> bytes:
-    """Returns ``fmu_model.h``: what FMI's functions call the estimator by, and its variables' value references.
+    """Return ``fmu_model.h``: what FMI's functions call the estimator by, and its variables' value references.
 
     Args:
         name: Prefix of the exported estimator.

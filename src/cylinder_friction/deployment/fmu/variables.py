@@ -57,7 +57,7 @@ class FmuVariable:
 
 
 def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
-    """Returns the variables; a variable's place in the tuple is its value reference."""
+    """Return the variables; a variable's place in the tuple is its value reference."""
     return (
         FmuVariable("time", "real", "independent", "continuous", "Simulation time", "s"),
         *_inputs(model),

@@ -27,7 +27,7 @@ class Contender(Protocol):
     """Between two readings of its clock with nothing between them."""
 
     def run(self, samples: Array) -> tuple[Array, Times]:
-        """Takes the next samples, shape ``(n, 3)``; returns friction [N] and the time of each step [ns]."""
+        """Take the next samples, shape ``(n, 3)``; returns friction [N] and the time of each step [ns]."""
 
 
 class PythonContender:

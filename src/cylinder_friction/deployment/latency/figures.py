@@ -34,7 +34,7 @@ class Latency:
 def latency_of(
     steps_ns: NDArray[np.int64], first_ns: NDArray[np.int64], timer_ns: float, preempted: int = 0
 ) -> Latency:
-    """Returns the figures of measured durations, less what reading the clock itself costs.
+    """Return the figures of measured durations, less what reading the clock itself costs.
 
     Args:
         steps_ns: Of every timed step, at least one.

@@ -148,7 +148,7 @@ class FloorKernels:
         self._read.restype = self._multiply.restype = ctypes.c_double
 
     def floor(self, work: Work) -> Floor:
-        """Measures both rates for this work: the best of many tries, so that what disturbs them does not count."""
+        """Measure both rates for this work: the best of many tries, so that what disturbs them does not count."""
         sink, size = _aligned(64), 512 * -(-work.bytes // 512)
         repeats = max(1, TRY_BYTES // size)
         buffers = [_aligned(size) for _ in range(BUFFERS)]  # where one lies decides how well the cache holds it
@@ -161,7 +161,7 @@ class FloorKernels:
 
 
 def work_of(model: StepModel) -> Work:
-    """Returns what one step of a model must at least do."""
+    """Return what one step of a model must at least do."""
     taps = sum(int(np.count_nonzero(bank)) for bank in (model.feature_taps, model.base_taps, model.velocity_taps))
     network = multiply_adds = 0
     if model.network is not None:

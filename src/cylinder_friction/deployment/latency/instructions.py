@@ -47,7 +47,7 @@ int main(int count, char **words)
 
 
 def instructions_per_step(exported: ExportedC, samples: NDArray[np.float64]) -> float | None:
-    """Returns the mean number of instructions of a step under ``-O3``; None where Valgrind is not there.
+    """Return the mean number of instructions of a step under ``-O3``; None where Valgrind is not there.
 
     Args:
         exported: What ``export_c`` wrote.

@@ -62,7 +62,7 @@ class LineUp:
 
 
 def line_up(estimator: FrictionEstimator, samples: Array, folder: Path) -> LineUp:
-    """Returns who runs a model.
+    """Return who runs a model.
 
     Args:
         estimator: A fitted hybrid, with or without its forest, or LuGre.

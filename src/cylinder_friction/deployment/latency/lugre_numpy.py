@@ -33,7 +33,7 @@ class LugreInNumpy:
         self._bristle_m = 0.0
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
-        """Returns friction [N]."""
+        """Return friction [N]."""
         law = self._law
         velocity = self._velocity(position_m)
         if velocity == 0.0:

@@ -22,7 +22,7 @@ QUIET_SHARE = 0.02
 
 @contextmanager
 def one_core() -> Iterator[int | None]:
-    """Keeps this process on its last core, the one least troubled by interrupts; None where the system cannot."""
+    """Keep this process on its last core, the one least troubled by interrupts; None where the system cannot."""
     if not hasattr(os, "sched_setaffinity"):
         yield None
         return
@@ -80,12 +80,12 @@ class QuietWatch:
 
 
 def preemptions() -> int:
-    """Returns how often the system has taken the core away from this thread."""
+    """Return how often the system has taken the core away from this thread."""
     return resource.getrusage(getattr(resource, "RUSAGE_THREAD", resource.RUSAGE_SELF)).ru_nivcsw
 
 
 def scheduling() -> str:
-    """Returns how the system schedules this process: ``other`` as any program, ``fifo`` as control loops run."""
+    """Return how the system schedules this process: ``other`` as any program, ``fifo`` as control loops run."""
     if not hasattr(os, "sched_getscheduler"):
         return "unknown"
     names = {os.SCHED_OTHER: "other", os.SCHED_FIFO: "fifo", os.SCHED_RR: "round robin", os.SCHED_BATCH: "batch"}
@@ -93,7 +93,7 @@ def scheduling() -> str:
 
 
 def machine() -> dict[str, Any]:
-    """Returns processor, caches, system and compiler in words."""
+    """Return processor, caches, system and compiler in words."""
     try:
         compiler = find_compiler()
         done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)  # noqa: S603
@@ -112,7 +112,7 @@ def machine() -> dict[str, Any]:
 
 
 def _busy_seconds() -> dict[int, tuple[float, float]]:
-    """Returns busy and total seconds of each core since the start of the system."""
+    """Return busy and total seconds of each core since the start of the system."""
     clock = Path("/proc/stat")
     if not clock.is_file():
         return {}

@@ -56,7 +56,7 @@ class Effort:
             raise ValueError(f"expected at least one step, one round and some time, but got {self}")
 
     def steps_a_round(self, step_ns: float) -> int:
-        """Returns the steps of one turn of a contender that takes ``step_ns`` for one."""
+        """Return the steps of one turn of a contender that takes ``step_ns`` for one."""
         affordable = 1e9 * self.seconds / max(step_ns, 1.0)
         return max(1, round(min(float(self.steps), affordable) / self.rounds))
 
@@ -95,7 +95,7 @@ class Measured:
 
 
 def measure(estimators: Mapping[str, FrictionEstimator], samples: Array, effort: Effort) -> Measured:
-    """Measures every runtime of every estimator.
+    """Measure every runtime of every estimator.
 
     Args:
         estimators: Hybrids and LuGre by name.
@@ -146,7 +146,7 @@ def _one_thread() -> Iterator[None]:
 
 
 def _differences(line: LineUp, estimator: FrictionEstimator, samples: Array) -> dict[str, float]:
-    """Takes the first steps; returns how far each is from the estimator itself, or from the first of its window."""
+    """Take the first steps; returns how far each is from the estimator itself, or from the first of its window."""
     expected = {"step": estimator.advance(estimator.new_state(), samples[:COMPARED_STEPS])}
     result = {}
     for contender in line.contenders:
@@ -167,7 +167,7 @@ class _Turns:
 
 
 def _in_turns(contenders: list[Contender], samples: Array, effort: Effort) -> dict[int, Latency]:
-    """Returns each contender's latency by its ``id``.
+    """Return each contender's latency by its ``id``.
 
     In every round another one begins, and all start at one place, the rounds' places spread over the samples.
     """

@@ -104,7 +104,7 @@ class NativeContender:
         self.timer_ns = _timer_ns(loaded)
 
     def restart(self) -> None:
-        """Forgets every sample."""
+        """Forget every sample."""
         self._start(self._state.ctypes.data)
 
     def run(self, samples: Array) -> tuple[Array, Times]:
@@ -116,7 +116,7 @@ class NativeContender:
 
 
 def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str]) -> None:
-    """Compiles sources into a shared library.
+    """Compile sources into a shared library.
 
     Raises:
         NoCompilerError: There is no compiler, or it refused a source; its words are in the message.

@@ -31,14 +31,14 @@ class TorchNetwork(torch.nn.Module):
         self.eval()
 
     def forward(self, window: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Returns the last hidden state, shape ``(batch, nodes)``, and the head, for ``(batch, time, features)``."""
+        """Return the last hidden state, shape ``(batch, nodes)``, and the head, for ``(batch, time, features)``."""
         hidden, _ = self.lstm(window)
         last = hidden[:, -1]
         return last, self.head(last)
 
 
 def scikit_learn_forest(forest: Forest) -> RandomForestRegressor:
-    """Returns a forest of the same trees, every node at the same place, for one job."""
+    """Return a forest of the same trees, every node at the same place, for one job."""
     inputs, trees = np.zeros((2, forest.inputs), dtype=np.float32), len(forest.roots)
     result = RandomForestRegressor(n_estimators=trees, n_jobs=1).fit(inputs, np.zeros(2))
     ends = [*forest.roots[1:].tolist(), len(forest.feature)]
@@ -69,7 +69,7 @@ def _torch_rows(rows: Single) -> Single:
 
 
 def _tree_state(forest: Forest, begin: int, end: int, empty: dict[str, Any], trees: int) -> dict[str, Any]:
-    """Returns the state of one tree; scikit-learn's own marks are -1 for no child and -2 for no feature."""
+    """Return the state of one tree; scikit-learn's own marks are -1 for no child and -2 for no feature."""
     part = slice(begin, end)
     leaf = forest.feature[part] < 0
     nodes = np.zeros(end - begin, dtype=empty["nodes"].dtype)

@@ -17,7 +17,7 @@ MEASURED_FIGURES = ("p50_us", "p99_us", "p999_us", "maximum_us", "first_us")
 
 
 def table(measured: Measured) -> str:
-    """Returns the whole run as plain text: a table a model, the floor below it, the verdicts last."""
+    """Return the whole run as plain text: a table a model, the floor below it, the verdicts last."""
     parts = [_model_table(name, model) for name, model in measured.models.items()]
     parts.append("\n".join(verdict.line() for verdict in verdicts_on(measured)))
     parts.append(_circumstances(measured))
@@ -25,7 +25,7 @@ def table(measured: Measured) -> str:
 
 
 def as_dict(measured: Measured) -> dict[str, Any]:
-    """Returns the whole run for JSON."""
+    """Return the whole run for JSON."""
     return {
         "models": {name: _model_dict(model) for name, model in measured.models.items()},
         "verdicts": [asdict(verdict) for verdict in verdicts_on(measured)],
@@ -38,7 +38,7 @@ def as_dict(measured: Measured) -> dict[str, Any]:
 
 
 def metrics_of(measured: Measured) -> dict[str, float]:
-    """Returns every ratio and quantile by name, ``model.contender.figure``."""
+    """Return every ratio and quantile by name, ``model.contender.figure``."""
     result: dict[str, float] = {}
     for name, model in measured.models.items():
         for contender, ratio in _ratios(model).items():

@@ -30,7 +30,7 @@ class Verdict:
 
 
 def verdicts_on(measured: Measured) -> list[Verdict]:
-    """Returns the promises on models of the paper's size, and on every other hybrid beside the first LuGre."""
+    """Return the promises on models of the paper's size, and on every other hybrid beside the first LuGre."""
     lugre = next((model for model in measured.models.values() if model.floor is None), None)
     result: list[Verdict] = []
     for name, model in measured.models.items():

@@ -40,7 +40,7 @@ class WindowFeatures:
         self.rows = np.zeros((1, WINDOW, features), dtype=np.float32)
 
     def push(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
-        """Takes a sample; returns the force that network and forest correct [N]."""
+        """Take a sample; returns the force that network and forest correct [N]."""
         model, first = self._model, not self._started
         if first:
             self._history[:] = pressure_1_pa, pressure_2_pa, position_m
@@ -67,7 +67,7 @@ class TorchWindow:
         self._forest = None if model.forest is None else scikit_learn_forest(model.forest)
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
-        """Returns friction [N]."""
+        """Return friction [N]."""
         model = self._model
         friction_n = self._features.push(pressure_1_pa, pressure_2_pa, position_m)
         with torch.no_grad():
@@ -90,7 +90,7 @@ class OnnxWindow:
         self._session = window_session(model)
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
-        """Returns friction [N]."""
+        """Return friction [N]."""
         friction_n = self._features.push(pressure_1_pa, pressure_2_pa, position_m)
         (correction,) = self._session.run(None, {"window": self._features.rows})
         return friction_n + self._model.target_scale_n * float(correction[0, 0])

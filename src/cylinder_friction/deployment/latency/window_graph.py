@@ -19,7 +19,7 @@ IR_VERSION = 8
 
 
 def window_session(model: StepModel) -> onnxruntime.InferenceSession:
-    """Returns a session on ``window_graph``, on one thread that does not spin."""
+    """Return a session on ``window_graph``, on one thread that does not spin."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
@@ -30,7 +30,7 @@ def window_session(model: StepModel) -> onnxruntime.InferenceSession:
 
 
 def window_graph(model: StepModel) -> onnx.ModelProto:
-    """Returns the graph: ``window``, shape ``(1, time, features)``, to ``correction``, ``(1, 1)``, in target scales."""
+    """Return the graph: ``window``, shape ``(1, time, features)``, to ``correction``, ``(1, 1)``, in target scales."""
     assert model.network is not None
     nodes, constants = _network_nodes(model.network)
     parts = ["head"] if model.head_counts else []

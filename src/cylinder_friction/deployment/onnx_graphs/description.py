@@ -33,7 +33,7 @@ MODEL_HASH = "model_sha256"
 
 
 def described(model: StepModel) -> dict[str, str]:
-    """Returns a graph's metadata, each value a string."""
+    """Return a graph's metadata, each value a string."""
     guard = model.guard
     columns = ("pressure_1_pa", "pressure_2_pa", "position_m")
     threads = {"intra_op_num_threads": 1, "inter_op_num_threads": 1, "execution_mode": 0}
@@ -53,7 +53,7 @@ def described(model: StepModel) -> dict[str, str]:
 
 
 def session_options(metadata: Mapping[str, str]) -> onnxruntime.SessionOptions:
-    """Returns the options that a graph's metadata names.
+    """Return the options that a graph's metadata names.
 
     Raises:
         KeyError: The metadata names none.
@@ -70,7 +70,7 @@ def session_options(metadata: Mapping[str, str]) -> onnxruntime.SessionOptions:
 
 
 def model_hash(model: StepModel) -> str:
-    """Returns the SHA-256 of every number in the model: step and sequence graph of one model share it."""
+    """Return the SHA-256 of every number in the model: step and sequence graph of one model share it."""
     digest = hashlib.sha256()
     _feed(digest, model)
     return digest.hexdigest()

@@ -20,12 +20,12 @@ DENORMAL = 1e-30
 
 
 def lags_of(model: StepModel) -> int:
-    """Returns how many samples the longest filter sees; at least two, so that the step before is among them."""
+    """Return how many samples the longest filter sees; at least two, so that the step before is among them."""
     return max(2, model.feature_taps.shape[2], model.base_taps.shape[1], model.velocity_taps.shape[1])
 
 
 def filtered(graph: Graph, model: StepModel, rows: Rows) -> None:
-    """Makes everything that is linear in the window, by one product.
+    """Make everything that is linear in the window, by one product.
 
     ``raw_features``, shape ``(n, features)``; ``base_n``, ``(n, 1)``; ``speeds_m_s``: velocity there and back, twice,
     ``(n, 4)``; ``changes``: of each channel since the step before, ``(n, 3)``; ``positions_m``: twice, ``(n, 2)``.
@@ -44,7 +44,7 @@ def filtered(graph: Graph, model: StepModel, rows: Rows) -> None:
 
 
 def estimated(graph: Graph, model: StepModel, rows: Rows, regime: str) -> str:
-    """Returns friction, lower and upper bound [N], shape ``(n, 3)``, of rows that are ``filtered`` and judged."""
+    """Return friction, lower and upper bound [N], shape ``(n, 3)``, of rows that are ``filtered`` and judged."""
     parts = []
     if model.network is not None or model.forest is not None:
         _features(graph, model)
@@ -71,7 +71,7 @@ def estimated(graph: Graph, model: StepModel, rows: Rows, regime: str) -> str:
 
 
 def _features(graph: Graph, model: StepModel) -> None:
-    """Makes ``features``, float32: ``(y / (a |y| + b) - mean) / scale``, the scale taken into ``a`` and ``b``."""
+    """Make ``features``, float32: ``(y / (a |y| + b) - mean) / scale``, the scale taken into ``a`` and ``b``."""
     limits, scale = model.feature_limits, model.feature_scale
     limited = limits > 0.0
     divisor = graph.constant([np.where(limited, limits, 1.0) * scale])
@@ -85,7 +85,7 @@ def _features(graph: Graph, model: StepModel) -> None:
 
 
 def _network(graph: Graph, weights: LstmWeights, rows: Rows) -> None:
-    """Makes ``hidden``, shape ``(n, nodes)``; in the step graph also ``network_state``, from ``network``."""
+    """Make ``hidden``, shape ``(n, nodes)``; in the step graph also ``network_state``, from ``network``."""
     nodes, layers = weights.nodes, weights.layers
     states = [f"{what}_in_{layer}" for layer in range(layers) for what in ("hidden", "cell")]
     if rows.single:
@@ -123,7 +123,7 @@ def _forest(graph: Graph, model: StepModel) -> None:
 
 
 def _offsets(graph: Graph, bounds: Bounds, regime: str, mean_n: float) -> str:
-    """Returns what is added to friction, lower and upper bound by regime, shape ``(n, 3)``."""
+    """Return what is added to friction, lower and upper bound by regime, shape ``(n, 3)``."""
     table = np.stack([np.zeros(4), np.array(bounds.lower_n), np.array(bounds.upper_n)], axis=1) + mean_n
     reversing = np.repeat(table[3:], 3, axis=0)  # whatever the velocity
     graph.cast(regime, "regime_index", TensorProto.INT64)

@@ -37,7 +37,7 @@ class ExportedOnnx:
 
 
 def export_onnx(estimator: FrictionEstimator, folder: Path) -> ExportedOnnx:
-    """Writes ``step.onnx`` and ``sequence.onnx`` into ``folder``; equal estimators make equal bytes.
+    """Write ``step.onnx`` and ``sequence.onnx`` into ``folder``; equal estimators make equal bytes.
 
     Args:
         estimator: A fitted hybrid, LSTM, forest, force balance or ridge regression.
@@ -51,7 +51,7 @@ def export_onnx(estimator: FrictionEstimator, folder: Path) -> ExportedOnnx:
 
 
 def export_model(model: StepModel, folder: Path) -> ExportedOnnx:
-    """Writes both files of a model that is plain arrays already."""
+    """Write both files of a model that is plain arrays already."""
     graphs = {STEP_FILE: step_graph(model), SEQUENCE_FILE: sequence_graph(model)}
     folder.mkdir(parents=True, exist_ok=True)
     for name, graph in graphs.items():

@@ -29,18 +29,18 @@ class Graph:
         self._outputs: list[onnx.ValueInfoProto] = []
 
     def add(self, operator: str, *inputs: str, to: str, **attributes: Any) -> str:
-        """Adds a node with one output, named ``to``, and returns that name."""
+        """Add a node with one output, named ``to``, and returns that name."""
         self.add_many(operator, *inputs, to=[to], **attributes)
         return to
 
     def add_many(self, operator: str, *inputs: str, to: Sequence[str], **attributes: Any) -> None:
-        """Adds a node with several outputs; one that nobody needs is named ``""``."""
+        """Add a node with several outputs; one that nobody needs is named ``""``."""
         domain = ML_OPERATORS.get(operator, "")
         name = next(output for output in to if output)
         self._nodes.append(helper.make_node(operator, inputs, to, name=name, domain=domain, **attributes))
 
     def constant(self, values: ArrayLike, dtype: DTypeLike = np.float64) -> str:
-        """Returns the name of a constant tensor."""
+        """Return the name of a constant tensor."""
         array = np.array(values, dtype=dtype, order="C")
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self._constants:
@@ -48,28 +48,28 @@ class Graph:
         return str(self._constants[key].name)
 
     def indices(self, *values: int) -> str:
-        """Returns the name of a constant list of integers: axes, positions or lengths."""
+        """Return the name of a constant list of integers: axes, positions or lengths."""
         return self.constant(values, np.int64)
 
     def split(self, source: str, parts: Mapping[str, int], axis: int = 1) -> None:
-        """Cuts a tensor along ``axis`` into named parts of the given lengths."""
+        """Cut a tensor along ``axis`` into named parts of the given lengths."""
         self.add_many("Split", source, self.indices(*parts.values()), to=list(parts), axis=axis)
 
     def cast(self, source: str, to: str, kind: int) -> str:
-        """Adds a change of type."""
+        """Add a change of type."""
         self._nodes.append(helper.make_node("Cast", [source], [to], name=to, to=kind))
         return to
 
     def takes(self, name: str, kind: int, shape: Sequence[int | str], meaning: str) -> None:
-        """Declares an input of the graph."""
+        """Declare an input of the graph."""
         self._inputs.append(helper.make_tensor_value_info(name, kind, shape, meaning))
 
     def gives(self, name: str, kind: int, shape: Sequence[int | str], meaning: str) -> None:
-        """Declares an output of the graph."""
+        """Declare an output of the graph."""
         self._outputs.append(helper.make_tensor_value_info(name, kind, shape, meaning))
 
     def model(self, name: str, meaning: str, metadata: Mapping[str, str]) -> onnx.ModelProto:
-        """Returns the checked model; equal graphs are equal bytes."""
+        """Return the checked model; equal graphs are equal bytes."""
         graph = helper.make_graph(
             self._nodes, name, self._inputs, self._outputs, list(self._constants.values()), doc_string=meaning
         )

@@ -47,7 +47,7 @@ def judged_valid(graph: Graph, guard: Guard, raw: str) -> Validity:
 
 
 def judged(graph: Graph, model: StepModel, rows: Rows) -> tuple[str, str]:
-    """Returns flags and regime as numbers, each shape ``(n, 1)``, of rows that are ``filtered``."""
+    """Return flags and regime as numbers, each shape ``(n, 1)``, of rows that are ``filtered``."""
     guard, bounds = model.guard, model.bounds
     frozen = _frozen(graph, guard, rows)
     _inside(graph, rows.sample, "trained", guard.trained_lower, guard.trained_upper)
@@ -93,7 +93,7 @@ def _frozen(graph: Graph, guard: Guard, rows: Rows) -> str:
 
 
 def _new_direction(graph: Graph, bounds: Bounds, rows: Rows) -> str:
-    """Returns whether a direction begins that was not the last step's."""
+    """Return whether a direction begins that was not the last step's."""
     slow, fast = bounds.standstill_m_s, max(bounds.standstill_m_s, bounds.creep_m_s)
     graph.add("GreaterOrEqual", "speeds_m_s", graph.constant([[slow, slow, fast, fast]]), to="faster")
     graph.cast("faster", "faster_number", TensorProto.DOUBLE)

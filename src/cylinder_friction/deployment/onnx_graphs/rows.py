@@ -41,10 +41,10 @@ class Rows(Protocol):
     single: bool
 
     def latest(self, what: str, values: str, fresh: str) -> str:
-        """Returns ``values`` as they were at the last row where ``fresh`` held, per column."""
+        """Return ``values`` as they were at the last row where ``fresh`` held, per column."""
 
     def latched(self, what: str, over: str, fresh: str) -> str:
-        """Returns whether ``over`` has held at any row since ``fresh`` last did, per column."""
+        """Return whether ``over`` has held at any row since ``fresh`` last did, per column."""
 
     def direction_before(self, direction: str) -> str:
-        """Returns the direction of the step before, 0 at the first."""
+        """Return the direction of the step before, 0 at the first."""

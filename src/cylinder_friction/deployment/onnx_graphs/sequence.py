@@ -23,7 +23,7 @@ LAST = np.iinfo(np.int64).max
 
 
 def sequence_graph(model: StepModel) -> onnx.ModelProto:
-    """Returns the estimate of whole recordings as one graph without loops but the LSTM's own."""
+    """Return the estimate of whole recordings as one graph without loops but the LSTM's own."""
     graph = Graph()
     validity = judged_valid(graph, model.guard, "samples")
     rows = SequenceRows(graph, model, validity)
@@ -88,7 +88,7 @@ class SequenceRows:
         return graph.add("Concat", graph.constant([[0.0]]), "direction_but_last", to="direction_before", axis=0)
 
     def _begin(self, validity: Validity) -> None:
-        """Cuts off what comes before the first sound sample."""
+        """Cut off what comes before the first sound sample."""
         graph = self._graph
         extra = {"samples": graph.constant(np.zeros((1, 3))), validity.accepted: graph.constant([[True] * 3], np.bool_)}
         graph.cast(validity.sound, "sound_number", TensorProto.INT64)
@@ -114,7 +114,7 @@ class SequenceRows:
         self._filled("clean", "raw", self.accepted, 3, to=self.sample)
 
     def _windows(self, lags: int) -> None:
-        """Makes each row's last samples, newest first, as if the first had always been there."""
+        """Make each row's last samples, newest first, as if the first had always been there."""
         graph = self._graph
         graph.add("Slice", self.sample, *(graph.indices(at) for at in (0, 1, 0)), to="first_sample")
         graph.add("Expand", "first_sample", graph.indices(lags - 1, 3), to="always")
@@ -126,7 +126,7 @@ class SequenceRows:
         graph.add("Concat", *shifted, to=self.window, axis=1)
 
     def _filled(self, name: str, values: str, fresh: str, columns: int, to: str = "") -> str:
-        """Returns each column's last fresh value, shape ``(n, columns)``; the first row counts as fresh.
+        """Return each column's last fresh value, shape ``(n, columns)``; the first row counts as fresh.
 
         The columns lie one after the other; the fresh values are drawn together, and counted off again.
         """

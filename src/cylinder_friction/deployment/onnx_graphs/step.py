@@ -25,7 +25,7 @@ MEANING = (
 
 
 def step_graph(model: StepModel) -> onnx.ModelProto:
-    """Returns the whole of one step as one graph; a state of zeros is a fresh start."""
+    """Return the whole of one step as one graph; a state of zeros is a fresh start."""
     graph = Graph()
     validity = judged_valid(graph, model.guard, "sample")
     rows = StepRows(graph, model, validity)
@@ -81,12 +81,12 @@ class StepRows:
         return direction + "_before"
 
     def remember(self) -> None:
-        """Makes ``memory_out``."""
+        """Make ``memory_out``."""
         after = ("window", CHANGED_AT + "_or_far", HAPPENED_AT, DIRECTION, "clock", "running_number")
         self._graph.add("Concat", *after, to="memory_out", axis=1)
 
     def _begin(self, validity: Validity) -> None:
-        """Holds invalid values; at the first sound sample, makes a memory as if it had always been there."""
+        """Hold invalid values; at the first sound sample, makes a memory as if it had always been there."""
         graph, past = self._graph, self._lags - 1
         graph.add("Gather", "memory", graph.indices(self.size - 1), to="ready_number", axis=1)
         graph.cast("ready_number", "ready", TensorProto.BOOL)

@@ -41,18 +41,18 @@ class OnnxStepStream:
         self._turn = 0
 
     def reset(self) -> None:
-        """Forgets everything; the next step is a first step."""
+        """Forget everything; the next step is a first step."""
         for array in self._arrays.values():
             array[...] = 0
 
     def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Resets, then takes ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
+        """Reset, then takes ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
         self.reset()
         for _ in range(steps):
             self.step(pressure_1_pa, pressure_2_pa, position_m)
 
     def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Returns the estimate at this sample, whatever the sample is."""
+        """Return the estimate at this sample, whatever the sample is."""
         self._sample[0] = pressure_1_pa, pressure_2_pa, position_m
         self.session.run_with_iobinding(self._bindings[self._turn])
         self._turn = 1 - self._turn
@@ -60,7 +60,7 @@ class OnnxStepStream:
         return Estimate(friction.item(), lower.item(), upper.item(), flags.item())
 
     def close(self) -> None:
-        """Holds nothing outside Python; here so that streams of every runtime are used alike."""
+        """Hold nothing outside Python; here so that streams of every runtime are used alike."""
 
     def _bound(self, arrays: dict[str, NDArray[Any]]) -> Any:
         binding = self.session.io_binding()
@@ -83,7 +83,7 @@ class OnnxSequence:
         self.session = session
 
     def run(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Returns friction, lower and upper bound [N], shape ``(n, 3)``, and flags, shape ``(n,)``.
+        """Return friction, lower and upper bound [N], shape ``(n, 3)``, and flags, shape ``(n,)``.
 
         Args:
             samples: Raw, shape ``(n, 3)``: pressure 1 [Pa], pressure 2 [Pa], position [m].
@@ -94,11 +94,11 @@ class OnnxSequence:
         return np.stack(newtons, axis=1), flags
 
     def close(self) -> None:
-        """Holds nothing outside Python; here so that streams of every runtime are used alike."""
+        """Hold nothing outside Python; here so that streams of every runtime are used alike."""
 
 
 def open_step(source: Path | onnx.ModelProto) -> OnnxStepStream:
-    """Returns a fresh stream of an exported step graph, with the session options stored in it.
+    """Return a fresh stream of an exported step graph, with the session options stored in it.
 
     Raises:
         FileNotFoundError: There is no such file.
@@ -108,7 +108,7 @@ def open_step(source: Path | onnx.ModelProto) -> OnnxStepStream:
 
 
 def open_sequence(source: Path | onnx.ModelProto) -> OnnxSequence:
-    """Returns an exported sequence graph, ready to run, with the session options stored in it.
+    """Return an exported sequence graph, ready to run, with the session options stored in it.
 
     Raises:
         FileNotFoundError: There is no such file.
@@ -118,7 +118,7 @@ def open_sequence(source: Path | onnx.ModelProto) -> OnnxSequence:
 
 
 def open_session(source: Path | onnx.ModelProto, kind: str, first_input: str) -> onnxruntime.InferenceSession:
-    """Returns a session on an exported graph, made as the graph itself asks."""
+    """Return a session on an exported graph, made as the graph itself asks."""
     name, model = ("model", source) if isinstance(source, onnx.ModelProto) else (str(source), onnx.load(source))
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     inputs = [port.name for port in model.graph.input]

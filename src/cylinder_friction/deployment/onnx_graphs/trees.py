@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def forest_attributes(forest: Forest) -> dict[str, Any]:
-    """Returns the attributes of a ``TreeEnsembleRegressor`` (ai.onnx.ml 3) that runs ``forest``, every tree summed."""
+    """Return the attributes of a ``TreeEnsembleRegressor`` (ai.onnx.ml 3) that runs ``forest``, every tree summed."""
     order = np.sort(forest.roots)
     count = len(forest.feature)
     tree = np.searchsorted(order, np.arange(count), side="right") - 1

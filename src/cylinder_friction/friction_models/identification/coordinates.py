@@ -52,13 +52,13 @@ class Coordinates:
         damping_ratio: float,
         reference_pressure_pa: float = 0.0,
     ) -> Coordinates:
-        """Returns coordinates with the bounds of the model's specs, around a curve of steady sliding."""
+        """Return coordinates with the bounds of the model's specs, around a curve of steady sliding."""
         level = math.log(curve.coulomb_n)
         bounds = np.array([_bounds(spec, level) for spec in model.searched])
         return cls(model, mass_kg, damping_ratio, reference_pressure_pa, bounds[:, 0].copy(), bounds[:, 1].copy())
 
     def values(self, point: Array) -> Array:
-        """Returns the model's numbers at a point of the search, shape ``(k,)``, in the order of its specs."""
+        """Return the model's numbers at a point of the search, shape ``(k,)``, in the order of its specs."""
         at = {
             spec.name: math.exp(number) if spec.logarithmic else float(number)
             for spec, number in zip(self.model.searched, point, strict=True)
@@ -80,11 +80,11 @@ class Coordinates:
         return np.array([at[spec.name] for spec in self.model.specs])
 
     def parameters(self, point: Array) -> ModelParameters:
-        """Returns the model's numbers at a point of the search, by name."""
+        """Return the model's numbers at a point of the search, by name."""
         return self.model.parameters(self.values(point))
 
     def point(self, parameters: ModelParameters) -> Array:
-        """Returns the point of given parameters, moved into the bounds; their damping is not looked at."""
+        """Return the point of given parameters, moved into the bounds; their damping is not looked at."""
         coulomb = parameters.value("coulomb_n")
         owed_to_pressure = parameters.value("pressure_slope_n_pa") * self.reference_pressure_pa
         level = coulomb + owed_to_pressure
@@ -104,7 +104,7 @@ class Coordinates:
         return np.clip(np.array(numbers), self.lower + inside, self.upper - inside)
 
     def start(self, curve: StribeckCurve, stiffness_n_m: float) -> Array:
-        """Returns the point of a steady curve and a stiffness; a first share of friction is owed to pressure."""
+        """Return the point of a steady curve and a stiffness; a first share of friction is owed to pressure."""
         return self.point(self.model.first_guess(curve, stiffness_n_m, self.reference_pressure_pa))
 
 

@@ -40,7 +40,7 @@ class Motion:
 
 
 def with_dead_band(velocity_m_s: Array, dead_band_m_s: float) -> Array:
-    """Returns the velocity with everything slower than the dead band set to zero.
+    """Return the velocity with everything slower than the dead band set to zero.
 
     Below it velocity is noise of the position sensor, which would shake the bristles of a model at rest.
     """
@@ -111,11 +111,11 @@ class Motions:
         return float(np.mean(np.abs(self.friction_n[self.usable])))
 
     def mean_absolute_error(self, parameters: ModelParameters) -> float:
-        """Returns the mean absolute difference between model and label over usable rows [N]."""
+        """Return the mean absolute difference between model and label over usable rows [N]."""
         return self.error_of(parameters.packed())
 
     def error_of(self, values: Array) -> float:
-        """Returns the same of the model's numbers in the order of its specs; each motion from a fresh state."""
+        """Return the same of the model's numbers in the order of its specs; each motion from a fresh state."""
         kernel = self.model.kernel
         self._simulations[0] += 1
         for start, end in pairwise(self.starts):
@@ -131,7 +131,7 @@ class Motions:
         return float(_mean_absolute_difference(self._buffer, self.friction_n, self.usable))
 
     def simulated(self, parameters: ModelParameters) -> Array:
-        """Returns the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
+        """Return the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
         values = parameters.packed()
         pieces = [
             self.model.simulate(

@@ -115,7 +115,7 @@ def identify(
     confidence: float,
     also_from: Sequence[ModelParameters] = (),
 ) -> Identification:
-    """Identifies a friction model from labelled recordings.
+    """Identify a friction model from labelled recordings.
 
     The Stribeck curve and the bristle stiffness come from the labels' zero-phase velocity. The joint search
     simulates with the causal velocity that the estimator will have at run time, so that what is identified is what
@@ -187,7 +187,7 @@ def identify(
 def _first_looks(
     on_offer: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
 ) -> tuple[str, list[Array]]:
-    """Returns which velocity a short local search from each start likes best, and the ends of its searches."""
+    """Return which velocity a short local search from each start likes best, and the ends of its searches."""
     looks = {
         name: [search_locally(motions, coordinates, start, evaluations) for start in starts]
         for name, motions in on_offer.items()
@@ -202,7 +202,7 @@ def _first_looks(
 def _search(
     few: Motions, polished: Motions, coordinates: Coordinates, looks: Sequence[Array], effort: SearchEffort
 ) -> tuple[Array, list[float]]:
-    """Returns the best end of all searches, and the history of the differential evolution that came nearest to it."""
+    """Return the best end of all searches, and the history of the differential evolution that came nearest to it."""
     first = min(looks, key=lambda point: few.error_of(coordinates.values(point)))
     candidates, histories = list(looks), list[list[float]]()
     total = effort.restarts * effort.generations
@@ -234,7 +234,7 @@ def _motion(
 
 
 def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> list[Motion]:
-    """Returns a piece of each motion, from places that steps of the golden ratio spread evenly over all of them."""
+    """Return a piece of each motion, from places that steps of the golden ratio spread evenly over all of them."""
     length, lead = round(piece_s / sample_time_s), round(PIECE_LEAD_S / sample_time_s)
     if length == 0:
         return list(motions)

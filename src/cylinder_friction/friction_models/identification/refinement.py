@@ -28,7 +28,7 @@ def search_globally(
     generations: int,
     each_generation: Callable[[], object],
 ) -> tuple[Array, list[float]]:
-    """Returns the best point of differential evolution, and the least mean absolute error after each generation [N].
+    """Return the best point of differential evolution, and the least mean absolute error after each generation [N].
 
     Args:
         motions: What is simulated.
@@ -68,7 +68,7 @@ def search_globally(
 
 
 def search_locally(motions: Motions, coordinates: Coordinates, start: Array, evaluations: int) -> Array:
-    """Returns the best point of adaptive Nelder-Mead from ``start``.
+    """Return the best point of adaptive Nelder-Mead from ``start``.
 
     The first simplex spans a twentieth of the bounds a coordinate, because SciPy's own spans a twentieth of
     the value, which means nothing for a logarithm.

@@ -51,7 +51,7 @@ class PreslidingStiffness:
     confidence: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Returns all of it as JSON takes it."""
+        """Return all of it as JSON takes it."""
         return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(asdict(self).items())}
 
 
@@ -62,7 +62,7 @@ def presliding_stiffness(
     level: float = 0.5,
     confidence: float = 0.95,
 ) -> PreslidingStiffness:
-    """Returns the slope of friction over travel where friction passes through zero after a reversal.
+    """Return the slope of friction over travel where friction passes through zero after a reversal.
 
     There LuGre's bristles are straight, dz/dx = 1, and the slope is their stiffness s0 whatever shape the rest of
     the curve has. It is that of a parabola through the rows within ``level`` of Coulomb friction either way, at its
@@ -129,7 +129,7 @@ def presliding_stiffness(
 
 
 def _settled_friction(position_m: Array, friction_n: Array, turns: NDArray[np.int64]) -> float:
-    """Returns the median over strokes of friction's size in the last third of their travel [N]."""
+    """Return the median over strokes of friction's size in the last third of their travel [N]."""
     levels = []
     for begin, end in pairwise(turns):
         way = position_m[end] - position_m[begin]
@@ -139,7 +139,7 @@ def _settled_friction(position_m: Array, friction_n: Array, turns: NDArray[np.in
 
 
 def _slope(position_m: Array, friction_along_n: Array, way: float, level_n: float) -> float | None:
-    """Returns the slope of one stroke's rise through zero [N/m]; None where it shows none."""
+    """Return the slope of one stroke's rise through zero [N/m]; None where it shows none."""
     begin, end = (_crossing(friction_along_n, each) for each in (-level_n, level_n))
     if begin is None or end is None:
         return None
@@ -158,7 +158,7 @@ def _slope(position_m: Array, friction_along_n: Array, way: float, level_n: floa
 
 
 def _crossing(friction_n: Array, level_n: float) -> int | None:
-    """Returns the row at which rising friction passes a level; None where it does not.
+    """Return the row at which rising friction passes a level; None where it does not.
 
     Noise passes it several times; in the middle between the first and the last of them it is as likely up as down.
     """
@@ -172,7 +172,7 @@ def _crossing(friction_n: Array, level_n: float) -> int | None:
 
 
 def _variance_of_mean(values: Array) -> tuple[float, float]:
-    """Returns the variance of the mean of alike neighbours, and its degrees of freedom."""
+    """Return the variance of the mean of alike neighbours, and its degrees of freedom."""
     rest = values - values.mean()
     total = float(rest @ rest)
     alike = min(max(float(rest[:-1] @ rest[1:]) / total, 0.0), 0.95) if total > 0.0 else 0.0
@@ -182,7 +182,7 @@ def _variance_of_mean(values: Array) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def _turning_rows(position: Array, least_travel: float) -> NDArray[np.int64]:
-    """Returns the last row before each way back of ``least_travel``, ends of the first and last stroke left out."""
+    """Return the last row before each way back of ``least_travel``, ends of the first and last stroke left out."""
     turns = np.empty(position.shape[0], dtype=np.int64)
     count, way, extreme = 0, 0, 0
     lowest, highest = 0, 0

@@ -55,7 +55,7 @@ class SteadyPoint:
 
 
 def steady_rows(recording: Recording, slowest_m_s: float, variation: float) -> NDArray[np.bool_]:
-    """Returns the usable rows of a labelled recording that lie inside a stroke at constant velocity, shape ``(n,)``."""
+    """Return the usable rows of a labelled recording that lie inside a stroke at constant velocity, shape ``(n,)``."""
     velocity = recording.column("velocity_m_s")
     window = max(3, round(STEADY_DURATION_S / recording.sample_time_s) | 1)
     greatest = maximum_filter1d(velocity, window, mode="nearest")
@@ -72,7 +72,7 @@ def _has_slid(recording: Recording, slowest_m_s: float) -> NDArray[np.bool_]:
 
 @numba.njit(cache=True)
 def _travel_one_way(velocity: Array, slowest: float) -> Array:
-    """Returns the sum of speeds since the last row that was slow or went the other way, shape ``(n,)``."""
+    """Return the sum of speeds since the last row that was slow or went the other way, shape ``(n,)``."""
     travel = np.zeros_like(velocity)
     for row in range(1, velocity.shape[0]):
         if abs(velocity[row]) > slowest and velocity[row] * velocity[row - 1] > 0.0:
@@ -83,7 +83,7 @@ def _travel_one_way(velocity: Array, slowest: float) -> Array:
 def steady_points(
     recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_a_point: int = 40
 ) -> list[SteadyPoint]:
-    """Returns points of the friction-velocity curve, slowest retraction to fastest extension.
+    """Return points of the friction-velocity curve, slowest retraction to fastest extension.
 
     Speeds are binned on a logarithmic scale, each direction by itself, and a bin gives the medians of its rows.
     A hand never moves at perfectly constant velocity, so the tolerance widens, step by step, until both

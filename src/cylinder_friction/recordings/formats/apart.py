@@ -70,7 +70,7 @@ _BARE = {
 
 
 def read_apart(path: Path, kind: str, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Returns a file's tables, read in a process that is started for the first file and kept for the next ones.
+    """Return a file's tables, read in a process that is started for the first file and kept for the next ones.
 
     Args:
         path: The file, gzipped or not.
@@ -128,7 +128,7 @@ class _Reader:
         return self._process
 
     def close(self) -> None:
-        """Ends the process; it holds nothing that would be lost."""
+        """End the process; it holds nothing that would be lost."""
         process, self._process = self._process, None
         if process is None:
             return
@@ -137,7 +137,7 @@ class _Reader:
         _close_pipes(process)
 
     def forget(self) -> None:
-        """Leaves the process to the one that started it: for a fork, which has copies of its pipes."""
+        """Leave the process to the one that started it: for a fork, which has copies of its pipes."""
         process, self._process = self._process, None
         self._lock = threading.Lock()
         if process is not None:

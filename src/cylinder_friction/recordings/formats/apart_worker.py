@@ -72,7 +72,7 @@ def _limit_memory(limit_bytes: int) -> None:
 
 
 def _read(request: dict[str, Any]) -> tuple[list[LoggedTable], str | None]:
-    """Returns the tables, or why there are none."""
+    """Return the tables, or why there are none."""
     read, in_words = _READERS[request["kind"]]
     try:
         with guarded(in_words):

@@ -43,7 +43,7 @@ def has_thousands(cell: str) -> bool:
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """Returns a line's cells without the blanks and the quotation marks around them.
+    """Return a line's cells without the blanks and the quotation marks around them.
 
     Under ``whitespace`` a unit in brackets stays with the name before it.
     """

@@ -47,7 +47,7 @@ class Found:
 
 
 def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, tuple[int, int] | None]]:
-    """Returns the channels that an array of this shape holds: a name each, and axis and index of it within a matrix.
+    """Return the channels that an array of this shape holds: a name each, and axis and index of it within a matrix.
 
     A vector, standing or lying, is one channel (None in place of axis and index). A matrix is one a column, name_1,
     name_2, ...; its longer side is time. What has fewer than two values or more than two axes is none.
@@ -61,7 +61,7 @@ def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, tuple[in
 
 
 def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
-    """Returns one table for all channels of a length (and of a stated sample time), in the order of the file.
+    """Return one table for all channels of a length (and of a stated sample time), in the order of the file.
 
     Where there are several, a table is named by the group its channels share, otherwise by its length.
 
@@ -96,7 +96,7 @@ def table_of(
     sample_time_s: float | None = None,
     others: Sequence[str] = (),
 ) -> LoggedTable:
-    """Returns channels of one length as a table, with a channel ``time`` [s] first if a sample time is given."""
+    """Return channels of one length as a table, with a channel ``time`` [s] first if a sample time is given."""
     if sample_time_s is not None:
         length, step = channels[0].length, sample_time_s
         channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
@@ -109,7 +109,7 @@ def table_of(
 
 
 def numeric(values: NDArray[Any]) -> NDArray[Any]:
-    """Returns numbers in the machine's own byte order; true and false as 1 and 0; half precision as single."""
+    """Return numbers in the machine's own byte order; true and false as 1 and 0; half precision as single."""
     if values.dtype.kind == "b":
         return values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):

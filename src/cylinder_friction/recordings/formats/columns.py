@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def plain_values(column: Any) -> NDArray[Any] | None:
-    """Returns a column of a simple type; a null is NaN (or NaT), a date is ``datetime64[ns]`` (UTC if it has a zone).
+    """Return a column of a simple type; a null is NaN (or NaT), a date is ``datetime64[ns]`` (UTC if it has a zone).
 
     None for text and for types that are no single value a row, such as lists.
     """
@@ -49,7 +49,7 @@ def _temporal(column: Any) -> NDArray[Any]:
 
 
 def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], bool]:
-    """Returns a column of text as numbers, dates or times of day; if neither, its cells as they are, numbers as such.
+    """Return a column of text as numbers, dates or times of day; if neither, its cells as they are, numbers as such.
 
     Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
 

@@ -23,7 +23,7 @@ _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 
 
 def clock_seconds(text: Any) -> NDArray[np.float64] | None:
-    """Returns times of day (08:15:00,125) as seconds since midnight, or None if a cell is none; null is NaN."""
+    """Return times of day (08:15:00,125) as seconds since midnight, or None if a cell is none; null is NaN."""
     parts = pc.extract_regex(text, pattern=f"^{_CLOCK}$")
     if parts.null_count > text.null_count:
         return None
@@ -34,7 +34,7 @@ def clock_seconds(text: Any) -> NDArray[np.float64] | None:
 
 
 def date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
-    """Returns dates with or without a time of day as ``datetime64[ns]``, or None if a cell is none; null is NaT.
+    """Return dates with or without a time of day as ``datetime64[ns]``, or None if a cell is none; null is NaT.
 
     With dots the day comes first. With strokes the first row that can only be read one way settles it for the column.
     A time zone is taken off: the stamps are then in UTC.
@@ -65,7 +65,7 @@ def date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
 def _settled(
     first: NDArray[np.int64], second: NDArray[np.int64], valid: NDArray[np.bool_], text: Any, name: str
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Returns day and month of dates such as 01/02/2026."""
+    """Return day and month of dates such as 01/02/2026."""
     if (second > 12).any():
         return second, first
     open_rows = valid & (first != second)
@@ -96,7 +96,7 @@ def _stamps(
 
 
 def _clock_ns(parts: Any) -> NDArray[np.int64] | None:
-    """Returns the time of day in nanoseconds, or None if an hour, minute or second is none; 0 where there is none."""
+    """Return the time of day in nanoseconds, or None if an hour, minute or second is none; 0 where there is none."""
     hour, minute, second = (_integers(parts, field) for field in ("H", "M", "S"))
     fields = [field.name for field in parts.type]
     if "half" in fields:
@@ -123,7 +123,7 @@ def _zone_ns(parts: Any) -> NDArray[np.int64]:
 
 
 def _integers(parts: Any, field: str) -> NDArray[np.int64]:
-    """Returns one part as whole numbers, 0 where it is not there."""
+    """Return one part as whole numbers, 0 where it is not there."""
     text = pc.struct_field(parts, field).fill_null("")
     filled = pc.if_else(pc.equal(text, ""), "0", text)
     numbers: NDArray[np.int64] = pc.cast(filled, pa.int64()).to_numpy()

@@ -32,7 +32,7 @@ _LARGEST_HEAD = 64 * HEAD_SIZE
 
 
 def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[str] | None) -> LoggedTable:
-    """Returns the table of a text file.
+    """Return the table of a text file.
 
     The layout is found out from its first lines; Arrow reads the rest in one pass.
 
@@ -85,7 +85,7 @@ def _is_empty(values: NDArray[np.generic]) -> bool:
 
 
 def _first_lines(text: Text) -> list[bytes]:
-    """Returns the first whole lines, so many that names and rows are surely among them."""
+    """Return the first whole lines, so many that names and rows are surely among them."""
     size = HEAD_SIZE
     while True:
         head = text.file.read_at(min(size, text.end - text.start), text.start)
@@ -112,7 +112,7 @@ class _Rows:
         self.begin = begin
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
-        """Returns the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
+        """Return the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
         layout = self.layout
         table = self._parsed(loaded, layout.decimal or ".")
         # Whole numbers at first, and the first decimal sign further down than was looked.
@@ -158,7 +158,7 @@ class _Rows:
         return pa.BufferReader(content.strip(b"\t"))
 
     def _lines(self) -> list[tuple[int, str]]:
-        """Returns the rows that are not empty, each with its number within the file, counted from 1."""
+        """Return the rows that are not empty, each with its number within the file, counted from 1."""
         content = self.text.file.read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
         lines = enumerate(re.split(r"\r\n|\n|\r", content), start=self.layout.first_row + 1)
         return [(number, line) for number, line in lines if line or len(self.layout.names) == 1]
@@ -174,7 +174,7 @@ class _Rows:
                 )
 
     def refuse_second_header(self, column: Any, name: str) -> None:
-        """Refuses a column in which its own name comes again: the logger was started twice into one file."""
+        """Refuse a column in which its own name comes again: the logger was started twice into one file."""
         row = pc.index(pc.utf8_trim_whitespace(column), name).as_py()
         if row >= 0:
             number, line = self._lines()[row]

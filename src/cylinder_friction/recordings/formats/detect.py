@@ -46,7 +46,7 @@ _OTHERS = {
 
 
 def detect_format(path: Path) -> str:
-    """Returns which of ``FORMATS`` a file has, gzipped or not; its ending plays no part.
+    """Return which of ``FORMATS`` a file has, gzipped or not; its ending plays no part.
 
     Raises:
         RecordingError: The file cannot be opened, is empty, or is none of them.
@@ -55,7 +55,7 @@ def detect_format(path: Path) -> str:
 
 
 def format_of(head: bytes) -> str:
-    """Returns the format of a file that begins with ``head`` (unpacked); raises ``RecordingError`` if it has none."""
+    """Return the format of a file that begins with ``head`` (unpacked); raises ``RecordingError`` if it has none."""
     for start, name in _STARTS.items():
         if head.startswith(start):
             return name
@@ -73,7 +73,7 @@ def format_of(head: bytes) -> str:
 
 
 def is_matlab73(head: bytes) -> bool:
-    """Returns whether a MATLAB file is HDF5 within."""
+    """Return whether a MATLAB file is HDF5 within."""
     return head[512:].startswith(HDF5_SIGNATURE) or head.startswith(b"MATLAB 7.3")
 
 

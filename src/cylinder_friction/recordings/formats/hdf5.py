@@ -33,7 +33,7 @@ _MOST_UNPACKED = 1100
 
 
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Returns a table for each compound dataset, and one for all other datasets of a length.
+    """Return a table for each compound dataset, and one for all other datasets of a length.
 
     A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. Where a
     dataset, its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time
@@ -62,7 +62,7 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 
 
 def refuse_absurd_size(node: Any, source: FileSource) -> None:
-    """Refuses a dataset that claims to be far larger than its file could hold."""
+    """Refuse a dataset that claims to be far larger than its file could hold."""
     claimed = math.prod(node.shape) * node.dtype.itemsize
     if claimed > _MOST_UNPACKED * source.size:
         raise RecordingError(
@@ -97,7 +97,7 @@ def _reader(node: Any, place: tuple[int, int] | None, text: bool) -> Callable[[]
 
 
 def _fields(node: Any) -> list[Channel]:
-    """Returns the columns of a compound dataset; a field that is itself an array is one channel an entry."""
+    """Return the columns of a compound dataset; a field that is itself an array is one channel an entry."""
     channels = []
     for name in node.dtype.names:
         dtype = node.dtype[name]
@@ -129,7 +129,7 @@ def _unit(attributes: Any) -> str:
 
 
 def _sample_time_s(node: Any) -> float | None:
-    """Returns what the dataset states, or the nearest group around it that states anything."""
+    """Return what the dataset states, or the nearest group around it that states anything."""
     while True:
         attributes = {key.casefold(): node.attrs[key] for key in node.attrs if key.casefold() in (*_RATES, *_STEPS)}
         for key, value in attributes.items():

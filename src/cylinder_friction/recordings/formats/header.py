@@ -20,7 +20,7 @@ class Header:
 
 
 def read_header(above: list[str], delimiter: str, width: int, trailing: bool, mode: str) -> Header:
-    """Returns the header that the lines above the first row make.
+    """Return the header that the lines above the first row make.
 
     Args:
         above: The lines.
@@ -51,7 +51,7 @@ def read_header(above: list[str], delimiter: str, width: int, trailing: bool, mo
 
 
 def _lines_of_cells(above: list[str], delimiter: str, width: int, trailing: bool) -> list[list[str]]:
-    """Returns the unbroken run of lines right above the rows that have a cell for each column."""
+    """Return the unbroken run of lines right above the rows that have a cell for each column."""
     block: list[list[str]] = []
     for line in reversed([line for line in above if line.strip()]):
         cells = split_cells(line, delimiter)
@@ -90,7 +90,7 @@ def _refuse_other_width(above: list[str], delimiter: str, width: int, always: bo
 
 
 def _names_of_pairs(block: list[list[str]]) -> list[str] | None:
-    """Returns the names where each channel brings its own time column and a keyword stands above each of those.
+    """Return the names where each channel brings its own time column and a keyword stands above each of those.
 
     So does the TwinCAT Scope: Name;Axis.Pos;Name;Axis.Vel, then SymbolName;...;SymbolName;... and the like.
     """

@@ -59,7 +59,7 @@ class _Grid:
 
 
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
-    """Returns the layout of the table whose first lines these are, each whole.
+    """Return the layout of the table whose first lines these are, each whole.
 
     Raises:
         RecordingError: No rows of numbers are among them, the header fits no row, or the commas of its numbers have
@@ -84,7 +84,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
 
 
 def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | None) -> _Grid | None:
-    """Returns the last lines as cells, or None if no column of them holds numbers or dates."""
+    """Return the last lines as cells, or None if no column of them holds numbers or dates."""
     if delimiter == "," and decimal is None and not any('"' in lines[index] for index in content[-_LOOKED_AT:]):
         decimal = "."
     rows = [split_cells(lines[index], delimiter) for index in content[-_LOOKED_AT:]]
@@ -109,7 +109,7 @@ def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | N
 
 
 def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
-    """Returns what ranks one way to split a file's lines above another.
+    """Return what ranks one way to split a file's lines above another.
 
     First whether a line of names, or the first row, has as many cells as the rows: 3,845 below one name is a number
     with a decimal comma, below two names it is two. Then the share of cells that are numbers or dates.
@@ -125,7 +125,7 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
 
 
 def _first_row(grid: _Grid, lines: list[str], content: list[int], header: str) -> int:
-    """Returns the index of the first row's line; ``content`` holds those of the lines that are not empty."""
+    """Return the index of the first row's line; ``content`` holds those of the lines that are not empty."""
     if header == "auto":
         return _first_row_found(grid, lines, content)
     below = [index for index in content if not lines[index].lstrip().startswith(("#", "%", "//"))]
@@ -157,7 +157,7 @@ def _first_row_found(grid: _Grid, lines: list[str], content: list[int]) -> int:
 
 
 def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
-    """Returns the decimal sign that these rows show.
+    """Return the decimal sign that these rows show.
 
     Raises:
         RecordingError: The delimiter is a comma, and so quoted numbers with commas have two readings.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def optional_library(name: str, what: str, extra: str, package: str = "") -> Any:
-    """Returns a module that only some formats need; ``package`` is what it is installed as, if not by its name.
+    """Return a module that only some formats need; ``package`` is what it is installed as, if not by its name.
 
     Raises:
         RecordingError: It is not installed; the message names the extra that brings it.
@@ -29,7 +29,7 @@ def optional_library(name: str, what: str, extra: str, package: str = "") -> Any
 
 
 def missing_library(name: str, what: str, extra: str, package: str = "") -> RecordingError:
-    """Returns the error for a module that is not installed; arguments as for ``optional_library``."""
+    """Return the error for a module that is not installed; arguments as for ``optional_library``."""
     return RecordingError(
         f"reading {what} needs {package or name}, which is not installed; pip install 'cylinder-friction[{extra}]'"
     )
@@ -37,7 +37,7 @@ def missing_library(name: str, what: str, extra: str, package: str = "") -> Reco
 
 @contextmanager
 def guarded(what: str) -> Iterator[None]:
-    """Turns whatever a library raises over a damaged file into a ``RecordingError``, and keeps its warnings quiet.
+    """Turn whatever a library raises over a damaged file into a ``RecordingError``, and keeps its warnings quiet.
 
     These libraries trust what they read, so that damage shows as any exception at all: an index out of range, a key
     that is missing, a size that no memory holds.

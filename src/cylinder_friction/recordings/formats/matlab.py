@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Returns the file's vectors, matrices and structs as channels; those of one length share a table.
+    """Return the file's vectors, matrices and structs as channels; those of one length share a table.
 
     Single values and text are no channels and only named, as ``unread``. So are variables that nothing wanted can come
     from: they are not loaded.
@@ -34,7 +34,7 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
 
 
 def _to_load(source: FileSource, wanted: Collection[str] | None, found: Found) -> list[str] | None:
-    """Returns the variables that wanted channels may come from; the others are noted as found."""
+    """Return the variables that wanted channels may come from; the others are noted as found."""
     if wanted is None:
         return None
     kept = []
@@ -51,7 +51,7 @@ def _to_load(source: FileSource, wanted: Collection[str] | None, found: Found) -
 
 
 def _tree(value: Any) -> Any:
-    """Returns a variable as SciPy gives it in the shape that the walk expects."""
+    """Return a variable as SciPy gives it in the shape that the walk expects."""
     if isinstance(value, dict):
         return {str(key): _tree(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray) and value.dtype == object:

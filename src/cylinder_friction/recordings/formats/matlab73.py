@@ -21,7 +21,7 @@ _DEEPEST = 20
 
 
 def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Returns a file's channels as ``read_matlab`` does.
+    """Return a file's channels as ``read_matlab`` does.
 
     Raises:
         RecordingError: h5py is not installed.
@@ -35,7 +35,7 @@ def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[Lo
 
 
 def _tree(node: Any, source: FileSource, depth: int) -> Any:
-    """Returns an object of the file in the shape that the walk expects: Leaf, dict, list or text."""
+    """Return an object of the file in the shape that the walk expects: Leaf, dict, list or text."""
     h5py = optional_library("h5py", "MATLAB 7.3", "hdf5")
     if depth > _DEEPEST:
         return None
@@ -66,7 +66,7 @@ class _References(list[Any]):
 
 
 def _struct_array(fields: dict[str, Any]) -> Any:
-    """Returns a struct; or, where every field is references of one number, the array of structs that they make."""
+    """Return a struct; or, where every field is references of one number, the array of structs that they make."""
     lengths = {len(value) if isinstance(value, _References) else -1 for value in fields.values()}
     if len(lengths) == 1 and min(lengths) > 0:
         return [{key: value[index] for key, value in fields.items()} for index in range(lengths.pop())]

@@ -27,7 +27,7 @@ class Leaf:
 
 
 def walk(name: str, value: Any, found: Found, unit: str = "", depth: int = 0) -> None:
-    """Adds to ``found`` what a variable holds.
+    """Add to ``found`` what a variable holds.
 
     Args:
         name: Of the variable, or the path to the field: ``log.P1``; ``log_2.P1`` within an array of structs.
@@ -50,7 +50,7 @@ def walk(name: str, value: Any, found: Found, unit: str = "", depth: int = 0) ->
 
 
 def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = "", depth: int = 0) -> None:
-    """Adds a struct's fields, or the variables of a file (name '').
+    """Add a struct's fields, or the variables of a file (name '').
 
     A text field ``unit`` or ``units`` states the unit of the struct's arrays; a struct ``units`` of texts states it
     for the fields it names.
@@ -68,7 +68,7 @@ def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = 
 
 
 def _walk_simulink(name: str, struct: Mapping[str, Any], found: Found, depth: int) -> None:
-    """Adds Simulink's 'structure with time': time, and signals with values and a label each."""
+    """Add Simulink's 'structure with time': time, and signals with values and a label each."""
     signals = struct["signals"] if isinstance(struct["signals"], list) else [struct["signals"]]
     prefix = f"{name}." if name else ""
     if "time" in struct:
@@ -86,7 +86,7 @@ def _walk_simulink(name: str, struct: Mapping[str, Any], found: Found, depth: in
 
 
 def _samples_last(leaf: Leaf) -> Leaf:
-    """Returns a signal of matrices, one a sample along the last axis, as one row a sample."""
+    """Return a signal of matrices, one a sample along the last axis, as one row a sample."""
     rows, columns, samples = leaf.shape
     return Leaf((samples, rows * columns), leaf.kind, lambda: leaf.read().reshape(rows * columns, samples).T)
 

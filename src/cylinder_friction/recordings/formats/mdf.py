@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Returns one table a channel group, its master (time) first; conversions are applied, text stays text.
+    """Return one table a channel group, its master (time) first; conversions are applied, text stays text.
 
     A sample that the file marks as invalid is NaN.
 
@@ -84,7 +84,7 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
 
 
 def _refuse_absurd_records(group: Any, size: int) -> None:
-    """Refuses channels that lie outside their record, or more records than a file could hold.
+    """Refuse channels that lie outside their record, or more records than a file could hold.
 
     asammdf would give back what lies behind the record, or crash.
     """
@@ -108,7 +108,7 @@ def _refuse_absurd_records(group: Any, size: int) -> None:
 
 
 def _values(signal: Any) -> NDArray[Any] | None:
-    """Returns a signal's samples, or None if they are no single number, text or row of numbers each."""
+    """Return a signal's samples, or None if they are no single number, text or row of numbers each."""
     samples: NDArray[Any] = signal.samples
     if samples.dtype.kind in "SU" and samples.ndim == 1:
         texts = [cell.decode("utf-8", errors="replace") if isinstance(cell, bytes) else str(cell) for cell in samples]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Returns the file's one table; only the wanted columns are read, in one thread.
+    """Return the file's one table; only the wanted columns are read, in one thread.
 
     The index that pandas stores is a channel if it has a name or holds time stamps (then named ``index``); row numbers
     are left out. Units come from a field's metadata, key ``unit`` or ``units``.

@@ -28,7 +28,7 @@ def read_logged_file(
     csv: CsvOptions = _AUTOMATIC,
     wanted: Collection[str] | None = None,
 ) -> list[LoggedTable]:
-    """Returns what a logger's file holds, one table for channels that share their rows.
+    """Return what a logger's file holds, one table for channels that share their rows.
 
     Args:
         path: The file, gzipped or not.

@@ -34,11 +34,11 @@ class FileSource:
     size: int
 
     def handle(self) -> str | io.BytesIO:
-        """Returns what a library opens: the path as text, or the bytes as a file."""
+        """Return what a library opens: the path as text, or the bytes as a file."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else str(self.origin)
 
     def opened(self) -> BinaryIO:
-        """Returns the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
+        """Return the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
 
     def all_bytes(self) -> bytes:
@@ -46,7 +46,7 @@ class FileSource:
 
 
 def read_head(path: Path) -> bytes:
-    """Returns the first ``HEAD_SIZE`` bytes, unpacked.
+    """Return the first ``HEAD_SIZE`` bytes, unpacked.
 
     Raises:
         RecordingError: The file cannot be opened, is empty, or its gzip is damaged.
@@ -71,7 +71,7 @@ def read_head(path: Path) -> bytes:
 
 
 def open_source(path: Path) -> FileSource:
-    """Returns the file's source; a gzipped file is unpacked whole.
+    """Return the file's source; a gzipped file is unpacked whole.
 
     Raises:
         RecordingError: As ``read_head``.

@@ -20,20 +20,20 @@ _LENGTH = struct.Struct("<Q")
 
 
 def write_message(stream: IO[bytes], message: Any) -> None:
-    """Writes JSON behind its length [bytes, uint64 little-endian]."""
+    """Write JSON behind its length [bytes, uint64 little-endian]."""
     text = json.dumps(message, default=str).encode("ascii")
     stream.write(_LENGTH.pack(len(text)) + text)
     stream.flush()
 
 
 def read_message(stream: IO[bytes]) -> Any:
-    """Returns what ``write_message`` wrote; raises ``EOFError`` where the other process is gone."""
+    """Return what ``write_message`` wrote; raises ``EOFError`` where the other process is gone."""
     (length,) = _LENGTH.unpack(_bytes(stream, _LENGTH.size))
     return json.loads(_bytes(stream, length))
 
 
 def write_tables(stream: IO[bytes], tables: Sequence[LoggedTable]) -> None:
-    """Writes what describes every table, then its columns one behind the other.
+    """Write what describes every table, then its columns one behind the other.
 
     Numbers and time stamps go as they lie in memory; a column of text, which may hold numbers and NaN too, as JSON.
     """
@@ -49,7 +49,7 @@ def write_tables(stream: IO[bytes], tables: Sequence[LoggedTable]) -> None:
 
 
 def read_tables(stream: IO[bytes]) -> list[LoggedTable]:
-    """Returns what ``write_tables`` wrote, every column read into the memory where it stays."""
+    """Return what ``write_tables`` wrote, every column read into the memory where it stays."""
     return [_table(stream, described) for described in read_message(stream)]
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Returns one table a group, or several where a group's channels differ in length or rate.
+    """Return one table a group, or several where a group's channels differ in length or rate.
 
     Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
     counts from the earliest ``wf_start_time`` in the file, so that groups started apart stay apart.
@@ -41,7 +41,7 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 
 
 def _cut_off(file: Any) -> list[str]:
-    """Returns what to say of a file that ends within its last segment, as a logger leaves it that loses power."""
+    """Return what to say of a file that ends within its last segment, as a logger leaves it that loses power."""
     status = getattr(file, "file_status", None)
     if status is None or not status.incomplete_final_segment:
         return []
@@ -82,7 +82,7 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
 
 
 def _without_start(group: Any, alike: Mapping[Any, Any]) -> tuple[str, ...]:
-    """Returns what to say of waveforms without a start in a file whose others state one; nobody knows how they lie."""
+    """Return what to say of waveforms without a start in a file whose others state one; nobody knows how they lie."""
     if all(step is None for _, step, _ in alike):
         return ()
     names = [channel.name for channel in group.channels() if _clock(channel, None)[0] and _start(channel) is None]
@@ -92,7 +92,7 @@ def _without_start(group: Any, alike: Mapping[Any, Any]) -> tuple[str, ...]:
 
 
 def _by_length(alike: dict[tuple[int, float | None, float], list[Channel]]) -> dict[Any, list[Channel]]:
-    """Returns the channels of a group that has a time channel by their length alone."""
+    """Return the channels of a group that has a time channel by their length alone."""
     merged: dict[tuple[int, float | None, float], list[Channel]] = {}
     for (length, _, _), channels in alike.items():
         merged.setdefault((length, None, 0.0), []).extend(channels)
@@ -100,7 +100,7 @@ def _by_length(alike: dict[tuple[int, float | None, float], list[Channel]]) -> d
 
 
 def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, float]:
-    """Returns a waveform's sample time and the time of its first sample [s]; None and 0 for other channels."""
+    """Return a waveform's sample time and the time of its first sample [s]; None and 0 for other channels."""
     step = channel.properties.get("wf_increment")
     if not isinstance(step, int | float) or not 0.0 < step < float("inf"):
         return None, 0.0

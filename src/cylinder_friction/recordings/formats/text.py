@@ -35,7 +35,7 @@ class Text:
 
 
 def open_text(source: FileSource, encoding: str) -> Text:
-    """Returns the text up to its last whole line.
+    """Return the text up to its last whole line.
 
     A last line without its end is left out, for its last number may be cut; so are the zero bytes that a logger leaves
     behind when it loses power. Both are said in ``notes``. Under ``auto`` a text is what its byte order mark says, or
@@ -55,7 +55,7 @@ def open_text(source: FileSource, encoding: str) -> Text:
 
 
 def convert_text(source: FileSource) -> Text:
-    """Returns a text that began as UTF-8 but is none further down.
+    """Return a text that began as UTF-8 but is none further down.
 
     If there was no character beyond ASCII at first it is cp1252; otherwise it is damaged UTF-8, and its bad characters
     become question marks.
@@ -109,7 +109,7 @@ def _ended(file: Any, start: int) -> Text:
 
 
 def _last_byte_but(file: Any, start: int, end: int, stripped: bytes) -> int:
-    """Returns where the text ends without the bytes ``stripped`` at its end."""
+    """Return where the text ends without the bytes ``stripped`` at its end."""
     while end > start:
         length = min(_TAIL, end - start)
         kept = file.read_at(length, end - length).rstrip(stripped)
@@ -120,7 +120,7 @@ def _last_byte_but(file: Any, start: int, end: int, stripped: bytes) -> int:
 
 
 def _last_line_end(file: Any, start: int, end: int) -> int:
-    """Returns where the last line begins, which is where the one before it ends."""
+    """Return where the last line begins, which is where the one before it ends."""
     while end > start:
         length = min(_TAIL, end - start)
         tail = file.read_at(length, end - length)

@@ -33,7 +33,7 @@ def looks_like_unit(text: str) -> bool:
 
 
 def unit_in_name(name: str) -> str | None:
-    """Returns the unit that a header cell states, or None.
+    """Return the unit that a header cell states, or None.
 
     What stands in square brackets is taken at its word, unless it is an index such as ``axis[1]``; what stands in
     parentheses or behind a stroke only if it is a unit in use, for it may be a remark.
@@ -49,7 +49,7 @@ def unit_in_name(name: str) -> str | None:
 
 
 def units_in_line(cells: list[str]) -> list[str] | None:
-    """Returns the units of a line that holds nothing else; None if it is no such line.
+    """Return the units of a line that holds nothing else; None if it is no such line.
 
     Where a cell is empty, or says how the dates below it are written, its unit is ''.
     """

@@ -56,14 +56,14 @@ class ChannelFacts:
     step: float
 
     def described(self) -> str:
-        """Returns its values in words."""
+        """Return its values in words."""
         if self.dates:
             return "dates"
         return "no numbers" if math.isnan(self.low) else f"values {self.low:.4g} to {self.high:.4g}"
 
 
 def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
-    """Returns every channel that a mapping could name: one whose name occurs once in its table."""
+    """Return every channel that a mapping could name: one whose name occurs once in its table."""
     found = []
     for index, table in enumerate(tables):
         names = [str(name) for name in table.channels.columns]

@@ -22,7 +22,7 @@ class Vocabulary:
     stems: tuple[str, ...] = ()
 
     def rank(self, token: str) -> int:
-        """Returns 0 for no hit, 1 for a letter or two, 2 for a whole word."""
+        """Return 0 for no hit, 1 for a letter or two, 2 for a whole word."""
         if any(stem in token for stem in self.stems):
             return 2
         if token in self.words:
@@ -84,7 +84,7 @@ class Words:
 
 
 def words_of(name: str) -> Words:
-    """Returns what a channel's name says."""
+    """Return what a channel's name says."""
     bracketed = unit_in_name(name)
     plain, unit = (_BRACKETS.sub(" ", name), bracketed) if bracketed is not None else _without_unit(name)
     tokens = _tokens(plain)
@@ -107,7 +107,7 @@ def words_of(name: str) -> Words:
 
 
 def _tokens(name: str) -> list[str]:
-    """Returns the words of a name; ``PA`` is a pressure and a port, ``pa`` only where the name says nothing else."""
+    """Return the words of a name; ``PA`` is a pressure and a port, ``pa`` only where the name says nothing else."""
     found = [str(word) for word in _TOKEN.findall(name)]
     alone = len(found) == 1
     split = [
@@ -117,7 +117,7 @@ def _tokens(name: str) -> list[str]:
 
 
 def _without_unit(name: str) -> tuple[str, str]:
-    """Returns a name without a unit at its end, and that unit, if it fits what stands before it."""
+    """Return a name without a unit at its end, and that unit, if it fits what stands before it."""
     match = _ENDING.match(name)
     if match is None:
         return name, ""
@@ -142,14 +142,14 @@ def _quantity(tokens: Sequence[str]) -> str | None:
 
 
 def _before(token: str, tokens: Sequence[str], found: str | None) -> bool:
-    """Returns whether a letter comes before the one that ``found`` was read from: ``x_p`` is a position."""
+    """Return whether a letter comes before the one that ``found`` was read from: ``x_p`` is a position."""
     vocabulary = QUANTITY_WORDS[found or "other"]
     others = [index for index, other in enumerate(tokens) if vocabulary.rank(other.casefold()) == 1]
     return bool(others) and tokens.index(token) < others[0]
 
 
 def _side(tokens: Collection[str], quantity: str | None) -> tuple[int, str]:
-    """Returns the side and its word; letters and digits tell one only behind a word for pressure."""
+    """Return the side and its word; letters and digits tell one only behind a word for pressure."""
     for side, vocabulary in ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE)):
         for token in tokens:
             rank = vocabulary.rank(token)

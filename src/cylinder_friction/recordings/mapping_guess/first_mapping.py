@@ -81,7 +81,7 @@ class GuessedMapping:
 
 @np.errstate(over="ignore", invalid="ignore")  # a broken file may hold numbers at the limit of what there is
 def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
-    """Returns a first mapping of a file, as far as names, units and values tell.
+    """Return a first mapping of a file, as far as names, units and values tell.
 
     Args:
         tables: What the file holds, all channels loaded.
@@ -115,20 +115,20 @@ def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
 
 
 def _columns_for(chosen: dict[str, ChannelFacts]) -> dict[str, bool]:
-    """Returns the columns to write, and whether each is needed: a force stands in where no pressure was found."""
+    """Return the columns to write, and whether each is needed: a force stands in where no pressure was found."""
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else tuple(SIDES)
     needed = dict.fromkeys(("time_s", *driven_by, "position_m"), True)
     return needed | {column: False for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen}
 
 
 def _ranked(column: str, facts: Sequence[ChannelFacts]) -> list[tuple[ChannelFacts, float]]:
-    """Returns the channels that could fill a column, with their scores, best first, then in the file's order."""
+    """Return the channels that could fill a column, with their scores, best first, then in the file's order."""
     scores = [(channel, _score(column, channel)) for channel in facts]
     return sorted(((channel, score) for channel, score in scores if score > 0.0), key=lambda entry: -entry[1])
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
-    """Returns how well a channel fits a column; 0 or less if not at all."""
+    """Return how well a channel fits a column; 0 or less if not at all."""
     quantity, words = QUANTITIES[column], channel.words
     if column == "time_s":
         return _time_score(channel)
@@ -168,7 +168,7 @@ def _time_score(channel: ChannelFacts) -> float:
 
 
 def _of_one_cylinder(ranked: dict[str, list[tuple[ChannelFacts, float]]]) -> dict[str, ChannelFacts]:
-    """Returns pressures and position of the cylinder whose channels fit best; cylinders differ in the rest of the name.
+    """Return pressures and position of the cylinder whose channels fit best; cylinders differ in the rest of the name.
 
     Where no cylinder has all three, the best of each column.
     """
@@ -191,7 +191,7 @@ def _of_one_cylinder(ranked: dict[str, list[tuple[ChannelFacts, float]]]) -> dic
 
 
 def _stamps(ranked: Sequence[tuple[ChannelFacts, float]], chosen: dict[str, ChannelFacts]) -> dict[int, ChannelFacts]:
-    """Returns the best time channel of each table that another column comes from, or of every table if none does."""
+    """Return the best time channel of each table that another column comes from, or of every table if none does."""
     tables = {channel.table for channel in chosen.values()} or {channel.table for channel, _ in ranked}
     best: dict[int, ChannelFacts] = {}
     for channel, _ in ranked:
@@ -235,7 +235,7 @@ def _guessed(
 
 
 def _said(column: str, channel: ChannelFacts) -> list[str]:
-    """Returns what the name tells of the column."""
+    """Return what the name tells of the column."""
     quantity = QUANTITIES[column].replace("length", "position")
     side = SIDES.get(column)
     if side is not None and channel.words.side == side:
@@ -260,7 +260,7 @@ def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
 
 
 def _unit(column: str, channel: ChannelFacts) -> tuple[str, list[str], list[str]]:
-    """Returns the unit, the reasons for it, and what to check about it."""
+    """Return the unit, the reasons for it, and what to check about it."""
     if channel.dates:
         return "", ["holds dates"], []
     if electrical(channel.unit) is not None:

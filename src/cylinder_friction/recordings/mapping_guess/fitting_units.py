@@ -38,7 +38,7 @@ PLAUSIBLE = {
 
 
 def size_of(column: str, channel: ChannelFacts) -> float:
-    """Returns the number by which a unit is judged: the step of time, the travel, or the greatest value."""
+    """Return the number by which a unit is judged: the step of time, the travel, or the greatest value."""
     if column == "time_s":
         return channel.step
     if QUANTITIES[column] == "length":
@@ -49,14 +49,14 @@ def size_of(column: str, channel: ChannelFacts) -> float:
 
 
 def fitting_units(column: str, channel: ChannelFacts) -> list[str]:
-    """Returns the units that the values fit, likeliest first; the column's usual one if they fit none."""
+    """Return the units that the values fit, likeliest first; the column's usual one if they fit none."""
     size = size_of(column, channel)
     tried = TRIED[QUANTITIES[column]]
     return [unit for unit, low, high in tried if low <= size <= high] or [tried[0][0]]
 
 
 def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
-    """Returns why a unit can hardly be right, or nothing."""
+    """Return why a unit can hardly be right, or nothing."""
     limits = PLAUSIBLE.get(QUANTITIES[column])
     if limits is None:
         return ""

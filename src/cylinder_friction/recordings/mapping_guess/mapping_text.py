@@ -40,7 +40,7 @@ channels:
 
 
 def mapping_yaml(guess: GuessedMapping, source: str = "", template: str = TEMPLATE) -> str:
-    """Returns the text of ``conf/ingest/<name>.yaml``.
+    """Return the text of ``conf/ingest/<name>.yaml``.
 
     Args:
         guess: What ``guess_mapping`` found.
@@ -53,14 +53,14 @@ def mapping_yaml(guess: GuessedMapping, source: str = "", template: str = TEMPLA
         "file": in_comment(guess.path.name),
         "source": quoted(source or guess.path.parent.as_posix()),
         "pattern": quoted(f"**/*{glob.escape(suffix)}"),
-        "name_pattern": quoted(rf"(?P<session>(?P<test>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"),
+        "name_pattern": quoted(rf"(?P<session>(?P<condition>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"),
         "channels": "\n".join(f"  {line}" for line in channel_lines(guess)),
     }
     return re.sub(r"\{(\w+)\}", lambda match: filled[match[1]], template)
 
 
 def channel_lines(guess: GuessedMapping) -> list[str]:
-    """Returns the lines below ``channels:``, not indented, the channels that no column took listed at their end."""
+    """Return the lines below ``channels:``, not indented, the channels that no column took listed at their end."""
     lines = []
     for column in guess.columns.values():
         lines += _column_lines(column, guess)
@@ -106,7 +106,7 @@ def _not_found(column: GuessedColumn) -> list[str]:
 
 
 def _sensor(column: str, channel: ChannelFacts) -> str:
-    """Returns a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
+    """Return a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
     kind = electrical(channel.unit)
     signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(kind or "", "[0, 10]")
     unit = {"pressure": "bar", "length": "mm", "force": "N"}.get(QUANTITIES[column], COMMON[QUANTITIES[column]][0])
@@ -118,17 +118,17 @@ def _unit(unit: str) -> str:
 
 
 def _suffix(name: str) -> str:
-    """Returns the ending of a file's name; of ``log.csv.gz`` both."""
+    """Return the ending of a file's name; of ``log.csv.gz`` both."""
     match = re.search(r"(\.[A-Za-z0-9]+)?\.[A-Za-z0-9]+$", name) if name.endswith(".gz") else None
     match = match or re.search(r"(?<=.)\.[A-Za-z0-9]+$", name)
     return match[0] if match else ""
 
 
 def quoted(text: str) -> str:
-    """Returns text as a YAML scalar on one line, in quotes, whatever it holds."""
+    """Return text as a YAML scalar on one line, in quotes, whatever it holds."""
     return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**9).rstrip("\n")
 
 
 def in_comment(text: str) -> str:
-    """Returns text that ends no comment and that YAML may hold: line ends and other controls are written out."""
+    """Return text that ends no comment and that YAML may hold: line ends and other controls are written out."""
     return "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in text)

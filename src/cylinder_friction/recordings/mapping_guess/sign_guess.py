@@ -23,7 +23,7 @@ STROKE_SHARE = 0.02
 
 
 def position_sign(chosen: dict[str, ChannelFacts]) -> tuple[int, str]:
-    """Returns 1, or -1 with a sentence for the user where the position seems to count the other way.
+    """Return 1, or -1 with a sentence for the user where the position seems to count the other way.
 
     With F = P1 - r·P2, any load that depends on position alone is fitted away with a cubic; what is left must go
     with the direction.
@@ -48,7 +48,7 @@ def position_sign(chosen: dict[str, ChannelFacts]) -> tuple[int, str]:
 
 
 def _goes_with_direction(force: Array, position: Array) -> float:
-    """Returns the part of a force that turns with the direction of motion, 0 where that cannot be told."""
+    """Return the part of a force that turns with the direction of motion, 0 where that cannot be told."""
     travel = float(np.ptp(position)) if len(position) else 0.0
     if travel == 0.0:
         return 0.0
@@ -66,7 +66,7 @@ def _goes_with_direction(force: Array, position: Array) -> float:
 
 
 def _rows_of_motion(position: Array, step: float) -> NDArray[np.intp]:
-    """Returns the rows at which the position has moved on by ``step`` since the last such row."""
+    """Return the rows at which the position has moved on by ``step`` since the last such row."""
     levels = np.floor((position - position.min()) / step)
     changed = np.flatnonzero(np.diff(levels) != 0.0) + 1
     return np.asarray(np.concatenate([[0], changed]), dtype=np.intp)

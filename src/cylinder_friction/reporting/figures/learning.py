@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def learning_curves(curves: Mapping[str, LearningCurve]) -> Figure:
-    """Returns one panel a hybrid: training and validation error an epoch, the gap between them, the epoch kept."""
+    """Return one panel a hybrid: training and validation error an epoch, the gap between them, the epoch kept."""
     figure, axes = panels(1, max(1, len(curves)), 4.6 * max(1, len(curves)), 3.4)
     for axis, (name, curve) in zip(axes, curves.items(), strict=False):
         epochs = np.array(curve.epoch)

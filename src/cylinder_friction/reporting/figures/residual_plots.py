@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def residual_histogram(name: str, counted: Histogram) -> Figure:
-    """Returns the histogram of one estimator's residuals with the normal curve and the quartiles."""
+    """Return the histogram of one estimator's residuals with the normal curve and the quartiles."""
     figure, (axis,) = panels(1, 1, 6.2, 3.8)
     axis.bar(counted.centres_n, counted.density, width=counted.width_n, color=colour(name), alpha=0.55, linewidth=0)
     axis.plot(
@@ -43,7 +43,7 @@ def residual_histogram(name: str, counted: Histogram) -> Figure:
 
 
 def quantile_plot(points: Mapping[str, tuple[Array, Array]]) -> Figure:
-    """Returns one Q-Q panel an estimator: residual quantiles against those of a normal distribution."""
+    """Return one Q-Q panel an estimator: residual quantiles against those of a normal distribution."""
     figure, axes = panels(1, len(points), 4.2 * len(points), 3.8)
     for axis, (name, (normal, found)) in zip(axes, points.items(), strict=True):
         ends = [float(normal.min()), float(normal.max())]
@@ -55,7 +55,7 @@ def quantile_plot(points: Mapping[str, tuple[Array, Array]]) -> Figure:
 
 
 def autocorrelation_plot(memories: Mapping[str, tuple[Array, float]], sample_time_s: float) -> Figure:
-    """Returns the residuals' autocorrelation; each entry holds its values from lag 0 and the 95 % band's half width."""
+    """Return the residuals' autocorrelation; each entry holds its values from lag 0 and the 95 % band's half width."""
     figure, axes = panels(1, len(memories), 4.6 * len(memories), 3.2)
     for axis, (name, (memory, band)) in zip(axes, memories.items(), strict=True):
         lags_ms = 1e3 * sample_time_s * np.arange(len(memory))

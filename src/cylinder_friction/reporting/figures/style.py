@@ -38,7 +38,7 @@ STYLE: Any = {
 
 
 def draw(build: Callable[..., Figure], *arguments: Any) -> Figure:
-    """Returns ``build(*arguments)`` in the shared style, whatever style the caller's matplotlib has."""
+    """Return ``build(*arguments)`` in the shared style, whatever style the caller's matplotlib has."""
     with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):
         return build(*arguments)
 
@@ -46,7 +46,7 @@ def draw(build: Callable[..., Figure], *arguments: Any) -> Figure:
 def panels(
     rows: int, columns: int, width: float, height: float, heights: Sequence[float] | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """Returns a figure of ``width`` by ``height`` inches without pyplot's global state, and its axes row by row.
+    """Return a figure of ``width`` by ``height`` inches without pyplot's global state, and its axes row by row.
 
     ``heights`` gives each row's share of the height; equal where it is None.
     """
@@ -57,7 +57,7 @@ def panels(
 
 
 def png_bytes(figure: Figure) -> bytes:
-    """Returns the figure as PNG; equal data give equal bytes."""
+    """Return the figure as PNG; equal data give equal bytes."""
     buffer = io.BytesIO()
     with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):
         figure.savefig(buffer, format="png", metadata={"Software": None})

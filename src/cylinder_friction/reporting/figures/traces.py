@@ -28,7 +28,7 @@ def line_colour(name: str) -> str:
 
 
 def friction_over_time(excerpts: Sequence[Excerpt]) -> Figure:
-    """Returns two panels a test: friction (label, truth where known, estimates) and, below, label minus estimate."""
+    """Return two panels a test: friction (label, truth where known, estimates) and, below, label minus estimate."""
     figure, axes = panels(2 * len(excerpts), 1, 9.5, 3.1 * len(excerpts) + 0.5, heights=[3.0, 1.3] * len(excerpts))
     for part, force, residual in zip(excerpts, axes[::2], axes[1::2], strict=True):
         for name, values in part.lines_n.items():
@@ -36,7 +36,7 @@ def friction_over_time(excerpts: Sequence[Excerpt]) -> Figure:
             force.plot(part.time_s, values, color=line_colour(name), linewidth=width, label=line_title(name))
         for name, values in part.residuals_n().items():
             residual.plot(part.time_s, values, color=line_colour(name), linewidth=0.8)
-        force.set(title=f"Test {part.test}  ({part.recording})", ylabel="friction [N]")
+        force.set(title=f"condition {part.condition}  ({part.recording})", ylabel="friction [N]")
         residual.set_ylabel("residual [N]")
         force.tick_params(labelbottom=False)
         for axis in (force, residual):

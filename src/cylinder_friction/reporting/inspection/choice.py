@@ -20,7 +20,7 @@ PIECES = 48
 
 
 def held(subjects: Iterable[Inspected], plotted: int = PLOTTED) -> list[Inspected]:
-    """Returns the subjects with the signals of those alone that a page may draw, so that memory stays bounded.
+    """Return the subjects with the signals of those alone that a page may draw, so that memory stays bounded.
 
     Args:
         subjects: The pieces of one file behind each other; consumed one file at a time.
@@ -39,7 +39,7 @@ def held(subjects: Iterable[Inspected], plotted: int = PLOTTED) -> list[Inspecte
 
 
 def chosen(subjects: Sequence[Inspected], plotted: int = PLOTTED) -> list[int]:
-    """Returns the places of the subjects to draw, in order: of every chosen file all pieces.
+    """Return the places of the subjects to draw, in order: of every chosen file all pieces.
 
     Refused files come first, for what is wrong wants to be seen, but leave half the places to the others.
     """

@@ -25,12 +25,12 @@ MM_PER_M = 1e3
 
 
 def single(values: Array) -> NDArray[np.float32]:
-    """Returns values in single precision, which halves the page and is finer than a pixel."""
+    """Return values in single precision, which halves the page and is finer than a pixel."""
     return np.asarray(values, dtype=np.float32)
 
 
 def finish(figure: go.Figure, height: int, legend_rows: int = 1) -> go.Figure:
-    """Returns the figure in the page's look."""
+    """Return the figure in the page's look."""
     figure.update_layout(
         template="simple_white",
         height=height,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
-    """Yields what was found in each file, in their order; a file that comes apart gives one entry a piece.
+    """Yield what was found in each file, in their order; a file that comes apart gives one entry a piece.
 
     Args:
         files: By the name that is shown, which is the path below the source where that is known.
@@ -39,7 +39,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
 
 
 def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
-    """Returns what was found in one file. A path that tells no session is noted, for it may lie elsewhere later.
+    """Return what was found in one file. A path that tells no session is noted, for it may lie elsewhere later.
 
     What is refused has its recording all the same wherever the signals can be read.
     """
@@ -64,7 +64,7 @@ def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
 
 
 def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
-    """Returns the pieces of a refused file with its bad samples in it, to be looked at; none where it is unreadable."""
+    """Return the pieces of a refused file with its bad samples in it, to be looked at; none where it is unreadable."""
     with suppress(RecordingError, OSError):
         tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
         return align(map_signals(tables, recipe.channels).signals, recipe.time)

@@ -102,7 +102,7 @@ class FilterCost:
 
 
 def with_causal_twins(filters: Mapping[str, SignalFilter]) -> dict[str, tuple[SignalFilter, bool]]:
-    """Returns every filter and, behind those that have one, its twin for real time; True marks what is causal."""
+    """Return every filter and, behind those that have one, its twin for real time; True marks what is causal."""
     found: dict[str, tuple[SignalFilter, bool]] = {}
     for name, method in filters.items():
         found[name] = (method, isinstance(method, MovingAverage))
@@ -114,7 +114,7 @@ def with_causal_twins(filters: Mapping[str, SignalFilter]) -> dict[str, tuple[Si
 
 
 def filter_costs(filters: Mapping[str, SignalFilter], recording: Recording) -> tuple[list[FilterCost], list[str]]:
-    """Returns the cost of every filter and of its causal twin, and why those that are left out are."""
+    """Return the cost of every filter and of its causal twin, and why those that are left out are."""
     costs, left_out = [], []
     for name, (method, causal) in with_causal_twins(filters).items():
         try:
@@ -153,7 +153,7 @@ def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -
 
 
 def pulse_responses(method: SignalFilter, recording: Recording) -> tuple[Array, Array, Array]:
-    """Returns what one sample of 1 becomes, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
+    """Return what one sample of 1 becomes, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
 
     In this order: pressure from pressure, velocity from position [1/s], acceleration from position [1/s²]. The pulse
     is as high as the recording's own smallest step, for a smoother that takes its noise from that step
@@ -174,7 +174,7 @@ def pulse_responses(method: SignalFilter, recording: Recording) -> tuple[Array, 
 
 
 def _delay_s(pulse_response: Array, derivative: int, sample_time_s: float) -> float:
-    """Returns how late a slow change of the ``derivative``-th derivative comes out [s].
+    """Return how late a slow change of the ``derivative``-th derivative comes out [s].
 
     A ramp of that derivative, t^(k+1)/(k+1)!, comes out as the ramp less its delay; at t = 0 the ramp is 0.
     """
@@ -188,7 +188,7 @@ def _delay_s(pulse_response: Array, derivative: int, sample_time_s: float) -> fl
 def _response(
     pulse_response: Array, derivative: int, frequency_hz: Array, sample_time_s: float
 ) -> NDArray[np.complex128]:
-    """Returns output over the true ``derivative`` of the input at each frequency, shape ``(k,)``."""
+    """Return output over the true ``derivative`` of the input at each frequency, shape ``(k,)``."""
     lag_s = sample_time_s * (np.arange(len(pulse_response)) - len(pulse_response) // 2)
     turning = 2j * math.pi * frequency_hz
     return np.asarray(np.exp(-np.outer(turning, lag_s)) @ pulse_response / turning**derivative)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def add_filters(pane: Pane, costs: Sequence[FilterCost], left_out: Sequence[str]) -> None:
-    """Adds the table and the figure; filters that the recording is too short for are named below them."""
+    """Add the table and the figure; filters that the recording is too short for are named below them."""
     pane.heading("What each filter costs")
     if costs:
         _table(pane, costs)

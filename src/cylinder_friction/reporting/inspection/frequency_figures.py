@@ -42,7 +42,7 @@ MS_PER_S = 1e3
 
 
 def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -> go.Figure:
-    """Returns the amplitude densities of pressures, position and velocity.
+    """Return the amplitude densities of pressures, position and velocity.
 
     Args:
         recording: Its raw signals.
@@ -122,13 +122,13 @@ def _add(figure: go.Figure, column: int, name: str, x: Array, y: Array, line: di
 
 
 def log_spaced(count: int) -> NDArray[np.intp]:
-    """Returns at most ``SPECTRUM_POINTS`` of ``count`` rows, evenly spaced on a log scale."""
+    """Return at most ``SPECTRUM_POINTS`` of ``count`` rows, evenly spaced on a log scale."""
     rows = np.geomspace(1, count, min(count, SPECTRUM_POINTS)).round().astype(np.intp) - 1
     return np.unique(rows)
 
 
 def filter_figure(costs: Sequence[FilterCost]) -> go.Figure:
-    """Returns how much velocity each filter lets through, and how late it is, over frequency."""
+    """Return how much velocity each filter lets through, and how late it is, over frequency."""
     figure = make_subplots(
         rows=1,
         cols=2,

@@ -35,7 +35,7 @@ WIDE_SPAN = 10.0
 
 
 def against_velocity(view: FrictionView) -> go.Figure:
-    """Returns two panels: every usable row against velocity, and steady sliding against speed on a log scale."""
+    """Return two panels: every usable row against velocity, and steady sliding against speed on a log scale."""
     figure = make_subplots(
         rows=1,
         cols=2,
@@ -62,7 +62,7 @@ def against_velocity(view: FrictionView) -> go.Figure:
 
 
 def against_position(view: FrictionView, position_m: Array) -> go.Figure:
-    """Returns the force against position: its middle is load, half its width is friction."""
+    """Return the force against position: its middle is load, half its width is friction."""
     figure = go.Figure()
     for name, colour, rows in ways(view):
         if name != "standstill":
@@ -74,7 +74,7 @@ def against_position(view: FrictionView, position_m: Array) -> go.Figure:
 
 
 def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
-    """Returns name, colour and usable rows of standstill, extension and retraction."""
+    """Return name, colour and usable rows of standstill, extension and retraction."""
     velocity = view.signals.velocity_m_s
     slow = np.abs(velocity) <= view.slowest_m_s
     return [
@@ -116,7 +116,7 @@ def _line(name: str, x: Array, y: Array, in_legend: bool) -> go.Scatter:
 
 
 def _curve(figure: go.Figure, view: FrictionView, curve: StribeckCurve) -> None:
-    """Adds the curve to both panels, over the speeds that were seen and no further."""
+    """Add the curve to both panels, over the speeds that were seen and no further."""
     for way, dash in ((1.0, "solid"), (-1.0, "dash")):
         speeds = [abs(point.velocity_m_s) for point in view.points if point.velocity_m_s * way > 0.0]
         if not speeds:
@@ -131,7 +131,7 @@ def _curve(figure: go.Figure, view: FrictionView, curve: StribeckCurve) -> None:
 
 
 def _points(figure: go.Figure, points: tuple[SteadyPoint, ...]) -> None:
-    """Adds the steady points with their quartiles to both panels."""
+    """Add the steady points with their quartiles to both panels."""
     for way, colour, symbol in ((1.0, EXTENDING, "circle"), (-1.0, RETRACTING, "square")):
         chosen = [point for point in points if point.velocity_m_s * way > 0.0]
         if not chosen:

@@ -77,7 +77,7 @@ class FrictionView:
 def friction_view(
     recording: Recording, cylinder: Cylinder, method: SignalFilter, end_stop_margin_m: float
 ) -> FrictionView:
-    """Returns a recording's friction by the equation of motion.
+    """Return a recording's friction by the equation of motion.
 
     Raises:
         ValueError: The recording is shorter than the filter.
@@ -115,7 +115,7 @@ def friction_view(
 def up_and_down(
     position_m: Array, velocity_m_s: Array, friction_n: Array, usable: NDArray[np.bool_], slowest_m_s: float
 ) -> tuple[float, float]:
-    """Returns half the sum and half the difference of the force up and down at equal positions, medians [N].
+    """Return half the sum and half the difference of the force up and down at equal positions, medians [N].
 
     A force that depends on position alone, such as a load's weight, is in the sum and not in the difference.
     """
@@ -137,7 +137,7 @@ def up_and_down(
 
 
 def carries_load(load_n: float, half_difference_n: float) -> bool:
-    """Returns whether what was called friction holds a load; False where directions cannot be compared."""
+    """Return whether what was called friction holds a load; False where directions cannot be compared."""
     return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
 
 

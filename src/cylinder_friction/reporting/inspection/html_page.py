@@ -123,7 +123,7 @@ class Pane:
         self.parts.append(f'<p class="{style}">{html.escape(words)}</p>')
 
     def raw(self, content: str) -> None:
-        """Adds HTML as it is; the caller has escaped what needs it."""
+        """Add HTML as it is; the caller has escaped what needs it."""
         self.parts.append(content)
 
     def facts(self, facts: Iterable[tuple[str, str]]) -> None:
@@ -137,7 +137,7 @@ class Pane:
         words: Sequence[int] = (0,),
         groups: Sequence[tuple[str, int]] = (),
     ) -> None:
-        """Adds a table; columns named in ``words`` hold text, the others numbers, to the right.
+        """Add a table; columns named in ``words`` hold text, the others numbers, to the right.
 
         ``groups`` stand above the head: what so many columns, from the left, have in common.
         """
@@ -158,7 +158,7 @@ class Pane:
         )
 
     def figure(self, figure: go.Figure, caption: str) -> None:
-        """Adds an interactive figure; it is drawn when the pane is first shown."""
+        """Add an interactive figure; it is drawn when the pane is first shown."""
         self.figures += 1
         name = f"{self.name}-figure-{self.figures}"
         content = figure.to_json(validate=False).replace("<", "\\u003c")
@@ -173,22 +173,22 @@ class Pane:
 
 
 def breakable(path: str) -> str:
-    """Returns a path as HTML that may be broken into lines behind its separators."""
+    """Return a path as HTML that may be broken into lines behind its separators."""
     return re.sub(r"([/_-])", r"\1<wbr>", html.escape(path))
 
 
 def badge(outcome: str) -> str:
-    """Returns an outcome as HTML: its word on its colour."""
+    """Return an outcome as HTML: its word on its colour."""
     return f'<span class="badge {html.escape(outcome)}">{html.escape(outcome)}</span>'
 
 
 def four_digits(value: float) -> str:
-    """Returns a number with four digits and no power of ten in between."""
+    """Return a number with four digits and no power of ten in between."""
     return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
 
 
 def page_html(title: str, panes: Sequence[Pane]) -> str:
-    """Returns the whole page."""
+    """Return the whole page."""
     links = "".join(_link(pane) for pane in panes)
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'

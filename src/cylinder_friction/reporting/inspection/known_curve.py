@@ -24,7 +24,7 @@ OPPOSING = 0.7
 
 
 def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:
-    """Returns the curve through points of steady sliding, or None and why none is stated."""
+    """Return the curve through points of steady sliding, or None and why none is stated."""
     opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
     if points and len(opposing) < OPPOSING * len(points):
         return None, (
@@ -44,7 +44,7 @@ def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, st
 
 
 def is_breakaway_known(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> bool:
-    """Returns whether sliding as slow as the Stribeck velocity was seen; else static friction is extrapolated."""
+    """Return whether sliding as slow as the Stribeck velocity was seen; else static friction is extrapolated."""
     return min(abs(point.velocity_m_s) for point in points) <= curve.stribeck_velocity_m_s
 
 

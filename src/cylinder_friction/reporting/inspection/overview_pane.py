@@ -22,7 +22,7 @@ MEANINGS = {
 
 
 def overview(subjects: Sequence[Inspected], panes: Mapping[int, str], lead: str) -> Pane:
-    """Returns the pane.
+    """Return the pane.
 
     Args:
         subjects: All that was inspected.
@@ -68,7 +68,7 @@ def _row(title: str, subject: Inspected, pane: str | None) -> str:
 
 
 def _reasons(subject: Inspected) -> str:
-    """Returns the first reason, and the others folded below it."""
+    """Return the first reason, and the others folded below it."""
     reasons = [html.escape(reason) for reason in subject.reasons()]
     if not reasons:
         return "" if subject.seen is not None else "became no recording"

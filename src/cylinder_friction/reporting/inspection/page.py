@@ -29,7 +29,7 @@ def write_page(
     end_stop_margin_m: float = 0.003,
     plotted: int = PLOTTED,
 ) -> None:
-    """Writes the page whole; equal input makes equal bytes.
+    """Write the page whole; equal input makes equal bytes.
 
     Args:
         path: Of the HTML file.

@@ -38,7 +38,7 @@ def recording_pane(
     method: str,
     end_stop_margin_m: float,
 ) -> Pane:
-    """Returns the pane; where friction cannot be calculated it says why and shows what was measured."""
+    """Return the pane; where friction cannot be calculated it says why and shows what was measured."""
     pane = Pane(name, title, subject.outcome)
     view, problem = _view(recording, cylinder, filters[method], end_stop_margin_m)
     pane.facts(_facts(recording) + (_found(view) if view is not None and subject.outcome != "refused" else []))
@@ -73,7 +73,7 @@ def _view(
 def _facts(recording: Recording) -> list[tuple[str, str]]:
     about = recording.metadata
     facts = [
-        ("test", about.test),
+        ("condition", about.condition),
         ("session", about.session),
         ("cylinder", about.cylinder),
         ("load", about.load or "not stated"),
@@ -103,14 +103,14 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
 
 
 def _found(view: FrictionView) -> list[tuple[str, str]]:
-    """Returns the one number that a test engineer looks for first, where both directions were seen."""
+    """Return the one number that a test engineer looks for first, where both directions were seen."""
     if not math.isfinite(view.half_difference_n):
         return []
     return [("friction: half of extending less retracting", f"{four_digits(view.half_difference_n)} N")]
 
 
 def _checks(pane: Pane, subject: Inspected) -> None:
-    """Adds every finding, the worst first."""
+    """Add every finding, the worst first."""
     pane.heading("Checks")
     if subject.outcome == "refused":
         pane.text("Refused: what follows is drawn to show what is wrong, and is no result.", "warning")

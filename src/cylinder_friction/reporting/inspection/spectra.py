@@ -44,7 +44,7 @@ class Spectrum:
 
 
 def spectrum(values: Array, sample_time_s: float) -> Spectrum:
-    """Returns the spectrum of a signal, shape ``(n,)``, from averaged segments (Welch 1967)."""
+    """Return the spectrum of a signal, shape ``(n,)``, from averaged segments (Welch 1967)."""
     rate_hz = 1.0 / sample_time_s
     segment = min(len(values), 1 << math.ceil(math.log2(SEGMENT_S * rate_hz)))
     frequency_hz, power = welch(values, rate_hz, nperseg=segment, detrend=detrend)

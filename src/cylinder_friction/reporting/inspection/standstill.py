@@ -24,7 +24,7 @@ LEAST_STANDSTILL_S = 1.0
 
 
 def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 0) -> Mask:
-    """Returns the mask of rows at rest, shape ``(n,)``.
+    """Return the mask of rows at rest, shape ``(n,)``.
 
     At rest are rows around which mean position, over half of ``STANDSTILL_DURATION_S`` before and after, differs by
     less than ``CREEP_M_S`` would make it, for as long as that and ``around_rows`` to either side.
@@ -47,7 +47,7 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
 
 
 def noise_rms(values: Array, rest: Mask) -> float:
-    """Returns the root mean square of values about their own mean in each rest, NaN where nothing rests.
+    """Return the root mean square of values about their own mean in each rest, NaN where nothing rests.
 
     Args:
         values: Shape ``(n,)``.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add_stribeck(pane: Pane, view: FrictionView) -> None:
-    """Adds the curve's parameters, or why none are stated and the points of steady sliding."""
+    """Add the curve's parameters, or why none are stated and the points of steady sliding."""
     pane.heading("Stribeck curve")
     if view.curve is None:
         pane.text(f"No curve is stated: {view.no_curve}.", "warning")
@@ -45,7 +45,7 @@ def add_stribeck(pane: Pane, view: FrictionView) -> None:
 
 
 def _steady_points(pane: Pane, view: FrictionView) -> None:
-    """Adds what was seen where no curve is stated: the range of friction each way, and the points themselves."""
+    """Add what was seen where no curve is stated: the range of friction each way, and the points themselves."""
     for way, words in ((1.0, "Extending"), (-1.0, "Retracting")):
         seen = [point for point in view.points if way * point.velocity_m_s > 0.0]
         if seen:

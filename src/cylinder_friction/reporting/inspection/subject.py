@@ -66,7 +66,7 @@ class Inspected:
         return self.extent if self.recording is None else Extent.of(self.recording)
 
     def without_signals(self) -> Self:
-        """Returns the same without the recording, of which only its extent stays."""
+        """Return the same without the recording, of which only its extent stays."""
         return replace(self, recording=None, extent=self.seen)
 
     @property
@@ -77,14 +77,14 @@ class Inspected:
         return worst([*(finding.outcome for finding in self.findings), *("repaired" for _ in self.all_repairs())])
 
     def all_repairs(self) -> tuple[str, ...]:
-        """Returns every sentence about a repair that no finding says already."""
+        """Return every sentence about a repair that no finding says already."""
         told = {finding.text for finding in self.findings}
         seen = self.seen
         of_recording = seen.repairs if seen is not None else ()
         return tuple(dict.fromkeys(text for text in (*self.repairs, *of_recording) if text not in told))
 
     def reasons(self) -> list[str]:
-        """Returns, worst outcome first, the texts of the checks that did not simply pass, and the repairs."""
+        """Return, worst outcome first, the texts of the checks that did not simply pass, and the repairs."""
         told = sorted(
             (finding for finding in self.findings if finding.outcome != "ok"),
             key=lambda finding: -OUTCOMES.index(finding.outcome),
@@ -93,12 +93,12 @@ class Inspected:
 
 
 def worst(outcomes: Iterable[str]) -> str:
-    """Returns the worst of several outcomes, ``ok`` where there is none."""
+    """Return the worst of several outcomes, ``ok`` where there is none."""
     return max(outcomes, key=OUTCOMES.index, default="ok")
 
 
 def titles(subjects: Sequence[Inspected]) -> list[str]:
-    """Returns a title a subject: the file, and for the pieces of one file which it is, or the recording's name."""
+    """Return a title a subject: the file, and for the pieces of one file which it is, or the recording's name."""
     files = [subject.file for subject in subjects]
     seen = [subject.seen for subject in subjects]
     return [
@@ -113,7 +113,7 @@ def _piece(name: str) -> str:
 
 
 def count_outcomes(subjects: Sequence[Inspected]) -> dict[str, int]:
-    """Returns how many files had which outcome; the pieces of one file count once, by the worst of them."""
+    """Return how many files had which outcome; the pieces of one file count once, by the worst of them."""
     by_file: dict[str, list[str]] = {}
     for subject in subjects:
         by_file.setdefault(subject.file, []).append(subject.outcome)

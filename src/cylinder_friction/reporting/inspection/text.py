@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def text_report(subjects: Sequence[Inspected]) -> str:
-    """Returns one block a file, one line a check with its outcome, and a last line that counts the files."""
+    """Return one block a file, one line a check with its outcome, and a last line that counts the files."""
     blocks = [_block(title, subject) for title, subject in zip(titles(subjects), subjects, strict=True)]
     return "\n\n".join([*blocks, _summary(subjects)]) + "\n"
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def extremes(values: Array, points: int) -> NDArray[np.intp]:
-    """Returns the rows of the least and the greatest value of every stretch, in order, at most ``points`` of them.
+    """Return the rows of the least and the greatest value of every stretch, in order, at most ``points`` of them.
 
     A line through them looks like the line through all rows: no peak is lost. Not finite values are never chosen
     unless a stretch holds nothing else.
@@ -36,7 +36,7 @@ def extremes(values: Array, points: int) -> NDArray[np.intp]:
 
 
 def spread_evenly(rows: NDArray[np.intp], points: int) -> NDArray[np.intp]:
-    """Returns at most ``points`` of ``rows``, evenly spaced: for clouds of points, where no row is special."""
+    """Return at most ``points`` of ``rows``, evenly spaced: for clouds of points, where no row is special."""
     if len(rows) <= points:
         return rows
     return rows[np.linspace(0, len(rows) - 1, points).round().astype(np.intp)]

@@ -54,7 +54,7 @@ class Panel:
 
 
 def over_time(recording: Recording, view: FrictionView | None) -> go.Figure:
-    """Returns the figure; without a view of friction only what was measured is drawn."""
+    """Return the figure; without a view of friction only what was measured is drawn."""
     panels = measured_panels(recording) + (calculated_panels(view) if view is not None else [])
     figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.14 / len(panels))
     time_s = recording.column("time_s")
@@ -80,7 +80,7 @@ def over_time(recording: Recording, view: FrictionView | None) -> go.Figure:
 
 
 def measured_panels(recording: Recording) -> list[Panel]:
-    """Returns the panels of what sensors gave, in bar, mm, N and °C."""
+    """Return the panels of what sensors gave, in bar, mm, N and °C."""
     panels = []
     columns = set(recording.table.columns)
     if has_pressures(recording):
@@ -100,7 +100,7 @@ def measured_panels(recording: Recording) -> list[Panel]:
 
 
 def calculated_panels(view: FrictionView) -> list[Panel]:
-    """Returns the panels of velocity, driving force and friction; friction has gaps where it is not usable."""
+    """Return the panels of velocity, driving force and friction; friction has gaps where it is not usable."""
     friction_n = np.where(view.usable, view.friction_n, np.nan)
     velocity = MM_PER_M * view.signals.velocity_m_s
     return [

@@ -17,7 +17,7 @@ HEADS = {
 
 
 def audit_table(audit: Any) -> Table:
-    """Returns one row for each innermost group of numbers, named by the keys that lead to it.
+    """Return one row for each innermost group of numbers, named by the keys that lead to it.
 
     Args:
         audit: Nested dictionaries (and lists of them) of numbers and text.

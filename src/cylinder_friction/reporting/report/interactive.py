@@ -43,19 +43,19 @@ def _cell(index: int, count: int) -> dict[str, int]:
     return {"row": index // columns + 1, "col": index % columns + 1}
 
 
-def errors_by_test(scores: Scores, tests: Sequence[str], against: str) -> go.Figure:
-    """Returns every estimator's error and its 95 % interval, one panel a test, log scale."""
+def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str) -> go.Figure:
+    """Return every estimator's error and its 95 % interval, one panel a test, log scale."""
     names = list(scores)
     figure = _grid(
-        len(tests),
-        [f"Test {test}" for test in tests],
+        len(conditions),
+        [f"condition {condition}" for condition in conditions],
         24 * len(names) + 80,
         shared_yaxes=True,
         horizontal_spacing=0.04,
         vertical_spacing=0.16,
     )
-    for index, test in enumerate(tests):
-        found = [scores[name][test] for name in reversed(names)]
+    for index, condition in enumerate(conditions):
+        found = [scores[name][condition] for name in reversed(names)]
         percents = np.array([score.errors.percent for score in found])
         intervals = np.array([score.interval_percent for score in found])
         figure.add_trace(
@@ -79,18 +79,20 @@ def errors_by_test(scores: Scores, tests: Sequence[str], against: str) -> go.Fig
                 "95 %: %{customdata[1]:.2f} – %{customdata[2]:.2f} %<extra></extra>",
                 showlegend=False,
             ),
-            **_cell(index, len(tests)),
+            **_cell(index, len(conditions)),
         )
         denominator = found[0].errors.mean_abs_friction_n
         short = against.removeprefix("true ")
-        figure.update_xaxes(title_text=f"MAE [% of mean |{short}| = {denominator:.0f} N]", **_cell(index, len(tests)))
+        figure.update_xaxes(
+            title_text=f"MAE [% of mean |{short}| = {denominator:.0f} N]", **_cell(index, len(conditions))
+        )
     return figure.update_xaxes(type="log", tickvals=_TICKS, ticktext=[f"{tick:g}" for tick in _TICKS])
 
 
 def friction_over_time(findings: Findings) -> go.Figure:
-    """Returns Figure 6: two panels a test (friction, and label minus estimate), one legend for all."""
+    """Return Figure 6: two panels a test (friction, and label minus estimate), one legend for all."""
     parts = findings.excerpts
-    titles = [words for part in parts for words in (f"Test {part.test} ({part.recording})", "")]
+    titles = [words for part in parts for words in (f"condition {part.condition} ({part.recording})", "")]
     figure = make_subplots(
         rows=2 * len(parts),
         cols=1,
@@ -122,7 +124,7 @@ def friction_over_time(findings: Findings) -> go.Figure:
 
 
 def learning_curves(findings: Findings) -> go.Figure:
-    """Returns Figure 5: training and validation error an epoch, one panel a hybrid."""
+    """Return Figure 5: training and validation error an epoch, one panel a hybrid."""
     curves = findings.curves
     figure = _grid(len(curves), [title(name) for name in curves], 320, horizontal_spacing=0.1)
     for index, curve in enumerate(curves.values()):
@@ -147,7 +149,7 @@ def learning_curves(findings: Findings) -> go.Figure:
 
 
 def residual_histograms(findings: Findings) -> go.Figure:
-    """Returns Figures 7 and 9: residuals of both, each with its normal curve and quartiles."""
+    """Return Figures 7 and 9: residuals of both, each with its normal curve and quartiles."""
     figure = _grid(2, [title(name) for name in findings.histograms], 360, horizontal_spacing=0.1)
     for index, (name, counted) in enumerate(findings.histograms.items()):
         cell = _cell(index, 2)
@@ -174,7 +176,7 @@ def residual_histograms(findings: Findings) -> go.Figure:
 
 
 def quantiles_and_memory(findings: Findings) -> go.Figure:
-    """Returns the Q-Q plot and the autocorrelation of the residuals of both."""
+    """Return the Q-Q plot and the autocorrelation of the residuals of both."""
     figure = _grid(2, ["Quantiles against normal", "Autocorrelation"], 360, horizontal_spacing=0.1)
     for name, (normal, found) in findings.quantiles.items():
         figure.add_trace(
@@ -211,12 +213,15 @@ def quantiles_and_memory(findings: Findings) -> go.Figure:
 
 
 def estimated_against_calculated(findings: Findings) -> go.Figure:
-    """Returns Figure 8: one panel a test, with y = x and R²."""
-    tests = findings.agreements
-    titles = [f"Test {test}: R² = {points.r_squared:.4f}, slope {points.slope:.3f}" for test, points in tests.items()]
-    figure = _grid(len(tests), titles, 380, horizontal_spacing=0.1, vertical_spacing=0.13)
-    for index, points in enumerate(tests.values()):
-        cell = _cell(index, len(tests))
+    """Return Figure 8: one panel a test, with y = x and R²."""
+    conditions = findings.agreements
+    titles = [
+        f"condition {condition}: R² = {points.r_squared:.4f}, slope {points.slope:.3f}"
+        for condition, points in conditions.items()
+    ]
+    figure = _grid(len(conditions), titles, 380, horizontal_spacing=0.1, vertical_spacing=0.13)
+    for index, points in enumerate(conditions.values()):
+        cell = _cell(index, len(conditions))
         figure.add_trace(
             go.Scattergl(
                 x=_thin(points.label_n),
@@ -240,10 +245,14 @@ def estimated_against_calculated(findings: Findings) -> go.Figure:
 
 
 def friction_against_velocity(findings: Findings) -> go.Figure:
-    """Returns the Stribeck map: median friction at each velocity, one panel a test."""
+    """Return the Stribeck map: median friction at each velocity, one panel a test."""
     profiles = findings.profiles
     figure = _grid(
-        len(profiles), [f"Test {test}" for test in profiles], 300, horizontal_spacing=0.1, vertical_spacing=0.15
+        len(profiles),
+        [f"condition {condition}" for condition in profiles],
+        300,
+        horizontal_spacing=0.1,
+        vertical_spacing=0.15,
     )
     for index, profile in enumerate(profiles.values()):
         cell = _cell(index, len(profiles))
@@ -267,13 +276,19 @@ def friction_against_velocity(findings: Findings) -> go.Figure:
 
 
 def errors_by_stratum(comparison: Comparison) -> go.Figure:
-    """Returns the error of some estimators within each stratum, one panel a test."""
-    tests = comparison.tests
+    """Return the error of some estimators within each stratum, one panel a test."""
+    conditions = comparison.conditions
     shown = [name for name in STRATA_SHOWN if name in comparison.estimators] or list(comparison.estimators)
-    figure = _grid(len(tests), [f"Test {test}" for test in tests], 300, horizontal_spacing=0.08, vertical_spacing=0.18)
-    for index, test in enumerate(tests):
+    figure = _grid(
+        len(conditions),
+        [f"condition {condition}" for condition in conditions],
+        300,
+        horizontal_spacing=0.08,
+        vertical_spacing=0.18,
+    )
+    for index, condition in enumerate(conditions):
         for name, shade in zip(shown, itertools.cycle(STRATA_SHADES)):
-            strata = comparison.label[name][test].strata
+            strata = comparison.label[name][condition].strata
             present = [stratum for stratum in STRATA if stratum in strata]
             figure.add_trace(
                 go.Bar(
@@ -284,7 +299,7 @@ def errors_by_stratum(comparison: Comparison) -> go.Figure:
                     showlegend=index == 0,
                     marker_color=shade,
                 ),
-                **_cell(index, len(tests)),
+                **_cell(index, len(conditions)),
             )
-        figure.update_yaxes(title_text="MAE [N]", **_cell(index, len(tests)))
+        figure.update_yaxes(title_text="MAE [N]", **_cell(index, len(conditions)))
     return figure.update_xaxes(tickangle=0, tickfont_size=10).update_layout(margin_t=110)

@@ -95,7 +95,7 @@ class Page:
         self._body.append(f"<details><summary>{html.escape(words)}</summary>{table.html()}</details>")
 
     def figure(self, figure: go.Figure, caption: str) -> None:
-        """Adds an interactive figure; its data stand in the page.
+        """Add an interactive figure; its data stand in the page.
 
         Raises:
             ValueError: The page goes without plotly.js.

@@ -50,7 +50,7 @@ class ReportInputs:
 
 
 def report_html(findings: Findings, inputs: ReportInputs) -> str:
-    """Returns the whole page; it loads nothing from outside."""
+    """Return the whole page; it loads nothing from outside."""
     comparison = findings.comparison
     recordings = len(comparison.traces)
     minutes = sum(len(trace.time_s) * trace.sample_time_s for trace in comparison.traces) / 60.0
@@ -91,12 +91,12 @@ def _label_errors(page: Page, findings: Findings) -> None:
         "The label is friction calculated off line from the equation of motion. Percentages are of the mean absolute "
         "label of the same test, written in the head. The smallest error of a test is marked."
     )
-    page.table(error_table(comparison.label, comparison.tests, "label", published=True))
+    page.table(error_table(comparison.label, comparison.conditions, "label", published=True))
     page.figure(
-        interactive.errors_by_test(comparison.label, comparison.tests, "label"),
+        interactive.errors_by_condition(comparison.label, comparison.conditions, "label"),
         "Error of every estimator with its 95 % block-bootstrap interval; logarithmic scale.",
     )
-    _details(page, comparison.label, comparison.tests)
+    _details(page, comparison.label, comparison.conditions)
 
 
 def _truth_errors(page: Page, findings: Findings) -> None:
@@ -105,23 +105,23 @@ def _truth_errors(page: Page, findings: Findings) -> None:
     if not truth:
         page.text("True friction is not known for these recordings. Only a simulated rig can know it.")
         return
-    tests = tuple(sorted({test for scores in truth.values() for test in scores}))
+    conditions = tuple(sorted({condition for scores in truth.values() for condition in scores}))
     page.heading("Table II, against true friction")
     page.text(
         "The simulated rig knows its true friction, which no estimator was taught by. The denominator is the mean "
         "absolute true friction on the same rows. The label itself is judged, too: it looks ahead, estimators do not."
     )
-    page.table(error_table(truth, tests, "true friction"))
+    page.table(error_table(truth, conditions, "true friction"))
     page.figure(
-        interactive.errors_by_test(truth, tests, "true friction"),
+        interactive.errors_by_condition(truth, conditions, "true friction"),
         "Error against true friction with its 95 % block-bootstrap interval; logarithmic scale.",
     )
-    _details(page, truth, tests)
+    _details(page, truth, conditions)
 
 
-def _details(page: Page, scores: Scores, tests: tuple[str, ...]) -> None:
-    for test in tests:
-        page.folded(f"All measures, test {test}", detail_table(scores, test))
+def _details(page: Page, scores: Scores, conditions: tuple[str, ...]) -> None:
+    for condition in conditions:
+        page.folded(f"All measures, condition {condition}", detail_table(scores, condition))
 
 
 def _over_time(page: Page, findings: Findings) -> None:
@@ -202,7 +202,7 @@ def _label_audit(page: Page, inputs: ReportInputs) -> None:
         "How far the label is from true friction, for each way of filtering: over all rows, in steady motion, and "
         "within the event window of starts, stops and reversals. Recordings of training, validation and test alike."
     )
-    brief = {name: tests[ALL_TESTS] for name, tests in inputs.audit.items() if ALL_TESTS in tests}
+    brief = {name: conditions[ALL_TESTS] for name, conditions in inputs.audit.items() if ALL_TESTS in conditions}
     page.table(audit_table(brief or inputs.audit))
     if brief:
         page.folded("By test", audit_table(inputs.audit))
