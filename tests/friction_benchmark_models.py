@@ -95,13 +95,14 @@ class ConstantEstimator(FrictionEstimator):
         super().__init__(inputs)
         self.behaviour, self.level_n = behaviour, 0.0
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         if self.behaviour == "raises":
             raise ValueError("cannot learn this")
         if self.behaviour == "dies":
             os._exit(3)
         self._begin_fit(recordings)
         self.level_n = float(np.mean([recording.column("friction_n").mean() for recording in recordings]))
+        return self
 
     def new_state(self) -> None:
         return None

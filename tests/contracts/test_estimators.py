@@ -60,7 +60,7 @@ def estimator(
     request: pytest.FixtureRequest, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> FrictionEstimator:
     made = MAKERS[request.param](cylinder)
-    made.fit(labelled_recordings)
+    assert made.fit(labelled_recordings) is made
     return made
 
 

@@ -32,8 +32,9 @@ class OffsetEstimator(FrictionEstimator):
         self.offset_n = offset_n
         self.noise_n = noise_n
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         self._begin_fit(recordings)
+        return self
 
     def new_state(self) -> None:
         return None

@@ -58,6 +58,7 @@ class _KnowsNothing(FrictionEstimator):
 
     def fit(self, recordings):  # type: ignore[no-untyped-def]
         self._begin_fit(recordings)
+        return self
 
     def new_state(self) -> None:
         return None

@@ -95,7 +95,7 @@ class AnalyticalEstimator(FrictionEstimator):
         self._motion: MotionBlock | None = None
         self._values = np.zeros(0)
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Identify the model on the recordings of its test; the others are not looked at.
 
         Raises:
@@ -111,6 +111,7 @@ class AnalyticalEstimator(FrictionEstimator):
         found = self._identify(chosen, self.effort)
         self.intervals, self.identification = found.intervals, found
         self._use(found.parameters, self._senses()[found.velocity])
+        return self
 
     def best_possible(self, recordings: Sequence[Recording], effort: SearchEffort) -> Identification:
         """Return what the best parameters of this model's class reach on given recordings, fitted to them directly.

@@ -66,8 +66,11 @@ class FrictionEstimator(ABC):
             FrictionEstimator._kinds[cls.kind] = cls
 
     @abstractmethod
-    def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learn from labelled recordings (columns ``friction_n`` and ``usable``); call ``_begin_fit`` first."""
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Learn from labelled recordings (columns ``friction_n`` and ``usable``) and return the estimator itself.
+
+        An implementation calls ``_begin_fit`` first.
+        """
 
     @abstractmethod
     def new_state(self) -> Any:

@@ -38,7 +38,7 @@ class ForestEstimator(RealTimeEstimator):
         super().__init__()
         self.cylinder, self.plan, self.seed = cylinder, plan, seed
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Learn from ``plan.rows`` usable rows."""
         if self.cylinder is None or self.plan is None:
             raise ValueError("a forest needs cylinder and plan to be fitted; got a loaded one without")
@@ -59,6 +59,7 @@ class ForestEstimator(RealTimeEstimator):
         chosen = np.sort(np.random.default_rng(self.seed).choice(len(rows), count, replace=False))
         model = fit_forest(rows[chosen], labels[chosen], self.plan.trees, self.plan.depth, self.plan.leaf, self.seed)
         self._set(front_end, model)
+        return self
 
     def _set(self, front_end: FrontEnd, model: onnx.ModelProto) -> None:
         self.front_end_block = FrontEndBlock(front_end)

@@ -111,9 +111,9 @@ class HybridEstimator(RealTimeEstimator):
         self.learning_curve = LearningCurve()
         self.parts: HybridParts | None = None
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Learn from all but the sessions that early stopping listens to: see ``held_out_for_stopping``."""
-        self.fit_with_validation(*held_out_for_stopping(recordings))
+        return self.fit_with_validation(*held_out_for_stopping(recordings))
 
     def fit_with_validation(
         self,
@@ -121,7 +121,7 @@ class HybridEstimator(RealTimeEstimator):
         validation: Sequence[Recording],
         checkpoint: Checkpoint | None = None,
         report: EpochReport | None = None,
-    ) -> None:
+    ) -> Self:
         """Learn front end, network and forest from ``train``; ``validation`` only stops the network's training.
 
         Args:
@@ -157,6 +157,7 @@ class HybridEstimator(RealTimeEstimator):
         if self.forest_plan is not None:
             self._set(self._with_forest(train, self.forest_plan))
         self.calibrate(largest_friction_n(train), validation)
+        return self
 
     def without_forest(self) -> HybridEstimator:
         """Return the LSTM alone: the same network, the forest left out."""

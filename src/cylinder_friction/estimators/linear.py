@@ -102,9 +102,10 @@ class ForceBalanceEstimator(FrictionEstimator):
         self.filtering = filtering
         self._filter: FirFilter | None = None
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Take the sample time from the recordings; there is nothing else to learn."""
         self._begin_fit(recordings)
+        return self
 
     def new_state(self) -> FirState:
         return self._fir().new_state()
@@ -164,7 +165,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
     def _balance(self) -> FirFilter:
         return FirFilter(on_inputs(force_balance_taps(self.cylinder), self.inputs))
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Choose the weight with the smallest mean absolute error on the usable rows."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
@@ -180,6 +181,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
 
         found = minimize_scalar(error, bounds=(0.01, 1.0), method="bounded", options={"xatol": 1e-3})
         self.weight = float(found.x)
+        return self
 
     def new_state(self) -> LowPassForceState:
         return LowPassForceState(self._balance.new_state(), LowPassState())
@@ -220,7 +222,7 @@ class RidgeEstimator(FrictionEstimator):
         self._filter = FirFilter(np.zeros((1, len(self.inputs), lags)))
         self._intercept_n = 0.0
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Solve the normal equations on all usable rows."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
@@ -236,6 +238,7 @@ class RidgeEstimator(FrictionEstimator):
         coefficients = model.coef_ / scale
         self._filter = FirFilter(coefficients.reshape(1, len(self.inputs), self.lags))
         self._intercept_n = float(model.intercept_ - coefficients @ mean)
+        return self
 
     def _lagged(self, samples: Array) -> Array:
         """Return, shape ``(n, inputs · lags)``, each row's last samples, column by column, newest first."""

@@ -53,7 +53,7 @@ class ByDirectionEstimator(FrictionEstimator):
     def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
         """Set levels and slope from the usable rows."""
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Find the levels on all usable rows; a situation that never came keeps 0 N."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
@@ -61,6 +61,7 @@ class ByDirectionEstimator(FrictionEstimator):
         situation = np.concatenate([each[mask] for (each, _), mask in zip(seen, masks, strict=True)])
         velocity = np.concatenate([each[mask] for (_, each), mask in zip(seen, masks, strict=True)])
         self._learn(situation, velocity, labels)
+        return self
 
     def new_state(self) -> SteadyMotionState:
         return self._motion().new_state()

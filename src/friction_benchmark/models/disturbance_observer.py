@@ -89,7 +89,7 @@ class DisturbanceObserver(FrictionEstimator):
         self.law = SlidingLaw(np.zeros((2, COEFFICIENTS)))
         self._order = [int(np.argmax(column)) for column in on_inputs(np.eye(3)[:, :, None], inputs)[:, :, 0]]
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Find the friction law, how far the sensors are off, and the noises, in this order."""
         self._begin_fit(recordings)
         traces = [
@@ -110,6 +110,7 @@ class DisturbanceObserver(FrictionEstimator):
         count = min(self.recordings, len(recordings))
         chosen = [int(number * len(recordings) / count) for number in range(count)]
         self._tune([traces[one] for one in chosen], [recordings[one] for one in chosen])
+        return self
 
     def _tune(self, traces: Sequence[Traces], recordings: Sequence[Recording]) -> None:
         """Doubles and halves one noise after the other, then by smaller factors, as long as the error falls.

@@ -121,8 +121,8 @@ class ElmanEstimator(LearnedEstimator):
         self.weights: Single | None = None
         self.found: Found | None = None
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        batch, unseen = self._batch(train), self._batch(validation or train)
+    def learn(self, train: Sequence[SequenceData]) -> None:
+        batch = self._batch(train)
         plan = self.plan
         count = weight_count(len(self._columns()) + 1, plan.nodes)
         if plan.trainer == "swarm":
@@ -135,7 +135,7 @@ class ElmanEstimator(LearnedEstimator):
             )
         else:
             self.found = train_with_adam(batch, plan, self.seed)
-        tried = [cost(place, plan.nodes, plan.feedback, unseen) for place in self.found.trail]
+        tried = [cost(place, plan.nodes, plan.feedback, batch) for place in self.found.trail]
         self.weights = self.found.trail[int(np.argmin(tried))].astype(np.float32)
 
     def new_memory(self) -> ElmanMemory:

@@ -56,8 +56,8 @@ class GradientBoostingEstimator(LearnedEstimator):
         self._model: onnx.ModelProto | None = None
         self._trees: Forest | None = None
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
-        """Learn from ``plan.rows`` usable rows; nothing stops early."""
+    def learn(self, train: Sequence[SequenceData]) -> None:
+        """Learn from ``plan.rows`` usable rows."""
         rows = [self.past.advance(self.past.new_memory(), each.features)[each.usable] for each in train]
         target = np.concatenate([each.target[each.usable] for each in train]).astype(np.float64)
         self._set_model(fit_boosted_trees(np.concatenate(rows), target, self.plan, self.seed))

@@ -8,7 +8,7 @@ its citations. What is left open is chosen here and said in ``HanEstimator``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -123,18 +123,18 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
         super().__init__(cylinder, inputs, plan or HanPlan(fine_tuned=False), seed)
         self._taught: Perceptron | None = None
 
-    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Learn from synthetic friction along the motion of ``train`` and, if fine-tuned, from its labels then."""
-        self._begin_fit(train)
-        self._set_features(fit_features(MOTION, self.cylinder, train))
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Learn from synthetic friction along the motion of the recordings and, if fine-tuned, then from labels."""
+        self._begin_fit(recordings)
+        self._set_features(fit_features(MOTION, self.cylinder, recordings))
         self.target_mean_n, self.target_scale_n = 0.0, generic_parameters(self.cylinder).coulomb_n
-        self._taught = self._learn_synthetic(train)
+        self._taught = self._learn_synthetic(recordings)
         if self.plan.fine_tuned:
-            super().fit_with_validation(train, validation)
-        else:
-            self._use(self._taught)
+            return super().fit(recordings)
+        self._use(self._taught)
+        return self
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
+    def learn(self, train: Sequence[SequenceData]) -> None:
         from friction_benchmark.models.perceptron_training import last_hidden, train_perceptron
 
         assert self._taught is not None
@@ -151,8 +151,7 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
             (*start.kernels[:-1], head[:-1, None].copy()), (*start.biases[:-1], head[-1:].copy()), "relu"
         )
         plan = self.plan
-        unseen = self._labelled(validation) if validation else None
-        self._use(train_perceptron(start, rows, targets, plan.tuning_steps, plan.tuning_rate, self.seed, unseen))
+        self._use(train_perceptron(start, rows, targets, plan.tuning_steps, plan.tuning_rate, self.seed))
 
     def new_memory(self) -> HanMemory:
         return HanMemory(new_window(), np.zeros(1, dtype=np.float32))

@@ -52,11 +52,10 @@ class LearnedEstimator(FrictionEstimator):
         self._block: FeatureBlock | None = None
 
     @abstractmethod
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        """Learn the targets, in standard deviations, of one sequence a recording.
+    def learn(self, train: Sequence[SequenceData]) -> None:
+        """Learn the targets, in standard deviations, of one sequence per recording.
 
-        ``validation``, which may be empty, only stops it early. Features are standardised float32, shape
-        ``(n, len(self.features.names))``.
+        Features are standardised float32, shape ``(n, len(self.features.names))``.
         """
 
     @abstractmethod
@@ -83,24 +82,20 @@ class LearnedEstimator(FrictionEstimator):
     def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
         """Return the estimator that ``write_model`` wrote; features and scaling are set by the caller."""
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
-        """Learn from all recordings, to the end of the schedule.
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Learn from all recordings, to the end of the schedule, and return the estimator itself.
 
         Nothing is held out for early stopping: measured on other sessions, the sessions missed more than it brought.
         """
-        self.fit_with_validation(recordings, ())
-
-    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Learn features, scaling and model from ``train``; ``validation``, if any, only stops training early."""
-        self._begin_fit(train)
-        self._set_features(fit_features(self.inputs, self.cylinder, train))
-        pairs = [self._pair(recording) for recording in train]
-        targets = np.concatenate([left[recording.usable()] for (_, left), recording in zip(pairs, train, strict=True)])
-        self.target_mean_n, self.target_scale_n = float(targets.mean()), float(targets.std()) or 1.0
-        self.learn(
-            [self._sequence(recording, *pair) for recording, pair in zip(train, pairs, strict=True)],
-            [self._sequence(recording, *self._pair(recording)) for recording in validation],
+        self._begin_fit(recordings)
+        self._set_features(fit_features(self.inputs, self.cylinder, recordings))
+        pairs = [self._pair(recording) for recording in recordings]
+        targets = np.concatenate(
+            [left[recording.usable()] for (_, left), recording in zip(pairs, recordings, strict=True)]
         )
+        self.target_mean_n, self.target_scale_n = float(targets.mean()), float(targets.std()) or 1.0
+        self.learn([self._sequence(recording, *pair) for recording, pair in zip(recordings, pairs, strict=True)])
+        return self
 
     def new_state(self) -> LearnedState:
         assert self._block is not None

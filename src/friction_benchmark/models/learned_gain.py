@@ -132,7 +132,7 @@ class LearnedGainEstimator(FrictionEstimator):
         self._offset_head: Single = np.zeros(architecture.nodes, dtype=np.float32)
         self._offset_bias = 0.0
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Learn from the recordings' ``friction_n``: labels, or a simulated rig's true friction.
 
         Raises:
@@ -154,6 +154,7 @@ class LearnedGainEstimator(FrictionEstimator):
         lessons = [self._lesson(one, *pair) for one, pair in zip(recordings, pairs, strict=True)]
         weights, self._offset_head, self._offset_bias = train_gain(self.architecture, self.plan, lessons, self.seed)
         self._network = Lstm(weights)
+        return self
 
     def new_state(self) -> LearnedGainState:
         assert self.features is not None

@@ -93,8 +93,8 @@ class LstmForestEstimator(LstmEstimator):
         self._forest_model: onnx.ModelProto | None = None
         self._forest: Forest | None = None
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        super().learn(train, validation)
+    def learn(self, train: Sequence[SequenceData]) -> None:
+        super().learn(train)
         inputs, left = [], []
         for sequence in train:
             hidden, head = self.hold(self.new_memory(), sequence.features)

@@ -109,14 +109,14 @@ class LugreResidualEstimator(GradientBoostingEstimator):
         )
         self.lugre_scale_n = 1.0
 
-    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Identify LuGre, then learns what it leaves, from the same recordings."""
-        self._begin_fit(train)
-        count = min(self.identified_on, len(train))
-        self.lugre.fit([train[int(number * len(train) / count)] for number in range(count)])
-        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in train])
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Identify LuGre, then learn its residual, from the same recordings."""
+        self._begin_fit(recordings)
+        count = min(self.identified_on, len(recordings))
+        self.lugre.fit([recordings[int(number * len(recordings) / count)] for number in range(count)])
+        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in recordings])
         self.lugre_scale_n = float(labels.std()) or 1.0
-        super().fit_with_validation(train, validation)
+        return super().fit(recordings)
 
     def advance(self, state: LearnedState, samples: Array) -> Array:
         assert self._block is not None

@@ -107,10 +107,10 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
     ) -> None:
         super().__init__(cylinder, inputs, plan or MachadoPlan(), seed)
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
+    def learn(self, train: Sequence[SequenceData]) -> None:
         generator = np.random.default_rng(self.seed)
         rows, targets = self._rows(train, generator)
-        network = _fit(rows, targets, *self._rows(validation or train, generator), self.plan, generator)
+        network = _fit(rows, targets, *self._rows(train, generator), self.plan, generator)
         self._use(network)
 
     def new_memory(self) -> Array:

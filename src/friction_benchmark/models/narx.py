@@ -86,8 +86,8 @@ class NarxEstimator(LearnedEstimator):
         self._terms = np.zeros((1, 2), dtype=np.int64)
         self._weights = np.zeros(1)
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
-        """Find poles on some recordings, judged by any validation ones, then terms and parameters on all."""
+    def learn(self, train: Sequence[SequenceData]) -> None:
+        """Find poles on some recordings, then terms and parameters on all."""
         few = [train[int(number * len(train) / SEARCHED)] for number in range(min(SEARCHED, len(train)))]
         best = np.inf
         at_rest, sliding = self.at_rest, self.sliding
@@ -96,7 +96,7 @@ class NarxEstimator(LearnedEstimator):
                 self.at_rest = pole if name == "at_rest" else at_rest
                 self.sliding = pole if name == "sliding" else sliding
                 self._solve(few, self.rows // 4)
-                error = self._error(validation or few)
+                error = self._error(few)
                 if error < best:
                     best, found = error, (self.at_rest, self.sliding)
             at_rest, sliding = found

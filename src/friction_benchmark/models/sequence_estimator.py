@@ -133,11 +133,11 @@ class SequenceEstimator(LearnedEstimator):
     def from_onnx(self, model: onnx.ModelProto) -> SteppedNetwork:
         """Return the network that ``to_onnx`` stored, ready to step."""
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:
+    def learn(self, train: Sequence[SequenceData]) -> None:
         from friction_benchmark.models.sequence_training import train_sequences  # PyTorch: training alone waits
 
         rate = self.architecture.learning_rate
-        network, self.learning_curve = train_sequences(self.make_network, rate, self.plan, train, validation, self.seed)
+        network, self.learning_curve = train_sequences(self.make_network, rate, self.plan, train, self.seed)
         self._set_network(self.to_onnx(network))
 
     def new_memory(self) -> HeldMemory:

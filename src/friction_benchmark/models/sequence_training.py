@@ -34,12 +34,9 @@ def train_sequences(
     learning_rate: float,
     plan: SequencePlan,
     train: Sequence[SequenceData],
-    validation: Sequence[SequenceData],
     seed: int,
 ) -> tuple[nn.Module, LearningCurve]:
-    """Train with AdamW (Loshchilov and Hutter 2019), cosine schedule; returns the best epoch's network.
-
-    Where no recording is there for early stopping, that is the last epoch's.
+    """Train with AdamW (Loshchilov and Hutter 2019), cosine schedule; return the last epoch's network.
 
     Args:
         make_network: Takes the number of features, returns ``(features, state) -> (output, state)``: features
@@ -47,7 +44,6 @@ def train_sequences(
         learning_rate: The highest.
         plan: Of the training.
         train: Recordings that are learnt from.
-        validation: Recordings that early stopping listens to; may be none.
         seed: Of weights, dropout, order of recordings, and where they are cut.
 
     Raises:
@@ -59,23 +55,16 @@ def train_sequences(
             network.parameters(), lr=learning_rate, weight_decay=plan.weight_decay, fused=True
         )
         rows = side_by_side(_cut(train, plan.cut_samples))
-        held_out = _strided(side_by_side(validation), plan.stride, 0) if validation else None
-        curve, best = LearningCurve(), _copy(network)
+        curve = LearningCurve()
         generator = np.random.default_rng(seed)
         for epoch in range(1, plan.epochs + 1):
             trained = _train_epoch(network, optimiser, rows, plan, learning_rate, epoch, generator)
-            validated = trained if held_out is None else _validate(network, held_out)
-            if not math.isfinite(trained + validated):
+            if not math.isfinite(trained):
                 raise FloatingPointError(
-                    f"epoch {epoch}: mean absolute error is {validated}; lower the learning rate, now {learning_rate}"
+                    f"epoch {epoch}: mean absolute error is {trained}; lower the learning rate, now {learning_rate}"
                 )
-            if held_out is None or not curve.validation_mae or validated < min(curve.validation_mae):
-                best, curve.best_epoch = _copy(network), epoch
             curve.train_mae.append(trained)
-            curve.validation_mae.append(validated)
-            if epoch - curve.best_epoch >= plan.patience:
-                break
-        network.load_state_dict(best)
+            curve.best_epoch = epoch
         return network.eval(), curve
 
 
@@ -166,14 +155,6 @@ def _cost(error: torch.Tensor, huber: float) -> torch.Tensor:
     return torch.where(error < huber, 0.5 * error**2 / huber, error - 0.5 * huber)
 
 
-def _validate(network: nn.Module, held_out: _Steps) -> float:
-    network.eval()
-    with torch.no_grad():
-        output, _ = network(held_out.features, None)
-    error = ((output[:, None] - held_out.target).abs() * held_out.weight).sum()
-    return float(error / held_out.weight.sum())
-
-
 def _set_rate(optimiser: torch.optim.Optimizer, highest: float, progress: float) -> None:
     factor = progress / WARM_UP if progress < WARM_UP else 0.5 * (1.0 + math.cos(math.pi * progress))
     for group in optimiser.param_groups:
@@ -182,7 +163,3 @@ def _set_rate(optimiser: torch.optim.Optimizer, highest: float, progress: float)
 
 def _detached(state: Any) -> Any:
     return state.detach() if isinstance(state, torch.Tensor) else tuple(_detached(part) for part in state)
-
-
-def _copy(network: nn.Module) -> dict[str, torch.Tensor]:
-    return {name: value.detach().clone() for name, value in network.state_dict().items()}
