@@ -141,7 +141,8 @@ class BenchmarkCampaignParams(Section):
     def _some_sessions_teach(self) -> BenchmarkCampaignParams:
         if self.test_sessions + self.validation_sessions >= self.sessions_per_condition:
             raise ValueError(
-                f"sessions_per_condition is {self.sessions_per_condition}, of which test_sessions and validation_sessions leave "
+                f"sessions_per_condition is {self.sessions_per_condition}, of which test_sessions and "
+                f"validation_sessions leave "
                 "none to teach; expected at least one more than both together"
             )
         return self

@@ -1,4 +1,5 @@
-"""Who and when: a recording's name, condition, session and load, from its file's path or from a table beside the files."""
+"""Who and when: a recording's name, condition, session and load, from its file's path or from a table beside the "
+"files."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ class NameRules:
     Attributes:
         pattern: Regular expression on the path below the source, with groups ``condition``, ``session``, optionally
             ``load``.
-        table: CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path below
+        table: CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path
+        below
             the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out goes before
             any glob.
 

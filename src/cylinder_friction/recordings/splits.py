@@ -45,7 +45,8 @@ def split_sessions(
         needed = test_sessions + validation_sessions + 1
         if len(names) < needed:
             raise RecordingError(
-                f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} ({', '.join(sorted(names))}), "
+                f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} "
+                f"({', '.join(sorted(names))}), "
                 f"but {needed} are needed: {test_sessions} for test, {validation_sessions} for validation and at least "
                 "1 for training; record more sessions, lower label.split, or make ingest.name_pattern tell sessions "
                 "apart"
@@ -70,7 +71,8 @@ def _sessions_of_tests(metadata: Sequence[RecordingMetadata]) -> dict[str, set[s
         condition = conditions.setdefault(entry.session, entry.condition)
         if condition != entry.condition:
             raise RecordingError(
-                f"session {entry.session!r} occurs in condition {condition!r} and in condition {entry.condition!r} (recording "
+                f"session {entry.session!r} occurs in condition {condition!r} and in condition {entry.condition!r} "
+                f"(recording "
                 f"{entry.name!r}); expected one test a session; make ingest.name_pattern's session contain the test"
             )
         sessions.setdefault(entry.condition, set()).add(entry.session)

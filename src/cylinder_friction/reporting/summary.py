@@ -118,7 +118,8 @@ def _truth_sentences(comparison: Comparison, main: str) -> list[str]:
     floor = ", ".join(f"{truth[LABEL_ITSELF][condition].errors.percent:.2f} %" for condition in conditions)
     return [
         _standing(truth, conditions, main, "true friction"),
-        f"The label itself, which is made off line and looks ahead, is {floor} from true friction in {listed(conditions)}.",
+        f"The label itself, which is made off line and looks ahead, is {floor} from true friction in "
+        f"{listed(conditions)}.",
     ]
 
 

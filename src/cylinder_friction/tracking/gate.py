@@ -66,7 +66,10 @@ def _unusable(who: str, errors: Mapping[str, float]) -> str | None:
         return f"refused: the {who} has no figure of any test; run the compare stage"
     for condition in sorted(errors):
         if not (math.isfinite(errors[condition]) and errors[condition] >= 0.0):
-            return f"refused: the {who}'s error in condition {condition} is {errors[condition]}, but expected a number not below 0"
+            return (
+                f"refused: the {who}'s error in condition {condition} is {errors[condition]}, but expected a number "
+                "not below 0"
+            )
     return None
 
 
