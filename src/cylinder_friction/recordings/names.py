@@ -1,5 +1,4 @@
-"""Who and when: a recording's name, condition, session and load, from its file's path or from a table beside the "
-"files."""
+"""Who and when: a recording's name, condition, session and load, from its file's path or from a table beside it."""
 
 from __future__ import annotations
 
