@@ -1,0 +1,178 @@
+"""The import graph: which files of this package (and of the benchmark's) decide what a module does."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import re
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SOURCE = Path(__file__).parents[1]
+PACKAGES = ("cylinder_friction", "friction_benchmark")
+_BY_NAME = re.compile(rf"({'|'.join(PACKAGES)})(\.\w+)+")
+_LONGEST_PATH = 100
+
+
+def code_key(*modules: str) -> str:
+    """Return a SHA-256 over every file that decides what ``modules`` do, for the key of a result that they computed."""
+    digest = hashlib.sha256()
+    for path in used_files(*modules):
+        digest.update(path.relative_to(SOURCE).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def used_files(*modules: str, source: Path = SOURCE) -> tuple[Path, ...]:
+    """Return the files of ``modules`` and of everything they import, transitively, sorted.
+
+    Imports inside functions count, imports for type checking do not. A string that names a module, or a file or a
+    folder of data beside the module (templates, C sources, a worker script), counts as an import. The ``__init__``
+    of a surrounding package counts where importing it does anything.
+
+    Args:
+        modules: Dotted names.
+        source: The folder that holds the packages.
+
+    Raises:
+        ModuleNotFoundError: There is no such module.
+    """
+    files: set[Path] = set()
+    seen: set[str] = set()
+    queue = list(modules)
+    while queue:
+        module = queue.pop()
+        if module in seen:
+            continue
+        seen.add(module)
+        path = module_path(module, source)
+        if path is None:
+            raise ModuleNotFoundError(f"{module}: no such module below {source}")
+        files.add(path)
+        names, data = _strings(path, source)
+        files |= data
+        queue += imported_modules(module, source) | names
+        for package in _packages(module):
+            init = module_path(package, source)
+            if init is not None and _does_something(init, package, source):
+                files.add(init)
+                queue += _imports(init, package, source, deep=False)
+    return tuple(sorted(files))
+
+
+def imported_modules(module: str, source: Path = SOURCE, *, type_checking: bool = False) -> set[str]:
+    """Return the modules below ``source`` that a module itself imports, anywhere in its code.
+
+    Args:
+        module: Dotted name.
+        source: The folder that holds the packages.
+        type_checking: Whether imports under ``if TYPE_CHECKING`` count.
+    """
+    path = module_path(module, source)
+    return set() if path is None else _imports(path, module, source, type_checking=type_checking) - {module}
+
+
+def module_path(module: str, source: Path = SOURCE) -> Path | None:
+    """Return a module's file; None where ``source`` holds no such module of one of the packages."""
+    if module.partition(".")[0] not in PACKAGES:
+        return None
+    place = source.joinpath(*module.split("."))
+    candidates = (place.with_suffix(".py"), place / "__init__.py")
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def all_modules(source: Path = SOURCE) -> list[str]:
+    """Return the dotted names of all modules of the packages."""
+    paths = (path for package in PACKAGES for path in (source / package).rglob("*.py"))
+    return sorted(_module_name(path, source) for path in paths)
+
+
+def _module_name(path: Path, source: Path) -> str:
+    parts = path.relative_to(source).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _packages(module: str) -> list[str]:
+    parts = module.split(".")
+    return [".".join(parts[:length]) for length in range(1, len(parts))]
+
+
+@cache
+def _tree(path: Path, _modified_ns: int) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _parsed(path: Path) -> ast.Module:
+    return _tree(path, path.stat().st_mtime_ns)
+
+
+def _walk(node: ast.AST, *, deep: bool, type_checking: bool) -> Iterator[ast.AST]:
+    for child in ast.iter_child_nodes(node):
+        if not deep and isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            continue
+        if isinstance(child, ast.If) and not type_checking and "TYPE_CHECKING" in ast.dump(child.test):
+            for other in child.orelse:
+                yield other
+                yield from _walk(other, deep=deep, type_checking=type_checking)
+            continue
+        yield child
+        yield from _walk(child, deep=deep, type_checking=type_checking)
+
+
+def _imports(path: Path, module: str, source: Path, *, deep: bool = True, type_checking: bool = False) -> set[str]:
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    found: set[str] = set()
+    for node in _walk(_parsed(path), deep=deep, type_checking=type_checking):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")[: -(node.level - 1) or None] if node.level else []
+            base = ".".join([*parts, *([node.module] if node.module else [])])
+            inner = {f"{base}.{alias.name}" for alias in node.names}
+            modules = {name for name in inner if module_path(name, source) is not None}
+            found |= modules | ({base} if len(modules) < len(inner) else set())
+    return {name for name in found if module_path(name, source) is not None}
+
+
+def _strings(path: Path, source: Path) -> tuple[set[str], set[Path]]:
+    """Return the modules and the data files that the string constants of a module name."""
+    names: set[str] = set()
+    data: set[Path] = set()
+    folders = [folder for folder in path.parents if source in folder.parents]
+    for node in _walk(_parsed(path), deep=True, type_checking=False):
+        if not (isinstance(node, ast.Constant) and isinstance(node.value, str) and 1 < len(node.value) < _LONGEST_PATH):
+            continue
+        text = node.value.partition(":")[0]
+        if _BY_NAME.fullmatch(text) and module_path(text, source) is not None:
+            names.add(text)
+        if not re.fullmatch(r"\w[\w./-]*", text):
+            continue
+        for place in (folder / text for folder in folders):
+            if place.is_file() and place.suffix == ".py":
+                names.add(_module_name(place, source))
+            elif place.is_file():
+                data.add(place)
+            elif place.is_dir() and not any(place.rglob("*.py")):
+                data |= {file for file in place.rglob("*") if file.is_file()}
+    return names, data
+
+
+def _does_something(init: Path, package: str, source: Path) -> bool:
+    """Return whether importing a package runs more than definitions and imports from elsewhere."""
+    if _imports(init, package, source, deep=False):
+        return True
+    for node in _parsed(init).body:
+        if isinstance(node, ast.Import | ast.ImportFrom | ast.FunctionDef):
+            continue
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            continue
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            continue
+        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
+        if not isinstance(value, ast.Constant | ast.Dict | ast.Tuple | ast.List):
+            return True
+    return False

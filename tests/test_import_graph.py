@@ -1,0 +1,77 @@
+"""Which files decide what a module does: imports of every kind, names in strings, data files; nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.import_graph import SOURCE, code_key, imported_modules, used_files
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MODULES = {
+    "__init__.py": '"""The front page."""\n_LAZY = {"a": "cylinder_friction.unused"}\ndef __getattr__(name): ...\n',
+    "stage.py": """
+from __future__ import annotations
+from typing import TYPE_CHECKING
+import numpy
+from cylinder_friction.work import do, inner
+if TYPE_CHECKING:
+    from cylinder_friction.unused import Thing
+else:
+    import cylinder_friction.otherwise
+KIND = "cylinder_friction.by_name:Kind"
+TEMPLATE = "pages/page.html"
+""",
+    "otherwise.py": "",
+    "by_name.py": "class Kind: ...",
+    "unused.py": "class Thing: ...",
+    "pages/page.html": "<p>",
+    "work/__init__.py": "import os\nos.environ['A'] = 'b'",
+    "work/inner.py": "def do():\n    from . import late\n    from .. import upward",
+    "work/late.py": "WORKER = 'worker_script.py'",
+    "work/worker_script.py": "SOURCES = 'sources'",
+    "work/sources/a.c": "int a;",
+    "upward.py": "",
+}
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    for name, text in MODULES.items():
+        path = tmp_path / "cylinder_friction" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def test_every_file_that_decides_what_a_module_does_is_found(source: Path) -> None:
+    found = {
+        path.relative_to(source / "cylinder_friction").as_posix()
+        for path in used_files("cylinder_friction.stage", source=source)
+    }
+    assert found == set(MODULES) - {"__init__.py", "unused.py"}
+
+
+def test_imports_for_type_checking_count_only_where_they_are_asked_for(source: Path) -> None:
+    runtime = imported_modules("cylinder_friction.stage", source)
+    assert runtime == {"cylinder_friction.work", "cylinder_friction.work.inner", "cylinder_friction.otherwise"}
+    assert imported_modules("cylinder_friction.stage", source, type_checking=True) - runtime == {
+        "cylinder_friction.unused"
+    }
+
+
+def test_a_module_that_is_not_there_is_named(source: Path) -> None:
+    with pytest.raises(ModuleNotFoundError, match=r"cylinder_friction\.gone: no such module below"):
+        used_files("cylinder_friction.gone", source=source)
+
+
+def test_a_key_covers_what_is_used_and_nothing_else() -> None:
+    key = code_key("cylinder_friction.realtime.lstm")
+    assert key == code_key("cylinder_friction.realtime.lstm")
+    assert key != code_key("cylinder_friction.estimators.hybrid")
+    used = used_files("cylinder_friction.estimators.hybrid")
+    assert SOURCE / "cylinder_friction/realtime/lstm.py" in used
+    assert not [path for path in used if "deployment" in path.parts or "tracking" in path.parts]
