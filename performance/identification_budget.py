@@ -26,7 +26,9 @@ from friction_benchmark.roster.entry import Making
 
 ALLOWED = 1.10
 TIMES = 10.0
-CYLINDER = Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)
+CYLINDER = Cylinder(
+    name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+)
 
 
 def larger(effort: SearchEffort, number: int) -> SearchEffort:

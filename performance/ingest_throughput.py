@@ -172,7 +172,9 @@ def stage_of_pandas(stage: str) -> Callable[[], object]:
 
     from cylinder_friction.cylinder import Cylinder
 
-    cylinder = Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)
+    cylinder = Cylinder(
+        name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+    )
     recordings, signals, labelled = written_by("pandas")
     return {
         "ingest": lambda: plain_pandas.ingest(LOGS, recordings, cylinder),

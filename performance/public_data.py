@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import InertiaMode, Labeller
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.motion import MotionPlan
-from cylinder_friction.labelling.session import SessionFound, SessionPoints
 from cylinder_friction.recordings.check_limits import CheckLimits
 from cylinder_friction.recordings.ingesting import Source, ingest_folder
 from cylinder_friction.recordings.mapping import ChannelMapping
@@ -25,6 +22,7 @@ from cylinder_friction.signals.recorded import smooth_columns
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
+    from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.recordings.plausibility import LoadMode
 
 MAPPINGS: dict[str, dict[str, dict[str, Any]]] = {
@@ -58,10 +56,16 @@ MAPPINGS: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 CYLINDERS = {
-    "emps": Cylinder("EMPS", 0.02, 0.01, 0.26, 1.0),
-    "crane": Cylinder("HMF 2020-K jib", 0.150, 0.100, 0.85, 100.0),
-    "pneumatic-seals": Cylinder("printed piston 25 mm", 0.025, 0.010, 0.05, 0.1),
-    "tribometer": Cylinder("tribometer", 0.02, 0.01, 0.001, 0.1),
+    "emps": Cylinder(name="EMPS", bore_diameter_m=0.02, rod_diameter_m=0.01, stroke_m=0.26, moving_mass_kg=1.0),
+    "crane": Cylinder(
+        name="HMF 2020-K jib", bore_diameter_m=0.150, rod_diameter_m=0.100, stroke_m=0.85, moving_mass_kg=100.0
+    ),
+    "pneumatic-seals": Cylinder(
+        name="printed piston 25 mm", bore_diameter_m=0.025, rod_diameter_m=0.010, stroke_m=0.05, moving_mass_kg=0.1
+    ),
+    "tribometer": Cylinder(
+        name="tribometer", bore_diameter_m=0.02, rod_diameter_m=0.01, stroke_m=0.001, moving_mass_kg=0.1
+    ),
 }
 """Bore and rod matter to the crane alone: the others measure force. The masses are of no account, but for EMPS's,
 which is identified."""
@@ -111,17 +115,12 @@ def labelled(
     load: LoadMode = "none",
     inertia: InertiaMode = "given",
     plan: LoadPlan | None = None,
-) -> tuple[list[Recording], SessionFound]:
+) -> tuple[list[Recording], SessionIdentification]:
     """Return one session's recordings with labels, and what the session tells of load and mass."""
     cylinder, chosen = CYLINDERS[rig], FILTERS[rig]
-    labeller = Labeller(cylinder, Stiffness(), 0.0, load, inertia)
-    points = SessionPoints(
-        cylinder.moving_mass_kg,
-        (plan or LoadPlan()) if load == "position" else None,
-        MotionPlan() if inertia == "identified" else None,
-    )
+    labeller = Labeller(cylinder, end_stop_margin_m=0.0, load=load, inertia=inertia, load_plan=plan or LoadPlan())
     filtered = [recording.with_columns(**smooth_columns(recording, chosen)) for recording in recordings]
-    for recording in filtered:
-        labeller.collect(recording, chosen.reach(recording.sample_time_s), points)
-    found = points.found()
-    return [labeller.label(recording, chosen.reach(recording.sample_time_s), found) for recording in filtered], found
+    identified = labeller.identify(filtered, chosen)
+    return [
+        labeller.label(recording, chosen.support(recording.sample_time_s), identified) for recording in filtered
+    ], identified

@@ -23,7 +23,7 @@ from cylinder_friction.signals.recorded import signals_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.labelling.session import SessionFound
+    from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -95,7 +95,7 @@ class CraneFigures:
         own_percent: The same of LuGre identified on this run itself.
     """
 
-    found: SessionFound
+    found: SessionIdentification
     greatest_asymmetry_percent: float
     lugre_mae_n: float
     lugre_percent: float
@@ -153,7 +153,7 @@ def _lugre_error(estimator: LugreEstimator, recordings: list[Recording]) -> tupl
     return mae_n, 100.0 * mae_n / float(np.concatenate(labels).mean())
 
 
-def seals(data: Path) -> dict[str, dict[int, SessionFound]]:
+def seals(data: Path) -> dict[str, dict[int, SessionIdentification]]:
     """Return what each seal tells at each pressure in bar: the load is the pressure, friction half the difference."""
     plan = LoadPlan(settling_travel_m=5e-3)
     return {

@@ -29,7 +29,11 @@ if TYPE_CHECKING:
 def main() -> None:
     """Print simulated seconds per second of both."""
     duration_s = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
-    rig = default_rig(Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)).with_throttle(THROTTLE_GAINS["3"])
+    rig = default_rig(
+        Cylinder(
+            name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+        )
+    ).with_throttle(THROTTLE_GAINS["3"])
     start = balanced_state(rig, 0.12, 10e5, 35.0)
     hand = programme(rig, np.random.default_rng(0), duration_s)
     simulate(rig, hand, start, 1.0)  # compiles

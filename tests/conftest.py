@@ -69,7 +69,9 @@ def made_recording(
 
 @pytest.fixture(scope="session")
 def cylinder() -> Cylinder:
-    return Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)
+    return Cylinder(
+        name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+    )
 
 
 @pytest.fixture(scope="session")

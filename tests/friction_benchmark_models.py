@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-CYLINDER = Cylinder("made", 0.063, 0.028, 0.25, 6.0)
+CYLINDER = Cylinder(name="made", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 SIZES = Sizes(
     sessions_per_condition=3,
     recordings_per_session=1,

@@ -26,7 +26,7 @@ from cylinder_friction.recordings.sensor import sensor_limits
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.channels import NAME_PATTERN, logger_channels
 from cylinder_friction.rig.sensors import as_written
-from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.signals.recorded import filtered
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
 END_STOP_MARGIN_M = 0.003
 FILTER = SavitzkyGolay()
-ONLY_FOR_LABELS = ("pressure_1_smooth_pa", "pressure_2_smooth_pa", "load_force_smooth_n", "acceleration_m_s2")
 
 
 @dataclass(frozen=True)
@@ -107,12 +106,9 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe.cylinder)
         raw = judged(piece, metadata, recipe)
-        # In single precision, as the stage ``filter`` stores them.
-        smooth = {name: values.astype(np.float32) for name, values in smooth_columns(raw, FILTER).items()}
-        labelled = labeller.label(raw.with_columns(**smooth), FILTER.reach(raw.sample_time_s))
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         yield LabelledRecording(
-            labelled.without_columns(*ONLY_FOR_LABELS),
+            labeller.labelled(filtered(raw, FILTER), FILTER),
             logged.truth["friction_n"].to_numpy()[rows],
             _load(logged.truth)[rows],
         )

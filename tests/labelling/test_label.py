@@ -10,16 +10,14 @@ import pytest
 from boom import STEP_S, boom_load, motion
 from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness
-from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.session import SessionPoints
+from cylinder_friction.labelling.label import Labeller, label
+from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
 from cylinder_friction.signals.recorded import smooth_columns
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling.session import SessionFound
 
 FILTER = SavitzkyGolay()
 COULOMB_N, VISCOUS_N_S_M = 300.0, 1500.0
@@ -44,10 +42,8 @@ def boom_recording(cylinder: Cylinder, pressures: bool = True, uncertainty: Any 
     return recording.with_columns(**smooth_columns(recording, FILTER))
 
 
-def session(labeller: Labeller, recording: Recording) -> SessionFound:
-    points = SessionPoints(labeller.cylinder.moving_mass_kg, LoadPlan(), None)
-    labeller.collect(recording, FILTER.reach(STEP_S), points)
-    return points.found()
+def session(labeller: Labeller, recording: Recording) -> SessionIdentification:
+    return labeller.identify([recording], FILTER)
 
 
 def worst_error(labelled: Recording) -> float:
@@ -61,7 +57,7 @@ def worst_error(labelled: Recording) -> float:
 def test_friction_comes_out_of_a_cylinder_that_carries_something(cylinder: Cylinder, pressures: bool) -> None:
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     recording = boom_recording(cylinder, pressures)
-    labelled = labeller.label(recording, FILTER.reach(STEP_S), session(labeller, recording))
+    labelled = labeller.label(recording, FILTER.support(STEP_S), session(labeller, recording))
     assert worst_error(labelled) < 5.0
     assert labelled.usable().mean() > 0.8
     assert np.abs(labelled.column("load_force_n") - boom_load(motion()[0]))[labelled.usable()].max() < 20.0
@@ -71,7 +67,7 @@ def test_friction_comes_out_of_a_cylinder_that_carries_something(cylinder: Cylin
 @pytest.mark.parametrize("pressures", [True, False], ids=["pressures", "drive force"])
 def test_a_measured_load_is_taken_off(cylinder: Cylinder, pressures: bool) -> None:
     recording = boom_recording(cylinder, pressures, load_force_n=boom_load(motion()[0]))
-    labelled = Labeller(cylinder, Stiffness(), 0.003, load="measured").label(recording, FILTER.reach(STEP_S))
+    labelled = Labeller(cylinder, Stiffness(), 0.003, load="measured").label(recording, FILTER.support(STEP_S))
     assert worst_error(labelled) < 1.0
 
 
@@ -88,7 +84,7 @@ def test_rows_where_the_load_is_not_known_are_not_usable(cylinder: Cylinder) -> 
     found = session(labeller, recording)
     assert found.load is not None
     low = found.load.coverage.range_m[0]
-    labelled = labeller.label(recording, FILTER.reach(STEP_S), found)
+    labelled = labeller.label(recording, FILTER.support(STEP_S), found)
     outside = recording.column("position_m") < low
     assert outside.any()
     assert not labelled.usable()[outside].any()
@@ -100,7 +96,7 @@ def test_uncertainty_of_an_identified_load_goes_into_the_labels(cylinder: Cylind
     recording = boom_recording(cylinder, uncertainty=stated)
     found = session(labeller, recording)
     assert found.load is not None
-    labelled = labeller.label(recording, FILTER.reach(STEP_S), found)
+    labelled = labeller.label(recording, FILTER.support(STEP_S), found)
     expanded = labelled.column("friction_uncertainty_n")
     assert (expanded > 2.0 * found.load.asymmetry_n).all()
     assert expanded.max() < 2.0 * np.hypot(found.load.uncertainty_n(recording.column("position_m")).max(), 10.0)
@@ -108,40 +104,40 @@ def test_uncertainty_of_an_identified_load_goes_into_the_labels(cylinder: Cylind
 
 def test_a_load_column_that_contradicts_the_mode_is_refused(cylinder: Cylinder) -> None:
     with_load = boom_recording(cylinder, load_force_n=boom_load(motion()[0]))
-    reach = FILTER.reach(STEP_S)
+    support = FILTER.support(STEP_S)
     with pytest.raises(RecordingError, match=r"recording 'boom': label\.load is none, but a load was measured"):
-        Labeller(cylinder, Stiffness(), 0.003).label(with_load, reach)
+        Labeller(cylinder, Stiffness(), 0.003).label(with_load, support)
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     with pytest.raises(RecordingError, match=r"label\.load is position, but a load was measured .* set label\.load to"):
         session(labeller, with_load)
     with pytest.raises(
         RecordingError, match=r"label\.load is measured, but there is no column 'load_force_n'; map the"
     ):
-        Labeller(cylinder, Stiffness(), 0.003, load="measured").label(boom_recording(cylinder), reach)
+        Labeller(cylinder, Stiffness(), 0.003, load="measured").label(boom_recording(cylinder), support)
 
 
 def test_a_session_that_was_not_asked_is_refused(cylinder: Cylinder) -> None:
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
-    with pytest.raises(ValueError, match=r"expected what its session tells of load and mass .* but got None"):
-        labeller.label(boom_recording(cylinder), FILTER.reach(STEP_S))
+    with pytest.raises(ValueError, match=r"expected load and mass of its session .* but got None"):
+        labeller.label(boom_recording(cylinder), FILTER.support(STEP_S))
 
 
 def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
     heavy = replace(cylinder, moving_mass_kg=2000.0)
     recording = boom_recording(heavy, load_force_n=boom_load(motion()[0]))
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="measured", inertia="identified")
-    points = SessionPoints(cylinder.moving_mass_kg, None, None)
-    found = replace(points.found(), moving_mass_kg=2000.0)
-    reach = FILTER.reach(STEP_S)
-    assert worst_error(labeller.label(recording, reach, found)) < 1.0
-    assert worst_error(labeller.label(recording, reach, points.found())) > 5.0
+    given = SessionIdentification(cylinder.moving_mass_kg)
+    found = replace(given, moving_mass_kg=2000.0)
+    support = FILTER.support(STEP_S)
+    assert worst_error(labeller.label(recording, support, found)) < 1.0
+    assert worst_error(labeller.label(recording, support, given)) > 5.0
 
 
 @pytest.mark.parametrize("mode", ["trapped_oil", "paper_literal"])
 def test_the_oils_spring_needs_pressures(cylinder: Cylinder, mode: Any) -> None:
     labeller = Labeller(cylinder, Stiffness(mode), 0.003)
     with pytest.raises(RecordingError, match=f"label.stiffness is {mode}, .* but the recording has drive_force_n"):
-        labeller.label(boom_recording(cylinder, pressures=False), FILTER.reach(STEP_S))
+        labeller.label(boom_recording(cylinder, pressures=False), FILTER.support(STEP_S))
 
 
 def test_audit_takes_the_session_too(cylinder: Cylinder) -> None:
@@ -168,3 +164,31 @@ def test_audit_takes_the_session_too(cylinder: Cylinder) -> None:
 def test_unknown_modes_are_refused(cylinder: Cylinder, field: str, value: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Labeller(cylinder, Stiffness(), 0.003, **{field: value})  # type: ignore[arg-type]
+
+
+RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
+
+
+def test_recordings_in_memory_get_the_labels_of_the_pipeline(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    """Two recordings suffice: no split is needed."""
+    raw = [Recording(recording.metadata, recording.table[RAW]) for recording in labelled_recordings[:2]]
+    labelled = label(raw, cylinder)
+    assert [recording.name for recording in labelled] == [recording.name for recording in raw]
+    assert list(labelled[0].table.columns) == [*RAW, "velocity_m_s", "friction_n", "usable"]
+    for recording, known in zip(labelled, labelled_recordings, strict=False):
+        usable, true_n = recording.usable(), known.column("friction_n")
+        assert usable.mean() > 0.95
+        assert np.abs(recording.column("friction_n") - true_n)[usable].mean() < 0.05 * np.abs(true_n).mean()
+
+
+def test_recordings_in_memory_share_the_load_of_their_session(cylinder: Cylinder) -> None:
+    filtered = boom_recording(cylinder)
+    raw = Recording(filtered.metadata, filtered.table[RAW])
+    (labelled,) = label([raw], cylinder, load="position")
+    assert worst_error(labelled) < 5.0
+    with pytest.raises(RecordingError, match="session 's1': the load cannot be "):
+        label([raw.with_columns(position_m=np.full(len(raw), 0.1))], cylinder, load="position")
+    with pytest.raises(ValueError, match="label: expected at least one recording, but got none"):
+        label([], cylinder)

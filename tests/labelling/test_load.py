@@ -9,8 +9,8 @@ import pytest
 
 from boom import STEP_S, boom_load, boom_points
 from cylinder_friction.labelling.load import LoadPlan, identify_load
-from cylinder_friction.labelling.session import SessionPoints
-from cylinder_friction.labelling.strokes import stroke_points
+from cylinder_friction.labelling.session import identify_session
+from cylinder_friction.labelling.strokes import StrokePoints, stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
@@ -156,10 +156,8 @@ def test_a_rig_that_carries_a_boom_tells_its_load(
     """The rig's friction differs between the directions and with pressure, which no term of the model knows."""
     inside, shape = [], []
     for recordings in rig_sessions.values():
-        points = SessionPoints(cylinder.moving_mass_kg, LoadPlan(), None)
-        for recording in recordings:
-            add_with_boom(points, recording, cylinder)
-        load = points.found().load
+        strokes = [strokes_with_boom(recording, cylinder) for recording in recordings]
+        load = identify_session(strokes, [], cylinder.moving_mass_kg, LoadPlan(), None).load
         assert load is not None
         grid = np.linspace(*load.coverage.range_m, 30)
         error = load.load_n(grid) - boom_load(grid)
@@ -170,8 +168,8 @@ def test_a_rig_that_carries_a_boom_tells_its_load(
     assert max(shape) < 45.0
 
 
-def add_with_boom(points: SessionPoints, recording: RigRecording, cylinder: Cylinder) -> None:
-    """Add a rig recording whose piston side carries the boom besides."""
+def strokes_with_boom(recording: RigRecording, cylinder: Cylinder) -> StrokePoints:
+    """Return the strokes of a rig recording whose piston side also carries the boom."""
     logger = recording.logger
     load_pa = boom_load(recording.truth["position_m"].to_numpy()) / cylinder.piston_area_m2
     samples = np.column_stack(
@@ -183,4 +181,5 @@ def add_with_boom(points: SessionPoints, recording: RigRecording, cylinder: Cyli
     )
     usable = (samples[:, 2] > 0.003) & (samples[:, 2] < cylinder.stroke_m - 0.003)
     usable[:20], usable[-20:] = False, False
-    points.add(force_n, samples[:, 2], smooth.velocity_m_s, smooth.acceleration_m_s2, usable, 0.005)
+    plan, motion = LoadPlan(), (smooth.velocity_m_s, smooth.acceleration_m_s2)
+    return stroke_points(force_n, samples[:, 2], *motion, usable, 0.005, plan.slowest_m_s, plan.settling_travel_m)

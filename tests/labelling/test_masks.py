@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.labelling.masks import spread, usable_rows
-from cylinder_friction.signals.smooth import Reach
+from cylinder_friction.signals.smooth import Support
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(0, 70), st.integers(0, 70))
@@ -18,7 +18,7 @@ def test_spread_equals_its_definition(mask: list[bool], before: int, after: int)
 def test_end_stops_are_masked_as_far_as_the_filter_saw_them() -> None:
     position_m = np.full(400, 0.1)
     position_m[200] = 0.249
-    usable = usable_rows(position_m, 0.25, 0.003, Reach(before=30, after=20))
+    usable = usable_rows(position_m, 0.25, 0.003, Support(before=30, after=20))
     expected = np.ones(400, dtype=bool)
     expected[:30] = expected[380:] = False
     # Row t looks at t - 30 to t + 20, so that it saw row 200 from 180 to 230.
@@ -28,8 +28,8 @@ def test_end_stops_are_masked_as_far_as_the_filter_saw_them() -> None:
 
 def test_both_end_stops_count() -> None:
     position_m = np.array([0.1, 0.002, 0.1, 0.248, 0.1])
-    assert usable_rows(position_m, 0.25, 0.003, Reach(0, 0)).tolist() == [True, False, True, False, True]
+    assert usable_rows(position_m, 0.25, 0.003, Support(0, 0)).tolist() == [True, False, True, False, True]
 
 
 def test_recording_shorter_than_the_filter_has_no_usable_row() -> None:
-    assert not usable_rows(np.full(10, 0.1), 0.25, 0.003, Reach(30, 30)).any()
+    assert not usable_rows(np.full(10, 0.1), 0.25, 0.003, Support(30, 30)).any()

@@ -14,7 +14,8 @@ from cylinder_friction.labelling.motion import (
     identify_motion,
     motion_points,
 )
-from cylinder_friction.labelling.session import SessionPoints
+from cylinder_friction.labelling.session import identify_session
+from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
@@ -110,21 +111,19 @@ def test_too_little_motion_is_refused() -> None:
 
 def test_a_session_keeps_the_given_mass_where_the_motion_does_not_tell_it() -> None:
     for noise_n, expected_kg in ((1.0, 95.0), (3000.0, 6.0)):
-        points = SessionPoints(6.0, None, MotionPlan())
-        force_n, position_m, velocity, acceleration = signals(95.0, noise_n)
-        usable = np.ones(len(force_n), dtype=np.bool_)
-        points.add(force_n, position_m, velocity, acceleration, usable, STEP_S)
-        found = points.found()
+        blocks = motion_points(*signals(95.0, noise_n), STEP_S, MotionPlan())
+        found = identify_session([], [blocks], 6.0, None, MotionPlan())
         assert found.moving_mass_kg == pytest.approx(expected_kg, rel=0.02)
         assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["motion"]["mass_known"] is (noise_n == 1.0)
 
 
 def test_mass_and_load_are_found_beside_each_other() -> None:
-    points = SessionPoints(6.0, LoadPlan(slowest_m_s=0.02), MotionPlan())
     force_n, position_m, velocity, acceleration = signals(95.0, 1.0, seconds=40.0)
     force_n = force_n + 2000.0 + 3000.0 * position_m
-    points.add(force_n, position_m, velocity, acceleration, np.ones(len(force_n), dtype=np.bool_), STEP_S)
-    found = points.found()
+    motion, plan = (force_n, position_m, velocity, acceleration), LoadPlan(slowest_m_s=0.02)
+    usable = np.ones(len(force_n), dtype=np.bool_)
+    strokes = stroke_points(*motion, usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m)
+    found = identify_session([strokes], [motion_points(*motion, STEP_S, MotionPlan())], 6.0, plan, MotionPlan())
     assert found.moving_mass_kg == pytest.approx(95.0, rel=0.03)
     assert found.load is not None
     grid = np.linspace(*found.load.coverage.range_m, 20)

@@ -16,7 +16,7 @@ from cylinder_friction.recordings.sensor import SensorScale, sensor_uncertainty
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-CYLINDER = Cylinder("63/28", 0.063, 0.028, 0.25, 6.0)
+CYLINDER = Cylinder(name="63/28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 A1, A2 = CYLINDER.piston_area_m2, CYLINDER.annulus_area_m2
 NAT_8252 = SensorScale((0.0, 250.0), "bar", accuracy_percent=0.5)
 

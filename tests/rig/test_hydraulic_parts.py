@@ -19,7 +19,9 @@ from cylinder_friction.rig.hydraulics import (
 )
 from cylinder_friction.rig.parameters import default_rig, hydraulic_constants
 
-CYLINDER = Cylinder("Bosch H160CA 63x28", 0.063, 0.028, 0.25, 6.0)
+CYLINDER = Cylinder(
+    name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+)
 Y = hydraulic_constants(default_rig(CYLINDER).with_throttle(3e-8).hydraulics)
 
 

@@ -71,7 +71,7 @@ def test_centred_moving_average_is_exact_on_parabolas_away_from_edges(a: float, 
     line = a + b * time_s
     each = CentredMovingAverage()
     signals = each.smooth(np.column_stack([line, line, parabola]), STEP_S)
-    inner = slice(each.reach(STEP_S).before, -each.reach(STEP_S).after)
+    inner = slice(each.support(STEP_S).before, -each.support(STEP_S).after)
     np.testing.assert_allclose(signals.pressure_2_smooth_pa, line, atol=1e-9)
     np.testing.assert_allclose(signals.velocity_m_s[inner], (b + 2 * c * time_s)[inner], atol=1e-9)
     np.testing.assert_allclose(signals.acceleration_m_s2[inner], 2 * c, atol=1e-6)
@@ -81,12 +81,12 @@ def test_reach_tells_which_rows_an_input_touches(zero_phase: SignalFilter) -> No
     samples = np.random.default_rng(2).normal(size=(400, 3)) * [1e5, 1e5, 1e-3]
     changed = samples.copy()
     changed[200] *= 2.0
-    reach = zero_phase.reach(STEP_S)
+    support = zero_phase.support(STEP_S)
     before, after = (zero_phase.smooth(each, STEP_S).columns() for each in (samples, changed))
     for name, values in before.items():
         difference = np.abs(after[name] - values)
         outside = np.ones(len(values), dtype=bool)
-        outside[200 - reach.after : 200 + reach.before + 1] = False
+        outside[200 - support.after : 200 + support.before + 1] = False
         # The smoother's memory never ends; no more than 1 % of the disturbance is left outside.
         assert difference[outside].max() <= 0.011 * difference.max()
 

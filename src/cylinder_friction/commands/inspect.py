@@ -6,8 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.session import SessionPoints
 from cylinder_friction.recordings.findings import Finding
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.choice import held
@@ -15,7 +13,7 @@ from cylinder_friction.reporting.inspection.files import inspect_files
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.signals.recorded import filtered
 from cylinder_friction.stages._stage import cylinder_from
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
@@ -40,14 +38,14 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
     labeller, chosen = labeller_from(params), filters[params.filter.method]
     recipe = recipe_from(params, Path(params.ingest.source))
-    subjects = held(_with_load(subject, labeller, chosen, params) for subject in inspect_files(files, recipe))
+    subjects = held(_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
     write_page(
         page, subjects, cylinder_from(params.cylinder), filters, params.filter.method, params.label.end_stop_margin_m
     )
     return text_report(subjects).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
 
 
-def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter, params: Params) -> Inspected:
+def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter) -> Inspected:
     """Return a subject whose recording has the load that its own strokes tell, where position decides it.
 
     ``label`` asks whole sessions; here each recording speaks for itself. What is refused is not asked.
@@ -55,11 +53,8 @@ def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter
     if subject.recording is None or subject.outcome == "refused" or labeller.load != "position":
         return subject
     recording = subject.recording
-    points = SessionPoints(labeller.cylinder.moving_mass_kg, LoadPlan(**params.label.identify.model_dump()), None)
     try:
-        smooth = recording.with_columns(**smooth_columns(recording, used_filter))
-        labeller.collect(smooth, used_filter.reach(recording.sample_time_s), points)
-        load = points.found().load
+        load = labeller.identify([filtered(recording, used_filter)], used_filter).load
     except ValueError as error:  # shorter than the filter, or strokes that tell no load
         return replace(subject, findings=[*subject.findings, Finding("load", "noted", str(error))])
     assert load is not None

@@ -174,7 +174,11 @@ def feature_count(design: Design) -> int:
     """Return how many features a design gives its network."""
     if design == "paper":
         return len(_paper_rows(1.0))
-    return len(_force_balance_rows(Cylinder("any", 2.0, 1.0, 1.0, 1.0), 1.0))
+    return len(
+        _force_balance_rows(
+            Cylinder(name="any", bore_diameter_m=2.0, rod_diameter_m=1.0, stroke_m=1.0, moving_mass_kg=1.0), 1.0
+        )
+    )
 
 
 @dataclass(frozen=True)

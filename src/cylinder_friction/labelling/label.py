@@ -1,36 +1,59 @@
-"""A filtered recording becomes a labelled one; every filter's label is held against the truth."""
+"""From filtered recordings to labelled ones: friction by the equation of motion, and which rows are usable."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
+from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.masks import usable_rows
+from cylinder_friction.labelling.motion import MotionPlan, motion_points
+from cylinder_friction.labelling.session import SessionIdentification, identify_session
+from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty
 from cylinder_friction.recordings.plausibility import LoadMode
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.signals.recorded import LOAD_FORCE, SMOOTH_LOAD, signals_of, smooth_load, smooth_recording
+from cylinder_friction.signals.recorded import (
+    LOAD_FORCE,
+    SMOOTH_LOAD,
+    filtered,
+    signals_of,
+    smooth_load,
+    smooth_recording,
+)
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     import pandas as pd
     from numpy.typing import NDArray
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.labelling.audit import Audit
-    from cylinder_friction.labelling.session import SessionFound, SessionPoints
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth import Reach, SignalFilter, SmoothDrive, SmoothSignals
+    from cylinder_friction.signals.smooth import SignalFilter, SmoothDrive, SmoothSignals, Support
 
     Array = NDArray[np.float64]
 
 InertiaMode = Literal["given", "identified"]
-"""The moving mass is the cylinder's, or found in each session whose motion tells it."""
+"""The moving mass is the cylinder's, or is identified in each session whose motion determines it."""
+
+ONLY_FOR_LABELS = (
+    "pressure_1_smooth_pa",
+    "pressure_2_smooth_pa",
+    "drive_force_smooth_n",
+    "load_force_smooth_n",
+    "acceleration_m_s2",
+)
+"""Columns that nothing after the label uses; ``labelled`` drops them."""
+
+DEFAULT_FILTER = SavitzkyGolay()
+NO_STIFFNESS = Stiffness()
 
 
 @dataclass(frozen=True)
@@ -41,19 +64,23 @@ class Labeller:
         cylinder: Areas, stroke and moving mass.
         stiffness: Which spring enters the equation of motion, if any.
         end_stop_margin_m: Rows this near an end stop are not usable [m].
-        load: Where the outer force comes from: ``none``, it is zero; ``measured``, by a load cell; ``position``, it is
-            a smooth function of position that is found in each session.
-        inertia: Where the moving mass comes from.
+        load: The external force: ``none``, it is zero; ``measured`` by a load cell; ``position``, a smooth function of
+            position that is identified in each session.
+        inertia: ``given``, the moving mass is the cylinder's; ``identified`` in each session.
+        load_plan: How a load is identified, for ``load="position"``.
+        motion_plan: How a mass is identified, for ``inertia="identified"``.
 
     Raises:
         ValueError: A mode is not known.
     """
 
     cylinder: Cylinder
-    stiffness: Stiffness
-    end_stop_margin_m: float
+    stiffness: Stiffness = field(default_factory=Stiffness)
+    end_stop_margin_m: float = 0.003
     load: LoadMode = "none"
     inertia: InertiaMode = "given"
+    load_plan: LoadPlan = field(default_factory=LoadPlan)
+    motion_plan: MotionPlan = field(default_factory=MotionPlan)
 
     def __post_init__(self) -> None:
         for name, mode in (("load", LoadMode), ("inertia", InertiaMode)):
@@ -61,46 +88,95 @@ class Labeller:
                 raise ValueError(f"{name} must be one of {', '.join(get_args(mode))}, but got {getattr(self, name)!r}")
 
     @property
-    def asks_sessions(self) -> bool:
-        """Whether each session has to be looked at before its recordings can be labelled."""
+    def needs_identification(self) -> bool:
+        """Whether load or mass of a session must be identified before its recordings can be labelled."""
         return self.load == "position" or self.inertia == "identified"
 
-    def collect(self, recording: Recording, reach: Reach, into: SessionPoints) -> None:
-        """Add a filtered recording to what is known of its session."""
-        signals = signals_of(recording)
-        position_m = recording.column("position_m")
-        load_n = self._load(recording, None, recording.column)
-        force_n = friction_label(signals, position_m, load_n, self.cylinder, self.stiffness)
-        usable = usable_rows(position_m, self.cylinder.stroke_m, self.end_stop_margin_m, reach)
-        # The inertia of the given mass goes back in: which mass moves is what the session is asked.
-        force_n = force_n + self.cylinder.moving_mass_kg * signals.acceleration_m_s2
-        into.add(force_n, position_m, signals.velocity_m_s, signals.acceleration_m_s2, usable, recording.sample_time_s)
+    def identify(self, recordings: Iterable[Recording], signal_filter: SignalFilter) -> SessionIdentification:
+        """Return load and moving mass of one session; memory holds one of its recordings at a time.
 
-    def label(self, recording: Recording, reach: Reach, found: SessionFound | None = None) -> Recording:
+        Args:
+            recordings: The session's, filtered.
+            signal_filter: The filter they passed.
+
+        Raises:
+            RecordingError: The strokes do not determine the load, or the session hardly moves.
+        """
+        strokes, blocks = [], []
+        for recording in recordings:
+            signals, position_m = signals_of(recording), recording.column("position_m")
+            load_n = self._load(recording, None, recording.column)
+            force_n = friction_label(signals, position_m, load_n, self.cylinder, self.stiffness)
+            # The inertia of the given mass goes back in, because the moving mass is what is being identified.
+            force_n = force_n + self.cylinder.moving_mass_kg * signals.acceleration_m_s2
+            step_s = recording.sample_time_s
+            usable = usable_rows(
+                position_m, self.cylinder.stroke_m, self.end_stop_margin_m, signal_filter.support(step_s)
+            )
+            motion = (force_n, position_m, signals.velocity_m_s, signals.acceleration_m_s2)
+            if self.load == "position":
+                plan = self.load_plan
+                strokes.append(stroke_points(*motion, usable, step_s, plan.slowest_m_s, plan.settling_travel_m))
+            if self.inertia == "identified":
+                blocks.append(motion_points(*motion, step_s, self.motion_plan, usable))
+        return identify_session(
+            strokes,
+            blocks,
+            self.cylinder.moving_mass_kg,
+            self.load_plan if self.load == "position" else None,
+            self.motion_plan if self.inertia == "identified" else None,
+        )
+
+    def identify_sessions(
+        self, sessions: Mapping[str, Iterable[Recording]], signal_filter: SignalFilter
+    ) -> dict[str, SessionIdentification]:
+        """Return load and mass of each session by its name; nothing where neither is to be identified.
+
+        Raises:
+            RecordingError: As ``identify``; the message names the session.
+        """
+        identified: dict[str, SessionIdentification] = {}
+        for session, recordings in sessions.items() if self.needs_identification else ():
+            try:
+                identified[session] = self.identify(recordings, signal_filter)
+            except RecordingError as error:
+                raise RecordingError(f"session {session!r}: {error}") from error
+        return identified
+
+    def label(
+        self, recording: Recording, support: Support, identified: SessionIdentification | None = None
+    ) -> Recording:
         """Return a filtered recording with ``friction_n`` and ``usable``.
 
         An identified load is added as ``load_force_n``, and where the sensors' uncertainty is stated,
-        ``friction_uncertainty_n``, which holds that of an identified load too.
+        ``friction_uncertainty_n``, which includes that of an identified load.
 
         Args:
             recording: Filtered.
-            reach: Of its filter.
-            found: What its session tells; needed if ``asks_sessions``.
+            support: Support of its filter.
+            identified: Load and mass of its session; required if ``needs_identification``.
 
         Raises:
             RecordingError: The recording's columns and ``load`` contradict each other.
         """
-        load_n = self._load(recording, found, recording.column)
-        friction_n, usable = self._from_signals(recording, signals_of(recording), load_n, reach, found)
+        load_n = self._load(recording, identified, recording.column)
+        friction_n, usable = self._from_signals(recording, signals_of(recording), load_n, support, identified)
         columns: dict[str, Array] = {}
         load_uncertainty_n: Array | float = 0.0
-        if self.load == "position" and found is not None and found.load is not None:
+        if self.load == "position" and identified is not None and identified.load is not None:
             columns[LOAD_FORCE] = np.asarray(load_n)
-            load_uncertainty_n = found.load.uncertainty_n(recording.column("position_m"))
+            load_uncertainty_n = identified.load.uncertainty_n(recording.column("position_m"))
         uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n)
         if uncertainty_n is not None:
             columns[UNCERTAINTY_COLUMN] = uncertainty_n
         return recording.with_columns(**columns, friction_n=friction_n, usable=usable)
+
+    def labelled(
+        self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
+    ) -> Recording:
+        """Return ``label`` without the columns that only the label needs, as it is stored and trained on."""
+        support = signal_filter.support(recording.sample_time_s)
+        return self.label(recording, support, identified).without_columns(*ONLY_FOR_LABELS)
 
     def audit(
         self,
@@ -108,7 +184,7 @@ class Labeller:
         truth: pd.DataFrame,
         filters: Mapping[str, SignalFilter],
         into: Audit,
-        found: SessionFound | None = None,
+        identified: SessionIdentification | None = None,
     ) -> None:
         """Add the errors of every filter's label, on the rows that are usable for all of them.
 
@@ -116,17 +192,17 @@ class Labeller:
             recording: Its raw signals.
             truth: ``friction_n`` and ``velocity_m_s`` at the same rows.
             filters: By name.
-            into: What collects the errors.
-            found: What its session tells, by the filter that is used; needed if ``asks_sessions``.
+            into: Collects the errors.
+            identified: Load and mass of its session; required if ``needs_identification``.
         """
         labels: dict[str, Array] = {}
         usable = np.ones(len(recording), dtype=np.bool_)
         for name, signal_filter in filters.items():
             signals = smooth_recording(recording, signal_filter)
-            reach = signal_filter.reach(recording.sample_time_s)
-            load_n = self._load(recording, found, partial(_smooth_load, recording, signal_filter))
-            labels[name], usable_here = self._from_signals(recording, signals, load_n, reach, found)
-            usable &= usable_here
+            support = signal_filter.support(recording.sample_time_s)
+            load_n = self._load(recording, identified, partial(_smooth_load, recording, signal_filter))
+            labels[name], own_usable = self._from_signals(recording, signals, load_n, support, identified)
+            usable &= own_usable
         into.add(
             recording.metadata.condition,
             recording.sample_time_s,
@@ -141,26 +217,28 @@ class Labeller:
         recording: Recording,
         signals: SmoothSignals | SmoothDrive,
         load_n: Array | float,
-        reach: Reach,
-        found: SessionFound | None,
+        support: Support,
+        identified: SessionIdentification | None,
     ) -> tuple[Array, NDArray[np.bool_]]:
-        if self.asks_sessions and found is None:
+        if self.needs_identification and identified is None:
             raise ValueError(
-                f"recording {recording.name!r}: expected what its session tells of load and mass "
-                "(SessionPoints.found), but got None"
+                f"recording {recording.name!r}: expected load and mass of its session (Labeller.identify), but got None"
             )
         position_m = recording.column("position_m")
         cylinder = self.cylinder
-        if found is not None and found.moving_mass_kg != cylinder.moving_mass_kg:
-            cylinder = replace(cylinder, moving_mass_kg=found.moving_mass_kg)
+        if identified is not None and identified.moving_mass_kg != cylinder.moving_mass_kg:
+            cylinder = replace(cylinder, moving_mass_kg=identified.moving_mass_kg)
         friction_n = friction_label(signals, position_m, load_n, cylinder, self.stiffness)
-        usable = usable_rows(position_m, cylinder.stroke_m, self.end_stop_margin_m, reach)
-        if self.load == "position" and found is not None and found.load is not None:
-            usable &= found.load.coverage.holds(position_m)
+        usable = usable_rows(position_m, cylinder.stroke_m, self.end_stop_margin_m, support)
+        if self.load == "position" and identified is not None and identified.load is not None:
+            usable &= identified.load.coverage.holds(position_m)
         return friction_n, usable
 
     def _load(
-        self, recording: Recording, found: SessionFound | None, smooth: Callable[[str], Array | None]
+        self,
+        recording: Recording,
+        identified: SessionIdentification | None,
+        smooth: Callable[[str], Array | None],
     ) -> Array | float:
         """Return the load [N]; ``smooth`` gives the measured one by the name of its smooth column.
 
@@ -174,10 +252,48 @@ class Labeller:
             load_n = smooth(SMOOTH_LOAD)
             assert load_n is not None
             return load_n
-        if self.load == "position" and found is not None:
-            assert found.load is not None
-            return found.load.load_n(recording.column("position_m"))
+        if self.load == "position" and identified is not None:
+            assert identified.load is not None
+            return identified.load.load_n(recording.column("position_m"))
         return 0.0
+
+
+def label(
+    recordings: Iterable[Recording],
+    cylinder: Cylinder,
+    *,
+    signal_filter: SignalFilter = DEFAULT_FILTER,
+    load: LoadMode = "none",
+    inertia: InertiaMode = "given",
+    stiffness: Stiffness = NO_STIFFNESS,
+    end_stop_margin_m: float = 0.003,
+) -> list[Recording]:
+    """Return the recordings with velocity, friction and the mask of usable rows, as the pipeline labels them.
+
+    Adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` where the load is identified, and
+    ``friction_uncertainty_n`` where the sensors' uncertainty is stated. Labels look ahead: they are made off line.
+
+    Args:
+        recordings: Raw recordings in SI units, of any sessions and conditions, in the order of the result.
+        cylinder: Its areas, stroke and moving mass.
+        signal_filter: Smooths pressures and differentiates position.
+        load, inertia, stiffness, end_stop_margin_m: As in ``Labeller``.
+
+    Raises:
+        RecordingError: A recording's columns contradict ``load``, or a session does not determine its load.
+        ValueError: There is no recording, or a mode is not known.
+    """
+    labeller = Labeller(cylinder, stiffness, end_stop_margin_m, load, inertia)
+    smooth = [filtered(recording, signal_filter) for recording in recordings]
+    if not smooth:
+        raise ValueError("label: expected at least one recording, but got none")
+    sessions: dict[str, list[Recording]] = {}
+    for recording in smooth:
+        sessions.setdefault(recording.metadata.session, []).append(recording)
+    identified = labeller.identify_sessions(sessions, signal_filter)
+    return [
+        labeller.labelled(recording, signal_filter, identified.get(recording.metadata.session)) for recording in smooth
+    ]
 
 
 def _smooth_load(recording: Recording, signal_filter: SignalFilter, _: str) -> Array | None:

@@ -9,10 +9,12 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.signals.smooth import Reach
+    from cylinder_friction.signals.smooth import Support
 
 
-def usable_rows(position_m: NDArray[np.float64], stroke_m: float, margin_m: float, reach: Reach) -> NDArray[np.bool_]:
+def usable_rows(
+    position_m: NDArray[np.float64], stroke_m: float, margin_m: float, support: Support
+) -> NDArray[np.bool_]:
     """Return the mask of usable rows, shape ``(n,)``.
 
     Not usable: rows within ``margin_m`` of an end stop, whose reaction the equation of motion would take for
@@ -23,12 +25,12 @@ def usable_rows(position_m: NDArray[np.float64], stroke_m: float, margin_m: floa
         position_m: Position [m], shape ``(n,)``, 0 to ``stroke_m``.
         stroke_m: Length of travel [m].
         margin_m: Distance from either end stop [m].
-        reach: How far the filter looks.
+        support: Support of the filter.
     """
     stopped = (position_m <= margin_m) | (position_m >= stroke_m - margin_m)
-    usable = ~spread(stopped, before=reach.after, after=reach.before)
-    usable[: reach.before] = False
-    usable[len(usable) - min(reach.after, len(usable)) :] = False
+    usable = ~spread(stopped, before=support.after, after=support.before)
+    usable[: support.before] = False
+    usable[len(usable) - min(support.after, len(usable)) :] = False
     return usable
 
 

@@ -20,7 +20,7 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
     one_sided_savitzky_golay_taps,
 )
-from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, Reach, SmoothSignals
+from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, SmoothSignals, Support
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,8 +65,8 @@ class MovingAverage:
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
         return run_causal_motion(self.block(sample_time_s), position_m)
 
-    def reach(self, sample_time_s: float) -> Reach:
-        return Reach(self.block(sample_time_s).length - 1, 0)
+    def support(self, sample_time_s: float) -> Support:
+        return Support(self.block(sample_time_s).length - 1, 0)
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,8 @@ class OneSidedSavitzkyGolay:
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
         return run_causal_motion(self.block(sample_time_s), position_m)
 
-    def reach(self, sample_time_s: float) -> Reach:
-        return Reach(self.block(sample_time_s).length - 1, 0)
+    def support(self, sample_time_s: float) -> Support:
+        return Support(self.block(sample_time_s).length - 1, 0)
 
 
 def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:

@@ -51,6 +51,15 @@ def smooth_columns(recording: Recording, signal_filter: SignalFilter) -> dict[st
     return columns if load_n is None else columns | {SMOOTH_LOAD: load_n}
 
 
+def filtered(recording: Recording, signal_filter: SignalFilter) -> Recording:
+    """Return a recording with the filter's columns beside its raw ones.
+
+    They are in single precision, as they are stored: thousands of times finer than any sensor's resolution.
+    """
+    smooth = smooth_columns(recording, signal_filter)
+    return recording.with_columns(**{name: values.astype(np.float32) for name, values in smooth.items()})
+
+
 def signals_of(recording: Recording) -> SmoothSignals | SmoothDrive:
     """Return the smooth signals that the filter stage added to a recording.
 

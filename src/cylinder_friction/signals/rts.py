@@ -10,7 +10,7 @@ import numpy as np
 
 from cylinder_friction.signals.causal_chain import SteadyKalman
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
-from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, Reach, SmoothSignals
+from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, SmoothSignals, Support
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,10 +63,10 @@ class RtsSmoother:
         states = smooth_states(self._position_model(quantisation_step(position_m), sample_time_s), position_m)
         return states[:, 1].copy(), states[:, 2].copy()
 
-    def reach(self, sample_time_s: float) -> Reach:
+    def support(self, sample_time_s: float) -> Support:
         """Return the rows after which less than 1 % of a disturbance is left; strictly it looks at all rows."""
         rows = max(model.memory_rows() for model in self.models(sample_time_s))
-        return Reach(rows, rows)
+        return Support(rows, rows)
 
     def _pressure_model(self, step_pa: float, sample_time_s: float) -> KalmanModel:
         return random_walk(self.pressure_rate_pa_s * sample_time_s, at_least_converter(self.pressure_noise_pa, step_pa))

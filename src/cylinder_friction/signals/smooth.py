@@ -56,8 +56,8 @@ class SmoothDrive:
 
 
 @dataclass(frozen=True)
-class Reach:
-    """How far a filter looks: its output at row t follows from inputs at rows ``t - before`` to ``t + after``."""
+class Support:
+    """Support of a filter in samples: output t depends on inputs ``t - before`` to ``t + after``."""
 
     before: int
     after: int
@@ -75,5 +75,5 @@ class SignalFilter(Protocol):
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
         """Return velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``, as ``smooth`` does."""
 
-    def reach(self, sample_time_s: float) -> Reach:
-        """Return how far the filter looks, the longest of its four outputs."""
+    def support(self, sample_time_s: float) -> Support:
+        """Return the support of the filter, the longest of its four outputs."""

@@ -10,7 +10,7 @@ import numpy as np
 from cylinder_friction.signals.causal import cascade_taps
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.savitzky_golay import savitzky_golay
-from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, Reach, SmoothSignals
+from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, SmoothSignals, Support
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,9 +49,9 @@ class CentredMovingAverage:
         _, velocity, acceleration = self._taps(sample_time_s)
         return run_centred(velocity, position_m), run_centred(acceleration, position_m)
 
-    def reach(self, sample_time_s: float) -> Reach:
+    def support(self, sample_time_s: float) -> Support:
         half = max(len(taps) // 2 for taps in self._taps(sample_time_s))
-        return Reach(half, half)
+        return Support(half, half)
 
     def _taps(self, sample_time_s: float) -> list[Array]:
         return [centred_taps(taps) for taps in MovingAverage(self.window, self.acceleration_window).taps(sample_time_s)]
@@ -107,9 +107,9 @@ class SavitzkyGolay:
         acceleration = savitzky_golay(position_m, self.acceleration_window, self.acceleration_order, 2, sample_time_s)
         return velocity, acceleration
 
-    def reach(self, sample_time_s: float) -> Reach:  # noqa: ARG002 - windows are in samples
+    def support(self, sample_time_s: float) -> Support:  # noqa: ARG002 - windows are in samples
         half = max(self.pressure_window, self.velocity_window, self.acceleration_window) // 2
-        return Reach(half, half)
+        return Support(half, half)
 
 
 def centred_taps(taps: Array) -> Array:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 from tqdm import tqdm
 
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.storage import iterate_recordings, recording_paths, write_recording
 from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.signals.recorded import filtered
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
@@ -30,9 +29,7 @@ def run(params: Params) -> RunRecord:
     count = len(recording_paths(RECORDINGS_FOLDER))
     with whole_folder(SIGNALS_FOLDER) as folder:
         for recording in tqdm(iterate_recordings(RECORDINGS_FOLDER), "filter", count, unit="recording", disable=None):
-            smooth = smooth_columns(recording, chosen)
-            single = {name: values.astype(np.float32) for name, values in smooth.items()}
-            write_recording(folder, recording.with_columns(**single))
+            write_recording(folder, filtered(recording, chosen))
             rows += len(recording)
     return RunRecord(
         name="filter",

@@ -14,8 +14,6 @@ from cylinder_friction.labelling.audit import Audit, AuditRow
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.motion import MotionPlan
-from cylinder_friction.labelling.session import SessionFound, SessionPoints
 from cylinder_friction.recordings.files import whole_folder, write_json, write_text
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.splits import split_sessions
@@ -36,6 +34,7 @@ from cylinder_friction.tracking.run_record import RunRecord
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import LabelParams
     from cylinder_friction.recordings.recording import Recording, RecordingMetadata
@@ -44,17 +43,7 @@ if TYPE_CHECKING:
 IDENTIFIED_FILE = Path("data/processed/identified.json")
 """Load and moving mass of each session."""
 
-ONLY_FOR_LABELS = (
-    "pressure_1_smooth_pa",
-    "pressure_2_smooth_pa",
-    "drive_force_smooth_n",
-    "load_force_smooth_n",
-    "acceleration_m_s2",
-)
-"""Nothing after the label looks at these; they stay in ``data/interim/signals``."""
-
 NOTHING_IDENTIFIED = "the load is not asked of position, and the moving mass is given, so nothing was identified"
-_LOAD_PLAN, _MOTION_PLAN = LoadPlan(), MotionPlan()
 
 NO_TRUTH = "true friction of no recording is known, so labels cannot be audited"
 
@@ -72,13 +61,12 @@ def run(params: Params) -> RunRecord:
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
     refuse_unknown_condition(params.lugre.condition, [entry.condition for entry in metadata])
     split = split_sessions(metadata, **settings.split.model_dump())
-    load_plan = LoadPlan(**settings.identify.model_dump())
-    found = identify_sessions(metadata, labeller, filters[params.filter.method], load_plan)
-    write_identified(found)
+    identified = identify_sessions(metadata, labeller, filters[params.filter.method])
+    write_identified(identified)
     metrics: dict[str, float] = {}
     for role, names in split.items():
-        metrics |= write_labelled(role, names, labeller, filters[params.filter.method], found)
-    audit, audited = audit_labels([entry.name for entry in metadata], params, labeller, filters, found)
+        metrics |= write_labelled(role, names, labeller, filters[params.filter.method], identified)
+    audit, audited = audit_labels([entry.name for entry in metadata], params, labeller, filters, identified)
     write_audit(audit)
     return RunRecord(
         name="label",
@@ -122,45 +110,30 @@ def labeller_from(params: Params) -> Labeller:
         settings.end_stop_margin_m,
         settings.load,
         settings.inertia,
+        LoadPlan(**settings.identify.model_dump()),
     )
 
 
 def identify_sessions(
-    metadata: Sequence[RecordingMetadata],
-    labeller: Labeller,
-    used_filter: SignalFilter,
-    load_plan: LoadPlan = _LOAD_PLAN,
-    motion_plan: MotionPlan = _MOTION_PLAN,
-) -> dict[str, SessionFound]:
-    """Return what each session tells about its load and mass; nothing where neither is asked.
+    metadata: Sequence[RecordingMetadata], labeller: Labeller, used_filter: SignalFilter
+) -> dict[str, SessionIdentification]:
+    """Return load and mass of each session; nothing where neither is to be identified.
 
-    A session is whole in one role, so nothing that judges takes part in what teaches.
+    A session is whole in one role, so no held-out recording contributes to a training label.
 
     Raises:
-        RecordingError: A session does not tell its load.
+        RecordingError: A session does not determine its load.
     """
-    if not labeller.asks_sessions:
-        return {}
-    found = {}
-    for session in sorted({entry.session for entry in metadata}):
-        points = SessionPoints(
-            labeller.cylinder.moving_mass_kg,
-            load_plan if labeller.load == "position" else None,
-            motion_plan if labeller.inertia == "identified" else None,
-        )
-        names = [entry.name for entry in metadata if entry.session == session]
-        try:
-            for recording in _filtered(names, f"identify {session}"):
-                labeller.collect(recording, used_filter.reach(recording.sample_time_s), points)
-            found[session] = points.found()
-        except RecordingError as error:
-            raise RecordingError(f"session {session!r}: {error}") from error
-    return found
+    names: dict[str, list[str]] = {}
+    for entry in sorted(metadata, key=lambda entry: entry.session):
+        names.setdefault(entry.session, []).append(entry.name)
+    sessions = {session: _filtered(own, f"identify {session}") for session, own in names.items()}
+    return labeller.identify_sessions(sessions, used_filter)
 
 
-def write_identified(found: Mapping[str, SessionFound]) -> None:
+def write_identified(identified: Mapping[str, SessionIdentification]) -> None:
     """Write what was identified, one entry a session; names carry their units, ``_interval`` is a pair."""
-    content: dict[str, Any] = {session: each.to_dict() for session, each in found.items()}
+    content: dict[str, Any] = {session: each.to_dict() for session, each in identified.items()}
     write_json(IDENTIFIED_FILE, content or {"note": NOTHING_IDENTIFIED})
 
 
@@ -169,15 +142,14 @@ def write_labelled(
     names: Sequence[str],
     labeller: Labeller,
     used_filter: SignalFilter,
-    found: Mapping[str, SessionFound],
+    identified: Mapping[str, SessionIdentification],
 ) -> dict[str, float]:
     """Write one role's recordings with their labels; returns how many recordings, rows and usable rows."""
     rows, usable = 0, 0
     with whole_folder(PROCESSED_FOLDERS[role]) as folder:
         for recording in _filtered(names, f"label {role}"):
-            reach = used_filter.reach(recording.sample_time_s)
-            labelled = labeller.label(recording, reach, found.get(recording.metadata.session))
-            write_recording(folder, labelled.without_columns(*ONLY_FOR_LABELS))
+            labelled = labeller.labelled(recording, used_filter, identified.get(recording.metadata.session))
+            write_recording(folder, labelled)
             rows, usable = rows + len(labelled), usable + int(labelled.usable().sum())
     return {
         f"{role}.recordings": float(len(names)),
@@ -191,7 +163,7 @@ def audit_labels(
     params: Params,
     labeller: Labeller,
     filters: Mapping[str, SignalFilter],
-    found: Mapping[str, SessionFound],
+    identified: Mapping[str, SessionIdentification],
 ) -> tuple[list[AuditRow], int]:
     """Return the audit of every filter and the number of recordings whose truth is known."""
     folder = Path(params.ingest.truth)
@@ -200,7 +172,7 @@ def audit_labels(
     for recording in _filtered(known, "audit labels"):
         truth = read_truth(folder, recording)
         assert truth is not None
-        labeller.audit(recording, truth, filters, audit, found.get(recording.metadata.session))
+        labeller.audit(recording, truth, filters, audit, identified.get(recording.metadata.session))
     return audit.rows(), len(known)
 
 

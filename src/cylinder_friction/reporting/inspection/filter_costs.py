@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth import Reach, SignalFilter, SmoothSignals
+    from cylinder_friction.signals.smooth import SignalFilter, SmoothSignals, Support
 
     Array = NDArray[np.float64]
 
@@ -64,8 +64,8 @@ class RunningKalman:
     def block(self, sample_time_s: float) -> SteadyKalman:
         return self.smoother.block(sample_time_s)
 
-    def reach(self, sample_time_s: float) -> Reach:
-        both = self.smoother.reach(sample_time_s)
+    def support(self, sample_time_s: float) -> Support:
+        both = self.smoother.support(sample_time_s)
         return type(both)(both.before, 0)
 
 
@@ -144,7 +144,7 @@ def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -
         velocity_delay_in_motion_s=float(np.interp(MOTION_HZ, frequency_hz, lag_s)),
         pressure_bandwidth_hz=_bandwidth_hz(frequency_hz, pressure_gain),
         velocity_bandwidth_hz=_bandwidth_hz(frequency_hz, gain),
-        velocity_noise_m_s=_standstill_noise(velocity_m_s, position_m, method.reach(sample_time_s), sample_time_s),
+        velocity_noise_m_s=_standstill_noise(velocity_m_s, position_m, method.support(sample_time_s), sample_time_s),
         velocity_noise_from_floor_m_s=position_noise_m * float(np.sqrt(np.sum(velocity**2))),
         frequency_hz=frequency_hz,
         velocity_gain=gain,
@@ -161,8 +161,8 @@ def pulse_responses(method: SignalFilter, recording: Recording) -> tuple[Array, 
     """
     columns = SAMPLE_COLUMNS if has_pressures(recording) else (DRIVE_FORCE, DRIVE_FORCE, "position_m")
     steps = np.array([quantisation_step(recording.column(column)) or 1.0 for column in columns])
-    reach = method.reach(recording.sample_time_s)
-    middle = 4 * max(reach.before, reach.after, 8)
+    support = method.support(recording.sample_time_s)
+    middle = 4 * max(support.before, support.after, 8)
     pulse = np.zeros((2 * middle + 1, 3))
     pulse[middle] = steps
     smooth = method.smooth(pulse, recording.sample_time_s)
@@ -204,6 +204,6 @@ def _bandwidth_hz(frequency_hz: Array, gain: Array) -> float:
     return float(np.interp(HALF_POWER, gain[[row, row - 1]], frequency_hz[[row, row - 1]]))
 
 
-def _standstill_noise(velocity_m_s: Array, position_m: Array, reach: Reach, sample_time_s: float) -> float:
-    rest = standstill_rows(position_m, sample_time_s, max(reach.before, reach.after))
+def _standstill_noise(velocity_m_s: Array, position_m: Array, support: Support, sample_time_s: float) -> float:
+    rest = standstill_rows(position_m, sample_time_s, max(support.before, support.after))
     return noise_rms(velocity_m_s, rest) if rest.sum() * sample_time_s >= LEAST_STANDSTILL_S else math.nan

@@ -83,13 +83,13 @@ def friction_view(
         ValueError: The recording is shorter than the filter.
     """
     position_m, sample_time_s = recording.column("position_m"), recording.sample_time_s
-    signals, reach = smooth_recording(recording, method), method.reach(sample_time_s)
+    signals, support = smooth_recording(recording, method), method.support(sample_time_s)
     load_force_n = smooth_load(recording, method)
     friction_n = friction_label(
         signals, position_m, 0.0 if load_force_n is None else load_force_n, cylinder, Stiffness()
     )
-    usable = usable_rows(position_m, cylinder.stroke_m, end_stop_margin_m, reach)
-    rest = standstill_rows(position_m, sample_time_s, max(reach.before, reach.after))
+    usable = usable_rows(position_m, cylinder.stroke_m, end_stop_margin_m, support)
+    rest = standstill_rows(position_m, sample_time_s, max(support.before, support.after))
     slowest_m_s = max(LEAST_SPEED_M_S, NOISE_MULTIPLE * float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest))))
     labelled = recording.with_columns(friction_n=friction_n, velocity_m_s=signals.velocity_m_s, usable=usable)
     points = tuple(steady_points([labelled], slowest_m_s))
