@@ -19,7 +19,7 @@ from pathlib import Path
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.storage import read_recordings
 from friction_benchmark.roster.analytical import ENTRIES
 from friction_benchmark.roster.entry import Making

@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Any
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import InertiaMode, Labeller
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.screening import ScreenRules
+from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.ingesting import Source, ingest_folder
-from cylinder_friction.recordings.mapping import ChannelMapping
-from cylinder_friction.recordings.names import NameRules
-from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.screening import ScreenRules
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.recordings.time_rules import TimeRules
+from cylinder_friction.recordings.timeline.time_rules import TimeRules
 from cylinder_friction.signals.recorded import smooth_columns
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
     from cylinder_friction.labelling.session import SessionIdentification
-    from cylinder_friction.recordings.plausibility import LoadMode
+    from cylinder_friction.recordings.checks.limits import LoadMode
 
 MAPPINGS: dict[str, dict[str, dict[str, Any]]] = {
     "emps": {

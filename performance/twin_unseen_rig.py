@@ -23,7 +23,7 @@ from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.rig.campaign import CampaignPlan
 from friction_benchmark.campaigns import labelled_campaign
 from friction_benchmark.roster.entry import Making

@@ -13,16 +13,15 @@ import numpy as np
 
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.aligning import align
-from cylinder_friction.recordings.check_limits import CheckLimits
-from cylinder_friction.recordings.logged import LoggedTable
-from cylinder_friction.recordings.mapping import map_signals
-from cylinder_friction.recordings.names import NameRules
-from cylinder_friction.recordings.one_file import judged, metadata_of
-from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.conversion import Recipe, judged, metadata_of
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
+from cylinder_friction.recordings.mapping.mapped_file import map_signals
+from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.screening import ScreenRules, screen_signals
-from cylinder_friction.recordings.sensor import sensor_limits
+from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.channels import NAME_PATTERN, logger_channels
 from cylinder_friction.rig.sensors import as_written

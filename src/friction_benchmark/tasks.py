@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import ExponentialLowPass, LowPassState
 
 if TYPE_CHECKING:
     from cylinder_friction.evaluation.bootstrap import Array, Mask
+    from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.data import Case
     from friction_benchmark.results import Reference
 

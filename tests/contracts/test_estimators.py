@@ -18,7 +18,8 @@ from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassFo
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording, RecordingError
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from friction_benchmark.roster import roster
 from friction_benchmark.roster.entry import Making
 

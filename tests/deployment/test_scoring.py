@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from cylinder_friction.deployment.onnx_estimator import load_onnx
 from cylinder_friction.deployment.scoring import ScoringError, score
 from cylinder_friction.estimators.linear import ForceBalanceEstimator
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 AGREEMENT_N = 0.5
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.deployment.serve import CHAMPION, curl, served_model
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import example_rows
 

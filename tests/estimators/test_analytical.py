@@ -12,7 +12,8 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.friction_models.dahl import Dahl
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording, RecordingError
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from friction_benchmark.roster.analytical import ENTRIES
 from friction_benchmark.roster.entry import Making
 

@@ -9,12 +9,13 @@ import pytest
 
 from cylinder_friction.estimators.features import FeatureBlock, fit_features
 from cylinder_friction.estimators.front_end import Design, FeatureMaker, FrontEndBlock, fit_front_end
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
 
 WARM = (*SAMPLE_COLUMNS, "oil_temperature_c")
 

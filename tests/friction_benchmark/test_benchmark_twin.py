@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned_gain import LearnedGainEstimator
 from friction_benchmark.roster.entry import Making
 from friction_benchmark.roster.twin import ENTRIES

@@ -9,9 +9,9 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.uncertainty import label_uncertainty
-from cylinder_friction.recordings.mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_uncertainty
+from cylinder_friction.recordings.mapping.sensor import SensorScale
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
-from cylinder_friction.recordings.sensor import SensorScale, sensor_uncertainty
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,7 +13,7 @@ from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.guard import guard_from, largest_friction_n
 from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel

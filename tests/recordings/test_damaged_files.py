@@ -18,12 +18,12 @@ import pandas as pd
 import pytest
 
 import format_writers
-from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.ingesting import Source, ingest_folder
-from cylinder_friction.recordings.mapping import ChannelMapping
-from cylinder_friction.recordings.names import NameRules
-from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 
@@ -270,7 +270,7 @@ case(
     "path that tells nothing",
     lambda t, folder: (folder / "stray.csv").write_text(csv(t), "utf-8") and None,
     "quarantined",
-    "does not tell test and session",
+    "does not tell condition and session",
 )
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.ingesting import Source, ingest_folder
-from cylinder_friction.recordings.mapping import ChannelMapping
-from cylinder_friction.recordings.names import NameRules
-from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recordings
 
@@ -91,8 +91,8 @@ def test_bad_files_are_set_aside_and_stop_nobody(
     ingest(source, tmp_path / "out")
     assert len(read_recordings(tmp_path / "out")) == 3
     reasons = {entry["file"]: entry["reason"] for entry in read_json(tmp_path / "out.json")}
-    assert list(reasons) == ["notes.csv", *(f"condition1_session0{n}_recording01.csv" for n in (3, 4, 5, 6))]
-    assert "does not tell test and session" in reasons["notes.csv"]
+    assert list(reasons) == [*(f"condition1_session0{n}_recording01.csv" for n in (3, 4, 5, 6)), "notes.csv"]
+    assert "does not tell condition and session" in reasons["notes.csv"]
     assert "same bytes as condition1_session00_recording01.csv" in reasons["condition1_session03_recording01.csv"]
     assert "line 4002 holds 2 values" in reasons["condition1_session04_recording01.csv"]
     assert "the file is empty" in reasons["condition1_session05_recording01.csv"]

@@ -78,12 +78,13 @@ EXPECTED_TEST = ("test1_s1_r0", "test2_s2_r0")
         ([], "nothing to split, got no recording"),
         (
             campaign({"1": 3, "2": 2}),
-            r"test '2' has 2 sessions \(test2_s0, test2_s1\), but 3 are needed: 1 for test, 1",
+            r"condition '2' has 2 sessions \(test2_s0, test2_s1\), but 3 are needed: 1 for test, 1",
         ),
         (campaign({"1": 3}) + campaign({"1": 1}), "recording 'test1_s0_r0' occurs twice"),
         (
             [replace(entry, session=entry.session[6:]) for entry in campaign({"1": 3, "2": 3})],
-            "session 's0' occurs in test '1' and in test '2' .* make ingest.name_pattern's session contain the test",
+            "session 's0' occurs in condition '1' and in condition '2' .* "
+            "make ingest.name_pattern's session contain the condition",
         ),
     ],
 )

@@ -135,8 +135,8 @@ def _check(_options: argparse.Namespace) -> None:
 def _ingest_init(options: argparse.Namespace) -> None:
     from cylinder_friction.recordings.files import write_text
     from cylinder_friction.recordings.formats.reading import read_logged_file
-    from cylinder_friction.recordings.mapping_guess.first_mapping import guess_mapping
-    from cylinder_friction.recordings.mapping_guess.mapping_text import mapping_yaml
+    from cylinder_friction.recordings.mapping.guessing import guess_mapping
+    from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
 
     text = mapping_yaml(guess_mapping(read_logged_file(options.file), options.file))
     if options.output is None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cylinder_friction.recordings.findings import Finding
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.choice import held
 from cylinder_friction.reporting.inspection.files import inspect_files

@@ -12,7 +12,8 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, RecordingError
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.causal_velocity import MotionBlock, MotionSense, MotionState
 
 if TYPE_CHECKING:

@@ -12,8 +12,9 @@ from cylinder_friction.estimators.training_range import TrainingRange
 from cylinder_friction.realtime.bounds import calibrate_bounds
 from cylinder_friction.realtime.guard import guard_from
 from cylinder_friction.realtime.model import Bounds, Guard
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording, RecordingError, refuse_not_finite
+from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

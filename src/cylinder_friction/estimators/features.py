@@ -21,7 +21,7 @@ from cylinder_friction.estimators.front_end import (
     standardisation,
     unscaled_front_end,
 )
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.backlash import AGE, DIRECTION, new_play, push
 
 if TYPE_CHECKING:

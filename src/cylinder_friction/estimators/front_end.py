@@ -13,7 +13,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
     FirFilter,
     FirState,

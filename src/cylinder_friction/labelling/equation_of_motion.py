@@ -34,7 +34,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from cylinder_friction.recordings.recording import DRIVE_FORCE, RecordingError
+from cylinder_friction.recordings.columns import DRIVE_FORCE
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.smooth import SmoothDrive
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from cylinder_friction.labelling.motion import MotionPlan, motion_points
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty
-from cylinder_friction.recordings.plausibility import LoadMode
+from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.recorded import (
     LOAD_FORCE,

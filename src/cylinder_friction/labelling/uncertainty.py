@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.recording import DRIVE_FORCE
+from cylinder_friction.recordings.columns import DRIVE_FORCE
 from cylinder_friction.signals.recorded import LOAD_FORCE, has_pressures
 
 if TYPE_CHECKING:

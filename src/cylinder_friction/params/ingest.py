@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from cylinder_friction.params.section import Fraction, NotNegative, Positive, Section
-from cylinder_friction.recordings.calibration import ZeroRules
 from cylinder_friction.recordings.formats.options import CsvOptions
-from cylinder_friction.recordings.mapping import ChannelMapping, check_mapping
-from cylinder_friction.recordings.names import compile_name_pattern
+from cylinder_friction.recordings.mapping.calibration import ZeroRules
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
+from cylinder_friction.recordings.path_names import compile_name_pattern
 
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 

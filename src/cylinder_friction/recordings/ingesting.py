@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.calibration import NoZero, ZeroReading, find_zero, session_zero
+from cylinder_friction.recordings.checks.duplicate_detection import Fingerprints
+from cylinder_friction.recordings.conversion import judged, metadata_of, pieces_of
 from cylinder_friction.recordings.files import whole_folder, write_json
-from cylinder_friction.recordings.fingerprints import Fingerprints
-from cylinder_friction.recordings.mapping import check_mapping
-from cylinder_friction.recordings.one_file import judged, metadata_of, pieces_of
+from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, find_zero, session_zero
+from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from cylinder_friction.recordings.recipe import Recipe
+    from cylinder_friction.recordings.conversion import Recipe
     from cylinder_friction.recordings.signal import Piece
 
 

@@ -8,20 +8,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.recordings.columns import DRIVE_FORCE, REQUIRED_COLUMNS, SAMPLE_COLUMNS, missing_columns
+
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
-
-SAMPLE_COLUMNS = ("pressure_1_pa", "pressure_2_pa", "position_m")
-"""The raw sample that every estimator sees, in this order: piston side, rod side, position."""
-
-DRIVE_FORCE = "drive_force_n"
-"""Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a
-cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
-
-REQUIRED_COLUMNS = ("time_s", *SAMPLE_COLUMNS)
-"""Of a hydraulic recording; a recording with ``drive_force_n`` needs time and position only."""
 
 
 class RecordingError(ValueError):
@@ -49,7 +41,7 @@ class RecordingMetadata:
 
     Attributes:
         name: Unique name of the recording; also the stem of its file.
-        test: Label of the operating condition, for example ``"1"`` for the paper's Test 1 (no load).
+        condition: Label of the operating condition, for example ``"1"`` for the paper's Test 1 (no load).
         session: One uninterrupted stretch of laboratory work with one calibration; splits keep it whole.
         sample_time_s: Constant time between two rows [s].
         cylinder: Name of the cylinder.
@@ -162,12 +154,6 @@ class Recording:
     def without_columns(self, *names: str) -> Recording:
         """Return a copy without some columns; a name that is not there is passed over."""
         return replace(self, table=self.table[[column for column in self.table.columns if column not in names]])
-
-
-def missing_columns(columns: Collection[str]) -> list[str]:
-    """Return which required columns are missing; a drive force stands in for both pressures."""
-    required = ("time_s", "position_m") if DRIVE_FORCE in columns else REQUIRED_COLUMNS
-    return [column for column in required if column not in columns]
 
 
 def refuse_not_finite(where: str, samples: NDArray[np.float64], columns: Sequence[str] = SAMPLE_COLUMNS) -> None:

@@ -46,10 +46,9 @@ def split_sessions(
         if len(names) < needed:
             raise RecordingError(
                 f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} "
-                f"({', '.join(sorted(names))}), "
-                f"but {needed} are needed: {test_sessions} for test, {validation_sessions} for validation and at least "
-                "1 for training; record more sessions, lower label.split, or make ingest.name_pattern tell sessions "
-                "apart"
+                f"({', '.join(sorted(names))}), but {needed} are needed: {test_sessions} for test, "
+                f"{validation_sessions} for validation and at least 1 for training; record more sessions, lower "
+                "label.split, or make ingest.name_pattern keep sessions apart"
             )
         drawn = sorted(names, key=lambda session: (_draw(seed, condition, session), session))
         for place, session in enumerate(drawn):
@@ -72,8 +71,8 @@ def _sessions_of_tests(metadata: Sequence[RecordingMetadata]) -> dict[str, set[s
         if condition != entry.condition:
             raise RecordingError(
                 f"session {entry.session!r} occurs in condition {condition!r} and in condition {entry.condition!r} "
-                f"(recording "
-                f"{entry.name!r}); expected one test a session; make ingest.name_pattern's session contain the test"
+                f"(recording {entry.name!r}); expected one condition per session; make ingest.name_pattern's session "
+                "contain the condition"
             )
         sessions.setdefault(entry.condition, set()).add(entry.session)
     return dict(sorted(sessions.items()))

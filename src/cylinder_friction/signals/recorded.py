@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.recording import DRIVE_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.signals.smooth import SmoothDrive, SmoothSignals
 
 if TYPE_CHECKING:

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.calibration import ZeroRules
-from cylinder_friction.recordings.check_limits import CheckLimits
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.screening import ScreenRules
+from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
-from cylinder_friction.recordings.mapping import ChannelMapping
-from cylinder_friction.recordings.names import NameRules
-from cylinder_friction.recordings.recipe import Recipe
+from cylinder_friction.recordings.mapping.calibration import ZeroRules
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.screening import ScreenRules
-from cylinder_friction.recordings.time_rules import TimeRules
+from cylinder_friction.recordings.timeline.time_rules import TimeRules
 from cylinder_friction.signals.recorded import LOAD_FORCE
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.ingest import IngestParams
-    from cylinder_friction.recordings.plausibility import LoadMode
+    from cylinder_friction.recordings.checks.limits import LoadMode
 
 QUARANTINE_FILE = Path("data/interim/quarantine.json")
 """Every file, or piece of one, that did not become a recording, and why."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.metrics import errors
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,

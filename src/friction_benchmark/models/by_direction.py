@@ -12,7 +12,7 @@ import numpy as np
 
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import labelled_rows
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.steady_motion import SteadyMotion, SteadyMotionState
 
 if TYPE_CHECKING:

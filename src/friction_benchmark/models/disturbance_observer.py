@@ -11,7 +11,7 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import labelled_rows, on_inputs
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps
 from cylinder_friction.signals.kalman import constant_jerk
 from friction_benchmark.models.observer_step import Belief, ObserverNoise, new_belief, observe

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numba
 import numpy as np
 
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.elman_network import Batch, cost, cost_and_gradient, elman_step, weight_count
 from friction_benchmark.models.learned import LearnedEstimator
 from friction_benchmark.models.source_columns import VELOCITIES, last_motion, places_of, task_columns

@@ -9,7 +9,7 @@ import numpy as np
 import onnx
 
 from cylinder_friction.realtime.forest import Forest, forest_from_onnx
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.boosted_trees import BoostingPlan, fit_boosted_trees
 from friction_benchmark.models.lagged import Past, PastMemory
 from friction_benchmark.models.learned import LearnedEstimator

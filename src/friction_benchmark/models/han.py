@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from cylinder_friction.estimators.features import fit_features
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.perceptron import Perceptron
 from friction_benchmark.models.perceptron_estimator import PerceptronEstimator
 from friction_benchmark.models.source_columns import last_motion, places_of, task_columns

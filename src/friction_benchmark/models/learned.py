@@ -12,7 +12,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.features import FeatureBlock, Features, FeatureState, fit_features
 from cylinder_friction.estimators.training_plan import SequenceData
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -25,7 +25,7 @@ from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
 from cylinder_friction.realtime.activation import sigmoid
 from cylinder_friction.realtime.lstm import Lstm, LstmState, head_of
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.tracking_features import TrackingFeatures, TrackingState
 
 if TYPE_CHECKING:

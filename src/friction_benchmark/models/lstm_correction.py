@@ -17,7 +17,7 @@ from cylinder_friction.estimators.onnx_files import network_from_onnx, network_t
 from cylinder_friction.estimators.training_plan import Architecture
 from cylinder_friction.realtime.forest import Forest, fit_forest, forest_from_onnx
 from cylinder_friction.realtime.lstm import Lstm
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.sequence_estimator import HeldMemory, SequenceEstimator, SequencePlan
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, AnalyticalState, scaled_effort
 from cylinder_friction.estimators.features import FeatureBlock, Features, FeatureState
 from cylinder_friction.friction_models.catalogue import model_named
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.boosted_trees import BoostingPlan
 from friction_benchmark.models.gradient_boosting import PAST, GradientBoostingEstimator
 from friction_benchmark.models.lagged import Past

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from scipy.optimize import minimize
 
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.perceptron import Perceptron
 from friction_benchmark.models.perceptron_estimator import PerceptronEstimator
 from friction_benchmark.models.source_columns import VELOCITIES, last_motion, places_of, task_columns

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.lagged import Past, PastMemory
 from friction_benchmark.models.learned import LearnedEstimator
 from friction_benchmark.models.narx_terms import (

@@ -14,7 +14,7 @@ import numpy as np
 import onnx
 
 from cylinder_friction.estimators.training_plan import LearningCurve
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import LearnedEstimator
 
 if TYPE_CHECKING:

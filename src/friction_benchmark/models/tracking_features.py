@@ -15,7 +15,7 @@ import numpy as np
 from cylinder_friction.estimators.features import HISTORY_NAMES, FeatureBlock, Features, FeatureState
 from cylinder_friction.estimators.front_end import CREEP_VELOCITY_M_S, FeatureRow, FrontEnd
 from cylinder_friction.estimators.linear import force_balance_taps
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
     cascade_taps,
     difference_taps,

@@ -14,7 +14,7 @@ import math
 
 from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.gru import GruEstimator
 from friction_benchmark.models.lstm_correction import LstmEstimator, LstmForestEstimator
 from friction_benchmark.models.sequence_estimator import SequencePlan

@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.boosted_trees import BoostingPlan
 from friction_benchmark.models.by_direction import ConstantByDirectionEstimator, CoulombViscousLineEstimator
 from friction_benchmark.models.disturbance_observer import DisturbanceObserver
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 RAW = SAMPLE_COLUMNS
 WARM = (*SAMPLE_COLUMNS, "oil_temperature_c")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.elman import GRADIENT_EVALUATIONS, ElmanEstimator, ElmanPlan
 from friction_benchmark.models.han import HanEstimator, HanPlan
 from friction_benchmark.models.machado import MachadoEstimator, MachadoPlan
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 PRESSURE_FREE = ("position_m",)
 WITH_TEMPERATURE = ("position_m", "oil_temperature_c")

@@ -13,7 +13,7 @@ import torch
 from cylinder_friction.estimators.hybrid import ForestPlan
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.gru import Gru, GruEstimator, gru_from_onnx, gru_to_onnx
 from friction_benchmark.models.lstm_correction import LstmEstimator, LstmForestEstimator
 from friction_benchmark.models.sequence_estimator import HeldMemory, SequenceEstimator, SequencePlan
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
 
 PLAN = SequencePlan(epochs=2, patience=2, sequence_steps=40, batch_size=4, stride=3)
 FEATURES, ROWS = 9, 300

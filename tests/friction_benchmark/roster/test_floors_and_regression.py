@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.roster import floors, regression
 from friction_benchmark.roster.entry import Making, OneOf, Range
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.roster.entry import RosterEntry
 
 ENTRIES = {entry.name: entry for entry in (*floors.ENTRIES, *regression.ENTRIES)}

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import format_writers
-from cylinder_friction.recordings.formats import apart
+from cylinder_friction.recordings.formats import isolated
 from cylinder_friction.recordings.formats.detect import FORMATS
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.logged import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ calm = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCh
 
 @pytest.fixture(autouse=True)
 def little_patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(apart, "LIMIT_S", 5.0)
+    monkeypatch.setattr(isolated, "LIMIT_S", 5.0)
 
 
 def is_tables_or_refusal(path: Path, file_format: str, options: CsvOptions | None = None) -> None:

@@ -15,7 +15,7 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.recordings.logged import LoggedTable
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 
 @pytest.fixture

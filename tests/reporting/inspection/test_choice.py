@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.recordings.findings import Finding
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.reporting.inspection.choice import PIECES, chosen, held
 from cylinder_friction.reporting.inspection.subject import Inspected
 from cylinder_friction.reporting.inspection.text import text_report

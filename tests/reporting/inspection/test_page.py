@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.recordings.findings import Finding
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.subject import Inspected

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cylinder_friction.recordings.findings import Finding
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.reporting.inspection.subject import Inspected
 from cylinder_friction.reporting.inspection.text import text_report
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:

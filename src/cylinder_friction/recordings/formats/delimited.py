@@ -13,9 +13,9 @@ import pyarrow.csv as pa_csv
 from cylinder_friction.recordings.formats.cells import MISSING, split_cells
 from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
 from cylinder_friction.recordings.formats.layout import Layout, find_layout
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.source import HEAD_SIZE
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
-from cylinder_friction.recordings.logged import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from cylinder_friction.recordings.formats.matlab_tree import Leaf, walk_struct
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
     from cylinder_friction.recordings.formats.source import FileSource
-    from cylinder_friction.recordings.logged import LoggedTable
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:

@@ -12,8 +12,8 @@ from cylinder_friction.recordings.formats.matlab_tree import Leaf, walk_struct
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
     from cylinder_friction.recordings.formats.source import FileSource
-    from cylinder_friction.recordings.logged import LoggedTable
 
 _LONGEST_TEXT = 4096
 _MOST_ENTRIES = 1000

@@ -10,7 +10,7 @@ import pandas as pd
 
 from cylinder_friction.recordings.formats.channels import numeric
 from cylinder_friction.recordings.formats.libraries import optional_library
-from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
 _MOST_UNPACKED = 1100

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.recordings.formats.columns import plain_values
-from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.recordings.formats.apart import read_apart
 from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.detect import FORMATS, format_of, is_matlab73
+from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.libraries import guarded
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.parquet import read_parquet
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
     from pathlib import Path
 
-    from cylinder_friction.recordings.logged import LoggedTable
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 _AUTOMATIC = CsvOptions()
 
@@ -55,7 +55,7 @@ def read_logged_file(
         with guarded("a Parquet file"):
             tables = read_parquet(source, wanted)
     else:
-        tables = read_apart(path, kind, wanted)
+        tables = read_isolated(path, kind, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
     return tables

@@ -9,7 +9,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.recordings.logged import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

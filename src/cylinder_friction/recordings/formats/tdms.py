@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
     from cylinder_friction.recordings.formats.source import FileSource
-    from cylinder_friction.recordings.logged import LoggedTable
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.recording import DRIVE_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.reporting.inspection.spectra import spectrum
 from cylinder_friction.reporting.inspection.standstill import LEAST_STANDSTILL_S, noise_rms, standstill_rows
 from cylinder_friction.signals.causal_chain import (

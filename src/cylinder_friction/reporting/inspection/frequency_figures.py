@@ -10,7 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from cylinder_friction.recordings.recording import DRIVE_FORCE
+from cylinder_friction.recordings.columns import DRIVE_FORCE
 from cylinder_friction.reporting.inspection.drawing import (
     EXTENDING,
     FILTER_COLOURS,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from cylinder_friction.recordings.findings import Finding
+    from cylinder_friction.recordings.checks.finding import Finding
     from cylinder_friction.recordings.recording import Recording
 
 OUTCOMES = ("ok", "noted", "repaired", "refused")

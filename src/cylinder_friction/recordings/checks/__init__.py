@@ -1,0 +1,1 @@
+"""What a recording must be: range, motion, plausibility, and that it is not another recording again."""

@@ -1,0 +1,199 @@
+"""The same recording twice, in another format, printed coarser, cut or shifted: it must not teach and test at once.
+
+No two sensors make the same noise twice. A recording is known by hashes of short windows of its two pressures, coarsely
+rounded: a window that occurs in two recordings with all its noise is the same measurement. Of all windows those whose
+hash happens to end in zeros are kept, so that both recordings keep the same ones wherever either begins (winnowing:
+Schleimer, Wilkerson and Aiken 2003, SIGMOD, and its simpler forerunner, hashes 0 mod p).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from cylinder_friction.recordings.columns import DRIVE_FORCE
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Hashes = NDArray[np.uint64]
+
+WINDOW = 24
+"""Rows a window."""
+
+KEPT = 64
+"""One window in so many is kept; a power of two."""
+
+LEAST_CHANGES = 8
+"""A window in which rounded values change less often says too little to be told from another."""
+
+LEAST_MATCHES = 4
+"""Fewer windows in common may be chance."""
+
+LEAST_SHARE = 0.02
+"""So may a smaller share of the shorter recording's windows."""
+
+FINEST = {"pressure": 512.0, "force": 0.125}
+"""Rounding is never finer than this, in the column's unit: 0.001 bar is what exports keep [Pa, N]."""
+
+PLACES = 4096
+"""Samples at most from which the noise is estimated."""
+
+OFFSET = 0.3819
+"""Moves the borders of rounding away from zero and from round numbers, where sensors rest, in roundings."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """A recording that holds the same measurement.
+
+    Attributes:
+        name: Of the earlier recording.
+        share: Of the windows of the shorter of the two that the other has too: 1 for a copy, less where the copy was
+            rounded or the two only overlap.
+    """
+
+    name: str
+    share: float
+
+
+class Fingerprints:
+    """Recordings seen so far, by a few bytes of hash for every 64 rows in motion.
+
+    The rounding is tied to the recording's own noise, to the next power of two; as a part of a recording may show a
+    little more or less noise than the whole, each is hashed at two roundings, of which the other shares one.
+    """
+
+    def __init__(self) -> None:
+        self._names: list[str] = []
+        self._counts: list[dict[int, int]] = []
+        self._levels: list[tuple[Hashes, NDArray[np.int32]]] = []
+
+    def add(self, name: str, table: pd.DataFrame) -> Match | None:
+        """Return the earlier recording that ``table`` repeats, else remembers it under ``name`` and returns None.
+
+        A recording that repeats another is not remembered. Nothing is compared with itself: a motion that repeats
+        within one recording is no repetition of another.
+
+        Args:
+            name: Unique name.
+            table: ``position_m`` and both pressures or ``drive_force_n``, in SI units, without NaN, as logged: before
+                a zero offset is taken off, which may differ between two exports.
+        """
+        hashed = window_hashes(table)
+        match = self._best_match(hashed)
+        if match is not None:
+            return match
+        owner = len(self._names)
+        self._names.append(name)
+        self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
+        hashes = np.sort(np.concatenate(list(hashed.values())))
+        self._append(hashes, np.full(len(hashes), owner, dtype=np.int32))
+        return None
+
+    def _best_match(self, hashed: dict[int, Hashes]) -> Match | None:
+        best: Match | None = None
+        for exponent, hashes in hashed.items():
+            in_common = self._in_common(hashes)
+            for owner in np.flatnonzero(in_common >= LEAST_MATCHES):
+                shorter = min(len(hashes), self._counts[owner].get(exponent, 0))
+                share = float(in_common[owner]) / max(shorter, 1)
+                if share >= LEAST_SHARE and (best is None or share > best.share):
+                    best = Match(self._names[owner], share)
+        return best
+
+    def _in_common(self, hashes: Hashes) -> NDArray[np.int64]:
+        """Return how many of these hashes each earlier recording has."""
+        in_common = np.zeros(len(self._names), dtype=np.int64)
+        for known, owners in self._levels:
+            begin = np.searchsorted(known, hashes, side="left")
+            count = np.searchsorted(known, hashes, side="right") - begin
+            found = np.flatnonzero(count)
+            first = np.repeat(begin[found] - np.cumsum(count[found]) + count[found], count[found])
+            in_common += np.bincount(owners[first + np.arange(len(first))], minlength=len(self._names))
+        return in_common
+
+    def _append(self, hashes: Hashes, owners: NDArray[np.int32]) -> None:
+        """Add a sorted array, and merges arrays of like size, so that there are only few to search."""
+        while self._levels and len(self._levels[-1][0]) <= 2 * len(hashes):
+            known, known_owners = self._levels.pop()
+            hashes, owners = np.concatenate([known, hashes]), np.concatenate([known_owners, owners])
+            order = np.argsort(hashes, kind="stable")
+            hashes, owners = hashes[order], owners[order]
+        self._levels.append((hashes, owners))
+
+
+def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
+    """Return the hashes kept of a recording, sorted and each once, by the power of two that it was rounded to."""
+    position_m = table["position_m"].to_numpy(dtype=np.float64)
+    force = DRIVE_FORCE in table.columns
+    first, second = (DRIVE_FORCE, DRIVE_FORCE) if force else ("pressure_1_pa", "pressure_2_pa")
+    one, other = (table[name].to_numpy(dtype=np.float64) for name in (first, second))
+    noise = math.sqrt(_noise(one) * _noise(other))
+    finest = FINEST["force" if force else "pressure"]
+    exponent = math.floor(math.log2(max(2.0 * noise, finest)))
+    least_m = max(5.0 * _noise(position_m), 2e-5)
+    return {
+        power: np.unique(_kept(one, other, position_m, 2.0**power, least_m, np.uint64(power + 1024)))
+        for power in (exponent, exponent + 1)
+    }
+
+
+def _noise(values: Array) -> float:
+    """Return the standard deviation of what is white in a signal while it changes: of its second differences."""
+    rows = np.arange(1, len(values) - 1, max(1, len(values) // PLACES))
+    if len(rows) == 0:
+        return 0.0
+    bend = np.abs(values[rows + 1] - 2.0 * values[rows] + values[rows - 1])
+    bend = bend[bend > 0.0]
+    return float(np.median(bend)) / 1.65 if len(bend) else 0.0
+
+
+@numba.njit(cache=True)
+def _kept(one: Array, other: Array, position: Array, step: float, least: float, salt: np.uint64) -> Hashes:
+    """Return the hashes of windows in motion that end in zeros; a rolling polynomial, so that a row costs the same
+    however long the window is."""
+    rows = one.shape[0]
+    factor = np.uint64(0x9E3779B97F4A7C15)
+    leaving = np.uint64(1)
+    for _ in range(WINDOW):
+        leaving *= factor
+    words = np.zeros(WINDOW, dtype=np.uint64)
+    changed = np.zeros(WINDOW, dtype=np.uint8)
+    found = np.empty(rows // 16 + 16, dtype=np.uint64)
+    count, changes, place = 0, 0, 0
+    rolling = np.uint64(0)
+    last_one, last_other = np.int64(0), np.int64(0)
+    inverse = 1.0 / step
+    for row in range(rows):
+        value_one = np.int64(np.floor(one[row] * inverse + OFFSET))
+        value_other = np.int64(np.floor(other[row] * inverse + OFFSET))
+        change = np.uint8((value_one != last_one) + (value_other != last_other))
+        last_one, last_other = value_one, value_other
+        word = _mixed(np.uint64(value_one) * np.uint64(0xD6E8FEB86659FD93) + np.uint64(value_other))
+        rolling = rolling * factor + word - words[place] * leaving
+        changes += int(change) - int(changed[place])
+        words[place] = word
+        changed[place] = change
+        place = place + 1 if place + 1 < WINDOW else 0
+        if row < WINDOW or changes < LEAST_CHANGES or abs(position[row] - position[row - WINDOW + 1]) < least:
+            continue
+        hashed = _mixed(rolling + salt * np.uint64(0xA0761D6478BD642F))
+        if hashed & np.uint64(KEPT - 1) == np.uint64(0) and count < found.shape[0]:
+            found[count] = hashed
+            count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, inline="always")
+def _mixed(word: np.uint64) -> np.uint64:
+    """Return a word whose every bit depends on every bit of the other (splitmix64: Steele, Lea and Flood 2014)."""
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))

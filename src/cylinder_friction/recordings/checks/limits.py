@@ -1,0 +1,70 @@
+"""What is plausible for a cylinder, in numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+LoadMode = Literal["none", "measured", "position"]
+"""What the cylinder carries: nothing, what ``load_force_n`` says, or something that its position decides."""
+
+
+@dataclass(frozen=True)
+class CheckLimits:
+    """What is plausible for a cylinder.
+
+    Attributes:
+        stroke_m: Length of travel [m].
+        piston_area_m2, annulus_area_m2: A1 and A2; without them the force balance is not checked [m²].
+        load: What the cylinder carries, see ``LoadMode``.
+        minimum_duration_s: A shorter recording is refused [s].
+        minimum_rate_hz: A slower one is refused: velocity and its reversals come out of the filters too late [Hz].
+        lowest_pressure_pa: Gauge; vacuum and a sensor's offset [Pa].
+        highest_pressure_pa: Beyond any hydraulic cylinder; better the one at hand, say 1.5 times its rated pressure:
+            bar read as MPa shows by nothing else for sure [Pa].
+        least_pressure_span_pa: A live sensor on a moving cylinder shows more than this [Pa].
+        least_peak_pressure_pa: The higher of the two pressures gets above this once in a recording. To be lowered for
+            pneumatics [Pa].
+        least_force_span_n: A live force sensor on a moving cylinder shows more than this [N].
+        position_slack: How far beyond the stroke position may read, as a share of it.
+        least_travel: Less motion than this share of the stroke is none.
+        stuck_travel: A pressure that stays exactly constant over this share of the stroke is stuck.
+
+    Raises:
+        ValueError: A number is not what it must be; the message names it.
+    """
+
+    stroke_m: float
+    piston_area_m2: float | None = None
+    annulus_area_m2: float | None = None
+    load: LoadMode = "none"
+    minimum_duration_s: float = 5.0
+    minimum_rate_hz: float = 50.0
+    lowest_pressure_pa: float = -2e5
+    highest_pressure_pa: float = 7e7
+    least_pressure_span_pa: float = 1e3
+    least_peak_pressure_pa: float = 2e5
+    least_force_span_n: float = 1e-3
+    position_slack: float = 0.05
+    least_travel: float = 0.01
+    stuck_travel: float = 0.25
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.stroke_m) and self.stroke_m > 0.0):
+            raise ValueError(f"stroke_m: expected a positive number, but got {self.stroke_m!r}")
+        if self.load not in ("none", "measured", "position"):
+            raise ValueError(f"load: expected none, measured or position, but got {self.load!r}")
+        if (self.piston_area_m2 is None) != (self.annulus_area_m2 is None):
+            raise ValueError("piston_area_m2 and annulus_area_m2: expected both or neither, but got one")
+        if self.piston_area_m2 is not None and not 0.0 < (self.annulus_area_m2 or 0.0) < self.piston_area_m2:
+            raise ValueError(
+                f"annulus_area_m2: expected more than 0 and less than piston_area_m2 ({self.piston_area_m2} m²), "
+                f"but got {self.annulus_area_m2!r}"
+            )
+
+    @property
+    def areas_m2(self) -> tuple[float, float] | None:
+        if self.piston_area_m2 is None or self.annulus_area_m2 is None:
+            return None
+        return self.piston_area_m2, self.annulus_area_m2

@@ -1,0 +1,299 @@
+"""Single samples that no sensor can have read: out of its range, at the end of it, spikes, infinities.
+
+Works on signals as they were logged, before any resampling: a filter would smear one bad sample over its neighbours.
+What is bad for a few rows is set to NaN, a missing sample, and said; what is bad for many makes the file unusable.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+from cylinder_friction.recordings.checks.finding import spoken
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.mapping.sensor import SensorLimits
+    from cylinder_friction.recordings.signal import Signal
+
+    Array = NDArray[np.float64]
+
+OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4
+"""What a sample is marked as; 0 is sound."""
+
+BESIDE = 5
+"""Samples on either side of a sample that it is compared with; a spike is the odd one out among all of them."""
+
+MOST_ODD = 3
+"""Of those 11 samples, this many may be odd: the longest spike. Four in a row are an event, not a spike."""
+
+QUIET = 0.1
+"""The others lie within this share of a spike's height: a pressure surge rings and settles elsewhere, a spike not."""
+
+PLACES = 4096
+"""Samples at most from which a signal's own scale is estimated."""
+
+
+@dataclass(frozen=True)
+class ScreenRules:
+    """When a sample is bad, and how many may be.
+
+    Attributes:
+        overrange: How far beyond the sensor's range a reading may lie, as a share of its span: 4-20 mA is live from
+            3.2 to 20.8 mA, close to what NAMUR NE 43 takes for the limits of a failure.
+        most_bad: Share of a signal's rows that may be bad in one way; more make the file unusable.
+        few_rows: As many may be bad however short the signal is.
+        longest_bad: More rows in a row than this are a failed or saturated sensor, not single samples.
+        spike_noise: A spike is this many times the ordinary excursion of a sample from its neighbours.
+        spike_range: And this share of the range over which the signal moves.
+        spike_steps: And this many steps of the converter.
+        stroke_m: Length of travel: a position sensor may rest at the end of its range if that is the end of the
+            stroke. None if not known; then no position is called saturated [m].
+
+    Raises:
+        ValueError: A number is not what it must be; the message names it.
+    """
+
+    overrange: float = 0.05
+    most_bad: float = 1e-3
+    few_rows: int = 5
+    longest_bad: int = 10
+    spike_noise: float = 12.0
+    spike_range: float = 0.03
+    spike_steps: float = 5.0
+    stroke_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for field in ("overrange", "most_bad", "few_rows", "longest_bad"):
+            if not getattr(self, field) >= 0:
+                raise ValueError(f"{field}: expected a number of at least 0, but got {getattr(self, field)!r}")
+        for field in ("spike_noise", "spike_range", "spike_steps"):
+            if not getattr(self, field) > 0.0:
+                raise ValueError(f"{field}: expected a positive number, but got {getattr(self, field)!r}")
+        if self.stroke_m is not None and not self.stroke_m > 0.0:
+            raise ValueError(f"stroke_m: expected a positive number or None, but got {self.stroke_m!r}")
+
+
+def screen_signals(
+    signals: dict[str, Signal], limits: Mapping[str, SensorLimits], rules: ScreenRules
+) -> tuple[dict[str, Signal], tuple[str, ...]]:
+    """Return the signals with their bad samples missing, and a sentence for each kind of bad sample in each.
+
+    A signal without a bad sample is returned as it came, the same object. Samples that are missing already stay so.
+
+    Args:
+        signals: By column.
+        limits: What each sensor can read, by column, where it is known; without it only spikes and infinities show.
+        rules: When a sample is bad.
+
+    Raises:
+        RecordingError: A sensor reads what it cannot, or rests at the end of its range, or jumps, for too many rows or
+            for too many in a row. The message names the column and the first such row, counted from 1.
+    """
+    screened: dict[str, Signal] = {}
+    repairs: list[str] = []
+    for column, signal in signals.items():
+        values, said = _screened(column, signal.values, limits.get(column), rules)
+        screened[column] = signal if values is signal.values else replace(signal, values=values)
+        repairs += said
+    return screened, tuple(repairs)
+
+
+def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[Array, list[str]]:
+    """Leave missing samples aside: a channel slower than its table has a value every tenth row, and spikes too."""
+    rows = np.flatnonzero(~np.isnan(values))
+    if len(rows) == len(values):
+        return _screen(column, values, sensor, rules, None)
+    logged = values[rows]
+    sound, said = _screen(column, logged, sensor, rules, rows)
+    if sound is logged:
+        return values, said
+    values = values.copy()
+    values[rows] = sound
+    return values, said
+
+
+def _screen(
+    column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules, rows: NDArray[np.int64] | None
+) -> tuple[Array, list[str]]:
+    """``rows`` are the table's in which ``values``, without a NaN, stand; None for all of them."""
+    low, high = _readable(sensor, rules)
+    bottom, top = _ends(column, sensor, rules)
+    height = _spike_height(values, low, high, sensor.step if sensor else None, rules)
+    marks = np.zeros(len(values), dtype=np.uint8)
+    counts, longest, first = _mark(values, low, high, bottom, top, height, marks)
+    if not counts[1:].any():
+        return values, []
+    few = max(rules.few_rows, math.floor(rules.most_bad * len(values)))
+    said = []
+    for kind in (OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE):
+        if counts[kind] == 0:
+            continue
+        at = int(first[kind])
+        what = _described(kind, column, values[at], sensor, at if rows is None else int(rows[at]), int(counts[kind]))
+        if counts[kind] > few or longest[kind] > rules.longest_bad:
+            raise RecordingError(
+                f"{what}, at most {int(longest[kind])} in a row; expected at most {few}, and {rules.longest_bad} in a "
+                f"row; {_remedy(kind)}"
+            )
+        said.append(f"{what}; taken as missing")
+    return np.where(marks > 0, np.nan, values), said
+
+
+def _readable(sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
+    """Return the lowest and the highest value that the sensor can give."""
+    if sensor is None:
+        return -math.inf, math.inf
+    beyond = rules.overrange * (sensor.high - sensor.low)
+    return sensor.low - beyond, sensor.high + beyond
+
+
+def _ends(column: str, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
+    """Return between which values a sensor is not at an end of its range.
+
+    The low end of a sensor that starts at zero is no saturation: a vented chamber reads it. Nor is the end of a
+    position sensor that reaches the end of the stroke.
+    """
+    if sensor is None:
+        return -math.inf, math.inf
+    span = sensor.high - sensor.low
+    near = max(0.5 * (sensor.step or 0.0), 5e-4 * span)
+    low_end, high_end = sensor.low + near, sensor.high - near
+    if column == "position_m":
+        if rules.stroke_m is None:
+            return -math.inf, math.inf
+        slack_m = 0.01 * rules.stroke_m
+        return (
+            low_end if sensor.low > slack_m else -math.inf,
+            high_end if sensor.high < rules.stroke_m - slack_m else math.inf,
+        )
+    return (low_end if sensor.low < -0.01 * span else -math.inf), high_end
+
+
+def _spike_height(values: Array, low: float, high: float, step: float | None, rules: ScreenRules) -> float:
+    """Return how far a sample must lie from its neighbours to be a spike, from samples spread over the signal.
+
+    Quantiles, so that bad samples themselves do not count: the 95 % quantile of how far a sample sticks out of its
+    two neighbours, and the range without 1 % at either end.
+    """
+    if len(values) < 2 * BESIDE + 1:
+        return math.inf
+    inner = np.arange(1, len(values) - 1, max(1, len(values) // PLACES))
+    before, here, after = values[inner - 1], values[inner], values[inner + 1]
+    sound = (here >= low) & (here <= high) & np.isfinite(before) & np.isfinite(here) & np.isfinite(after)
+    if sound.sum() < 2 * BESIDE + 1:
+        return math.inf
+    up, down = (here - before)[sound], (here - after)[sound]
+    sticks_out = np.where(up * down > 0.0, np.minimum(np.abs(up), np.abs(down)), 0.0)
+    lowest, highest = np.quantile(here[sound], (0.01, 0.99))
+    steps = np.abs(up[up != 0.0])
+    finest = step or (float(steps.min()) if len(steps) else 0.0)
+    tallest = max(
+        rules.spike_noise * float(np.quantile(sticks_out, 0.95)),
+        rules.spike_range * float(highest - lowest),
+        rules.spike_steps * finest,
+    )
+    return tallest if tallest > 0.0 else math.inf
+
+
+@numba.njit(cache=True)
+def _mark(
+    values: Array, low: float, high: float, bottom: float, top: float, height: float, marks: NDArray[np.uint8]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Fill ``marks`` and returns how many rows each mark has, the most of it in a row, and its first row."""
+    counts = np.zeros(5, dtype=np.int64)
+    longest = np.zeros(5, dtype=np.int64)
+    first = np.zeros(5, dtype=np.int64)
+    run_kind, run = 0, 0
+    close = 0  # rows left in which a spike may begin: a jump was seen
+    last, middle, peak = np.nan, np.nan, np.nan
+    for row in range(values.shape[0]):
+        value = values[row]
+        kind = 0
+        if value < low or value > high:
+            kind = INFINITE if np.isinf(value) else OUT_OF_RANGE
+        elif value <= bottom or value >= top:
+            kind = INFINITE if np.isinf(value) else AT_ITS_END
+        else:
+            if abs(value - last) > 0.7 * height:
+                close = MOST_ODD
+            if run_kind == SPIKE and run < MOST_ODD and abs(value - middle) > 0.5 * peak:
+                kind = SPIKE  # the rest of one that was found
+            elif close > 0:
+                close -= 1
+                found = _level_below(values, row, low, high, height)
+                if not np.isnan(found):
+                    kind, middle, peak = SPIKE, found, abs(value - found)
+            last = value
+        if kind == 0:
+            run_kind = 0
+            continue
+        begin = row
+        if kind == SPIKE and run_kind != SPIKE:  # its first samples may have been less clear
+            while row - begin + 1 < MOST_ODD and marks[begin - 1] == 0 and abs(values[begin - 1] - middle) > 0.5 * peak:
+                begin -= 1
+        marks[begin : row + 1] = kind
+        if counts[kind] == 0:
+            first[kind] = begin
+        counts[kind] += row + 1 - begin
+        run = run + 1 if kind == run_kind else row + 1 - begin
+        run_kind = kind
+        longest[kind] = max(longest[kind], run)
+    return counts, longest, first
+
+
+@numba.njit(cache=True)
+def _level_below(values: Array, row: int, low: float, high: float, height: float) -> float:
+    """Return the level that a spike stands on; NaN if the sample is none.
+
+    It is one if it lies far from the median of its neighbours, and they agree among themselves.
+    """
+    if row < BESIDE or row >= values.shape[0] - BESIDE:
+        return np.nan  # nobody sees whether it comes back
+    near = np.empty(2 * BESIDE + 1)
+    count = 0
+    for other in range(row - BESIDE, row + BESIDE + 1):
+        if low <= values[other] <= high and not np.isinf(values[other]):  # NaN fails both
+            near[count] = values[other]
+            count += 1
+    if count < 2 * BESIDE + 1 - MOST_ODD:
+        return np.nan
+    middle = np.median(near[:count])
+    distance = abs(values[row] - middle)
+    if distance <= height:
+        return np.nan
+    odd = 0
+    for index in range(count):
+        if abs(near[index] - middle) > QUIET * distance:
+            odd += 1
+    return middle if odd <= MOST_ODD else np.nan
+
+
+def _described(kind: int, column: str, value: float, sensor: SensorLimits | None, row: int, count: int) -> str:
+    where = f"in row {row + 1} ({count} such rows in all)"
+    if kind == INFINITE:
+        return f"{column} is {value} {where}, expected finite numbers"
+    reads = f"{column} is {spoken(column, value)} {where}"
+    if kind == SPIKE:
+        return f"{reads}, a spike: its neighbours agree with each other and not with it"
+    assert sensor is not None
+    if kind == AT_ITS_END:
+        return f"{reads}, the end of its sensor's range of {sensor.described}: the sensor is saturated"
+    return f"{reads}, which a sensor of {sensor.described} cannot read"
+
+
+def _remedy(kind: int) -> str:
+    return {
+        OUT_OF_RANGE: "check wire, range and unit of the sensor in the mapping",
+        AT_ITS_END: "use a sensor with a wider range, or correct the range in the mapping",
+        SPIKE: "check wire, shielding and supply of the sensor",
+        INFINITE: "check the channel and how it was exported",
+    }[kind]

@@ -1,0 +1,53 @@
+"""The schema of a recording: every column name, what it measures and its unit, defined once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+TIME = "time_s"
+PRESSURE_1 = "pressure_1_pa"
+"""Piston side, gauge [Pa]."""
+PRESSURE_2 = "pressure_2_pa"
+"""Rod side, gauge [Pa]."""
+POSITION = "position_m"
+"""Extension positive [m]."""
+LOAD_FORCE = "load_force_n"
+"""Positive when it resists extension [N]."""
+OIL_TEMPERATURE = "oil_temperature_c"
+DRIVE_FORCE = "drive_force_n"
+"""Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a
+cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
+
+VELOCITY = "velocity_m_s"
+ACCELERATION = "acceleration_m_s2"
+FRICTION = "friction_n"
+"""Positive when it opposes positive velocity [N]."""
+USABLE = "usable"
+"""Whether the label of a row may be used."""
+
+PRESSURES = (PRESSURE_1, PRESSURE_2)
+SAMPLE_COLUMNS = (*PRESSURES, POSITION)
+"""The raw sample that every estimator sees, in this order: piston side, rod side, position."""
+
+REQUIRED_COLUMNS = (TIME, *SAMPLE_COLUMNS)
+"""Of a hydraulic recording; a recording with ``drive_force_n`` needs time and position only."""
+
+QUANTITIES = {
+    TIME: "time",
+    PRESSURE_1: "pressure",
+    PRESSURE_2: "pressure",
+    POSITION: "length",
+    LOAD_FORCE: "force",
+    DRIVE_FORCE: "force",
+    OIL_TEMPERATURE: "temperature",
+}
+"""What each measured column holds; its unit is the SI unit of that quantity, temperatures in °C."""
+
+
+def missing_columns(columns: Collection[str]) -> list[str]:
+    """Return which required columns are missing; a drive force stands in for both pressures."""
+    required = (TIME, POSITION) if DRIVE_FORCE in columns else REQUIRED_COLUMNS
+    return [column for column in required if column not in columns]

@@ -1,0 +1,118 @@
+"""One file becomes pieces of recordings, step by step; nothing is judged yet but what stops the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.checks.recording_checks import check_recording
+from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, ZeroRules, apply_zero, find_zero
+from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, wanted_channels
+from cylinder_friction.recordings.mapping.mapped_file import map_signals
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.timeline.aligning import align
+from cylinder_friction.recordings.timeline.time_rules import TimeRules
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    import pandas as pd
+
+    from cylinder_friction.recordings.checks.limits import CheckLimits
+    from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+    from cylinder_friction.recordings.path_names import NameRules, PathNames
+    from cylinder_friction.recordings.signal import Piece
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a logger's file becomes recordings.
+
+    Attributes:
+        names: What a file's path, or a table beside the files, says about who and when.
+        channels: Column to the logger's channel.
+        cylinder: Name of the cylinder whose recordings they are.
+        limits: What a recording must be.
+        file_format: One of ``formats.FORMATS``, or ``auto``, which looks into the file.
+        csv: How text files are cut into numbers.
+        screen: How single bad samples are found.
+        time: How stamps become one constant rate.
+        zero: How the pressure sensors' zeros are found.
+    """
+
+    names: NameRules
+    channels: Mapping[str, ChannelMapping]
+    cylinder: str
+    limits: CheckLimits
+    file_format: str = "auto"
+    csv: CsvOptions = field(default_factory=CsvOptions)
+    screen: ScreenRules = field(default_factory=ScreenRules)
+    time: TimeRules = field(default_factory=TimeRules)
+    zero: ZeroRules = field(default_factory=ZeroRules)
+
+
+def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
+    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
+
+    Raises:
+        RecordingError: The file cannot be read, a channel is missing, a sensor is broken, or time makes no sense.
+    """
+    tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
+    mapped = map_signals(tables, recipe.channels)
+    signals, screened = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
+    before = (*mapped.notes, *screened)
+    return [replace(piece, repairs=(*before, *piece.repairs)) for piece in align(signals, recipe.time)]
+
+
+def metadata_of(
+    piece: Piece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
+) -> RecordingMetadata:
+    """Return who and when of one piece; where a file came apart, its pieces are numbered from 1."""
+    suffix = f"_part{number}" if pieces > 1 else ""
+    return RecordingMetadata(
+        name=f"{names.name}{suffix}",
+        condition=names.condition,
+        session=names.session,
+        sample_time_s=piece.sample_time_s,
+        cylinder=cylinder,
+        load=names.load,
+        source_file=source_file,
+        source_sha256=digest,
+        repairs=piece.repairs,
+    )
+
+
+def zeroed(
+    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
+) -> tuple[pd.DataFrame, RecordingMetadata]:
+    """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that say so.
+
+    Args:
+        piece: Of a file.
+        metadata: Who and when.
+        recipe: How zeros are found.
+        session: What the recording's session tells of the zeros, for a piece that shows none itself.
+
+    Raises:
+        RecordingError: The chambers were not vented in the stated window.
+    """
+    own = find_zero(piece.table, recipe.zero, recipe.channels, metadata.name)
+    # Where nobody can tell, the recording's own reason says more than that its session has none.
+    reading = session if isinstance(session, ZeroReading) and not isinstance(own, ZeroReading) else own
+    return apply_zero(piece.table, metadata, reading, recipe.channels)
+
+
+def judged(
+    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
+) -> Recording:
+    """Return a piece as a recording: pressures zeroed, every check passed; arguments as for ``zeroed``.
+
+    Raises:
+        RecordingError: The first check that is not passed.
+    """
+    table, with_zero = zeroed(piece, metadata, recipe, session)
+    return check_recording(with_zero, table, recipe.limits, piece.sample_time_s)

@@ -1,0 +1,194 @@
+"""Most binary files are read in a process of their own, for their libraries are C that damage can crash or hang.
+
+Libhdf5 follows addresses that it finds in the file, so that one flipped byte can end the process or keep it in a loop;
+asammdf walks lists of blocks and unpacks records by what the file says; over MATLAB files of version 5, SciPy crashes,
+hangs and fills the memory too. TDMS (npTDMS) and Parquet (Arrow) did none of it over more than 20 000 files each with a
+few bytes changed at random. TDMS is read here all the same; Parquet, for its speed, and text in the caller's process.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.recordings.formats.libraries import missing_library
+from cylinder_friction.recordings.formats.table_wire import read_message, read_tables, write_message
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
+
+LIMIT_S = 60.0
+"""So long may reading take [s], and longer where the file is large:"""
+LIMIT_PER_BYTE_S = 1.0 / 2e6
+LIMIT_BYTES = 4 << 30
+"""So much memory may it take, and for each byte of the file:"""
+LIMIT_BYTES_PER_BYTE = 50
+
+LIBRARIES = {
+    "hdf5": "the HDF5 library",
+    "matlab": "SciPy's MATLAB reader",
+    "matlab73": "the HDF5 library",
+    "mdf": "the MDF library",
+    "tdms": "the TDMS library",
+}
+"""What is read apart, and by what."""
+_NEEDS = {
+    "hdf5": ("h5py", "HDF5", "hdf5"),
+    "matlab73": ("h5py", "MATLAB 7.3", "hdf5"),
+    "mdf": ("asammdf", "MDF4", "mdf"),
+    "tdms": ("nptdms", "TDMS", "tdms", "npTDMS"),
+}
+"""The optional module, its format in words, the extra that brings it, and the package if not named as its module."""
+
+_FORMATS = Path(__file__).parent
+# The packages' own __init__ would import all of the library, Numba and SciPy too; the readers need none of it.
+_START = """
+import json, sys, types
+sys.path[:] = json.loads(sys.argv[1])
+for name, folder in json.loads(sys.argv[2]).items():
+    sys.modules[name] = types.ModuleType(name)
+    sys.modules[name].__path__ = [folder]
+from cylinder_friction.recordings.formats.isolated_worker import serve
+serve()
+"""
+_BARE = {
+    "cylinder_friction.recordings.formats": str(_FORMATS),
+    "cylinder_friction.recordings": str(_FORMATS.parent),
+}
+
+
+def read_isolated(path: Path, kind: str, wanted: Collection[str] | None) -> list[LoggedTable]:
+    """Return a file's tables, read in a process that is started for the first file and kept for the next ones.
+
+    Args:
+        path: The file, gzipped or not.
+        kind: One of ``LIBRARIES``.
+        wanted: Names of the channels to load; None for all.
+
+    Raises:
+        RecordingError: The library is not installed; the file is damaged; reading it crashed the library or took too
+            long.
+        RuntimeError: The process does not start.
+    """
+    if kind in _NEEDS and find_spec(_NEEDS[kind][0]) is None:
+        raise missing_library(*_NEEDS[kind])
+    return _READER.read(path, kind, wanted)
+
+
+class _Reader:
+    """Owns the process; one request at a time, from whichever thread."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._lock = threading.Lock()
+
+    def read(self, path: Path, kind: str, wanted: Collection[str] | None) -> list[LoggedTable]:
+        size = path.stat().st_size
+        limit_s = LIMIT_S + LIMIT_PER_BYTE_S * size
+        request = {
+            "path": str(path.absolute()),
+            "kind": kind,
+            "wanted": None if wanted is None else list(wanted),
+            "limit_s": limit_s,
+            "limit_bytes": LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size,
+        }
+        with self._lock:
+            process = self._running()
+            start = time.monotonic()
+            try:
+                refusal, tables = _exchange(process, request)
+            except (EOFError, OSError):
+                took_s = time.monotonic() - start
+                process.wait()
+                raise _death(process.returncode, took_s >= limit_s, limit_s, kind) from None
+            except BaseException:
+                # An answer half read would be taken for the next one's.
+                self.close()
+                raise
+        if refusal is not None:
+            raise RecordingError(refusal)
+        return tables
+
+    def _running(self) -> subprocess.Popen[bytes]:
+        if self._process is None or self._process.poll() is not None:
+            self.close()
+            self._process = _started()
+        return self._process
+
+    def close(self) -> None:
+        """End the process; it holds nothing that would be lost."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        _close_pipes(process)
+
+    def forget(self) -> None:
+        """Leave the process to the one that started it: for a fork, which has copies of its pipes."""
+        process, self._process = self._process, None
+        self._lock = threading.Lock()
+        if process is not None:
+            process.returncode = 0
+            _close_pipes(process)
+
+
+def _started() -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-P", "-c", _START, json.dumps(sys.path), json.dumps(_BARE)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
+    assert process.stdout is not None
+    try:
+        read_message(process.stdout)
+    except BaseException as error:
+        process.kill()
+        process.wait()
+        _close_pipes(process)
+        if isinstance(error, EOFError):
+            raise RuntimeError("the process that reads binary files does not start; why stands above") from None
+        raise
+    return process
+
+
+def _exchange(process: subprocess.Popen[bytes], request: Any) -> tuple[str | None, list[LoggedTable]]:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    write_message(process.stdin, request)
+    refusal = read_message(process.stdout)
+    return refusal, [] if refusal is not None else read_tables(process.stdout)
+
+
+def _close_pipes(process: subprocess.Popen[bytes]) -> None:
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            # What was not sent to a dead process is flushed here, in vain.
+            with suppress(OSError):
+                pipe.close()
+
+
+def _death(code: int, too_long: bool, limit_s: float, kind: str) -> RecordingError:
+    if too_long:
+        return RecordingError(
+            f"reading it took longer than {limit_s:.0f} s; it is damaged; copy it again, or export it anew"
+        )
+    how = f"signal {-code}" if code < 0 else f"exit code {code}"
+    return RecordingError(
+        f"reading it crashed {LIBRARIES[kind]} ({how}); the file is damaged; copy it again, or export it anew"
+    )
+
+
+_READER = _Reader()
+atexit.register(_READER.close)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_READER.forget)

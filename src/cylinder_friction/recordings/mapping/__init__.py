@@ -1,0 +1,1 @@
+"""From a logger's channels to columns: channel mapping, sensors, units, zeros, and a first mapping by guessing."""

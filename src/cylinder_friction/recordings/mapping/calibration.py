@@ -1,0 +1,285 @@
+"""Pressure sensors' zeros, from a stretch in which both chambers are vented, and what is then left uncertain.
+
+A sensor's stated accuracy is as large as the friction it is to show: ±0.5 % of 250 bar on a piston of 63 mm is ±390 N.
+Most of it is an offset that stays the same for hours, and a vented chamber shows it: its gauge pressure is zero.
+
+Standstill alone does not. A cylinder that stands with closed ports holds P1·A1 - P2·A2 anywhere within ± its break-away
+friction, so a zero taken there would hide up to that much force, and friction is what the label is to find. Nor does
+the position sensor's zero follow from anything here; its mapping's ``offset`` states it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
+from cylinder_friction.recordings.mapping.sensor import sensor_step, zeroed_uncertainty
+from cylinder_friction.recordings.mapping.steady import averaged, longest_steady, mean_uncertainty
+from cylinder_friction.recordings.mapping.units import column_scale
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+    from cylinder_friction.recordings.recording import RecordingMetadata
+
+    Array = NDArray[np.float64]
+
+ZeroMethod = Literal["none", "window", "found"]
+
+AVERAGED_S = 0.1
+"""Noise is averaged over so long before a signal is called steady: the extremes
+of raw noise lie further apart the longer one looks, and a position sensor of ±0.1 mm would never stand still."""
+
+
+@dataclass(frozen=True)
+class ZeroRules:
+    """How the zeros of the pressure sensors are found.
+
+    Attributes:
+        method: ``none`` leaves pressures as they are; ``window`` takes a stated stretch of every recording in which
+            both chambers are vented; ``found`` looks for the longest stretch that may be one.
+        window_s: From and to, of the recording's time [s]; for ``window``.
+        band_pa: A vented sensor reads less than this either way [Pa].
+        steady_pa: Within a vented stretch a pressure stays within this, noise averaged over ``AVERAGED_S`` [Pa].
+        still_m: Within a vented stretch the position stays within this, averaged alike [m].
+        minimum_s: A shorter stretch is none [s].
+        accuracy_factor: A zero further off than this many times the sensor's accuracy is trapped pressure, or a
+            broken sensor; where the accuracy is not stated, the band alone decides.
+
+    Raises:
+        RecordingError: The method is not known or lacks its window, or a limit is not positive.
+    """
+
+    method: ZeroMethod = "none"
+    window_s: tuple[float, float] | None = None
+    band_pa: float = 3e5
+    steady_pa: float = 0.5e5
+    still_m: float = 5e-4
+    minimum_s: float = 2.0
+    accuracy_factor: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(ZeroMethod):
+            raise RecordingError(f"zero: method must be one of {get_args(ZeroMethod)}, but got {self.method!r}")
+        if (self.method == "window") != (self.window_s is not None):
+            raise RecordingError(
+                f"zero: window_s goes with method window and with no other, but got {self.window_s} "
+                f"with method {self.method}"
+            )
+        if self.window_s is not None and not -math.inf < self.window_s[0] < self.window_s[1] < math.inf:
+            raise RecordingError(f"zero: window_s must be two times, the first earlier, but got {self.window_s}")
+        for name in ("band_pa", "steady_pa", "still_m", "minimum_s", "accuracy_factor"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise RecordingError(f"zero: {name} must be a positive number, but got {value!r}")
+
+
+@dataclass(frozen=True)
+class ZeroReading:
+    """What vented sensors read.
+
+    Attributes:
+        offsets: Mean reading by column, in the column's unit.
+        uncertainty: Standard uncertainty of each, autocorrelation and converter steps accounted for.
+        from_s: Start of the stretch [s].
+        to_s: End of the stretch [s].
+        recording: Name of the recording in which it was read.
+    """
+
+    offsets: Mapping[str, float]
+    uncertainty: Mapping[str, float]
+    from_s: float
+    to_s: float
+    recording: str = ""
+
+
+@dataclass(frozen=True)
+class NoZero:
+    """That no zero was read, and why, in a sentence; empty where nobody asked for one."""
+
+    reason: str = ""
+
+
+def find_zero(
+    table: pd.DataFrame, rules: ZeroRules, mapping: Mapping[str, ChannelMapping], recording: str = ""
+) -> ZeroReading | NoZero:
+    """Return what the pressure sensors read while their chambers were vented, or why that cannot be told.
+
+    Args:
+        table: Of a recording or piece, in SI units, at one constant rate, shape ``(n, columns)``.
+        rules: How to look.
+        mapping: For the sensors' accuracy and steps, where stated.
+        recording: Its name, kept in the reading.
+
+    Raises:
+        RecordingError: In the stated window the chambers were not vented: something moves, or a pressure changes, or
+            is further from zero than the sensor's accuracy explains.
+    """
+    if rules.method == "none":
+        return NoZero()
+    columns = [column for column in PRESSURES if column in table.columns]
+    if not columns:
+        return NoZero("zeros of the pressure sensors not corrected: there is no pressure column")
+    time_s = table["time_s"].to_numpy(dtype=np.float64)
+    step_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
+    half = round(0.5 * AVERAGED_S / step_s) if step_s > 0.0 else 0
+    signals = np.column_stack([table[column].to_numpy(dtype=np.float64) for column in ("position_m", *columns)])
+    if rules.window_s is not None:
+        first, end = (int(row) for row in np.searchsorted(time_s, rules.window_s))
+    else:
+        spans = np.array([rules.still_m, *[rules.steady_pa] * len(columns)])
+        bounds = np.array([np.inf, *[_largest_zero(column, rules, mapping) + rules.steady_pa for column in columns]])
+        first, end = longest_steady(averaged(signals, half), spans, bounds)
+    if (end - first) * step_s < _least_length(rules) - 0.5 * step_s:
+        return NoZero(_too_short(rules, (end - first) * step_s))
+    problem = _not_vented(averaged(signals[first:end], half), columns, rules, mapping)
+    if problem:
+        where = f"from {time_s[first]:.4g} to {time_s[end - 1]:.4g} s"
+        if rules.method == "window":
+            raise RecordingError(
+                f"{problem} {where}, the stated window; expected both chambers vented there; correct "
+                "ingest.zero.window_s, or vent the cylinder at the start of a log"
+            )
+        return NoZero(f"zeros of the pressure sensors not corrected: {problem} {where}, the longest steady stretch")
+    readings = {column: signals[first:end, index] for index, column in enumerate(columns, start=1)}
+    return ZeroReading(
+        offsets={column: float(np.mean(reading)) for column, reading in readings.items()},
+        uncertainty={column: _zero_uncertainty(column, reading, mapping) for column, reading in readings.items()},
+        from_s=float(time_s[first]),
+        to_s=float(time_s[end - 1]),
+        recording=recording,
+    )
+
+
+def session_zero(readings: Sequence[ZeroReading | NoZero]) -> ZeroReading | NoZero:
+    """Return the zero that holds for the other recordings of a session, from those that show one.
+
+    Offsets are averaged; their uncertainty holds the readings' own and their scatter from recording to recording, for
+    a zero that wanders between two readings wanders elsewhere too. One reading passes as it is.
+    """
+    read = [reading for reading in readings if isinstance(reading, ZeroReading)]
+    if len(read) < 2:
+        return read[0] if read else NoZero("zeros of the pressure sensors not corrected: none read in this session")
+    columns = [column for column in read[0].offsets if all(column in reading.offsets for reading in read)]
+    offsets = {column: np.array([reading.offsets[column] for reading in read]) for column in columns}
+    own = {column: np.array([reading.uncertainty[column] for reading in read]) for column in columns}
+    return ZeroReading(
+        offsets={column: float(values.mean()) for column, values in offsets.items()},
+        uncertainty={
+            column: math.sqrt(float(np.mean(own[column] ** 2) + np.var(values, ddof=1)))
+            for column, values in offsets.items()
+        },
+        from_s=read[0].from_s,
+        to_s=read[0].to_s,
+        recording=", ".join(reading.recording for reading in read),
+    )
+
+
+def apply_zero(
+    table: pd.DataFrame,
+    metadata: RecordingMetadata,
+    reading: ZeroReading | NoZero | None,
+    mapping: Mapping[str, ChannelMapping],
+) -> tuple[pd.DataFrame, RecordingMetadata]:
+    """Return a recording's table with its pressure zeros taken off, and its metadata with what is then uncertain.
+
+    Without a reading the table is returned as it is, and the sensors' stated accuracy stands in full. A sensor whose
+    accuracy is not stated gets no uncertainty, zeroed or not: its span is not known.
+
+    Args:
+        table: In SI units.
+        metadata: Offsets, uncertainty and a sentence are added to it.
+        reading: Of this recording or of its session; None where there is none to speak of.
+        mapping: For the sensors' accuracy and steps.
+    """
+    uncertainty = {column: stated for column, stated in sensor_uncertainty(mapping).items() if column in table.columns}
+    if not isinstance(reading, ZeroReading):
+        reasons = (reading.reason,) if reading is not None and reading.reason else ()
+        return table, replace(
+            metadata,
+            uncertainty={**metadata.uncertainty, **uncertainty},
+            repairs=(*metadata.repairs, *reasons),
+        )
+    offsets = {column: offset for column, offset in reading.offsets.items() if column in table.columns}
+    for column in offsets:
+        sensor = mapping[column].sensor if column in mapping else None
+        if column in uncertainty and sensor is not None and sensor.accuracy_percent is not None:
+            zero = reading.uncertainty[column]
+            uncertainty[column] = zeroed_uncertainty(uncertainty[column], zero, sensor.accuracy_percent)
+    zeroed = table.assign(**{column: table[column] - offset for column, offset in offsets.items()})
+    return zeroed, replace(
+        metadata,
+        zero_offset={**metadata.zero_offset, **offsets},
+        uncertainty={**metadata.uncertainty, **uncertainty},
+        repairs=(*metadata.repairs, _sentence(reading, offsets, metadata.name)),
+    )
+
+
+def _sentence(reading: ZeroReading, offsets: Mapping[str, float], recording: str) -> str:
+    told = ", ".join(
+        f"{column} {offset / 1e5:+.4f} bar (± {2.0 * reading.uncertainty[column] / 1e5:.4f})"
+        for column, offset in offsets.items()
+    )
+    other = f" of {reading.recording}" if reading.recording not in ("", recording) else ""
+    when = f"from {reading.from_s:.4g} to {reading.to_s:.4g} s{other}"
+    return f"zeros taken off: {told}, as read with vented chambers {when}"
+
+
+def _largest_zero(column: str, rules: ZeroRules, mapping: Mapping[str, ChannelMapping]) -> float:
+    """Return how far from zero a vented sensor may read [Pa]."""
+    sensor = mapping[column].sensor if column in mapping else None
+    if sensor is None or sensor.accuracy_percent is None:
+        return rules.band_pa
+    accuracy_pa = sensor.accuracy_percent / 100.0 * sensor.full_scale * column_scale(column, sensor.unit)
+    return min(rules.band_pa, rules.accuracy_factor * accuracy_pa)
+
+
+def _least_length(rules: ZeroRules) -> float:
+    return rules.minimum_s if rules.window_s is None else min(rules.minimum_s, rules.window_s[1] - rules.window_s[0])
+
+
+def _too_short(rules: ZeroRules, length_s: float) -> str:
+    if rules.window_s is not None:
+        return (
+            f"zeros of the pressure sensors not corrected: the window from {rules.window_s[0]:g} to "
+            f"{rules.window_s[1]:g} s holds {length_s:.3g} s of this recording, expected {_least_length(rules):g} s"
+        )
+    return (
+        f"zeros of the pressure sensors not corrected: the longest stretch that may be vented lasts {length_s:.3g} s, "
+        f"expected {rules.minimum_s:g} s at standstill with both pressures steady near zero"
+    )
+
+
+def _not_vented(signals: Array, columns: Sequence[str], rules: ZeroRules, mapping: Mapping[str, ChannelMapping]) -> str:
+    """Return what speaks against vented chambers; empty if nothing does."""
+    moved_m = float(np.ptp(signals[:, 0]))
+    if not moved_m <= rules.still_m:
+        return f"position_m changes by {moved_m * 1e3:.3g} mm"
+    for index, column in enumerate(columns, start=1):
+        changed_pa, mean_pa = float(np.ptp(signals[:, index])), float(np.mean(signals[:, index]))
+        if not changed_pa <= rules.steady_pa:
+            return f"{column} changes by {changed_pa / 1e5:.3g} bar"
+        largest_pa = _largest_zero(column, rules, mapping)
+        if abs(mean_pa) > largest_pa:
+            return f"{column} reads {mean_pa / 1e5:.3g} bar, a zero may be off by {largest_pa / 1e5:.3g} bar at most,"
+    return ""
+
+
+def _zero_uncertainty(column: str, reading: Array, mapping: Mapping[str, ChannelMapping]) -> float:
+    """Return the standard uncertainty of a mean reading; one that stands on a step hides up to half of it."""
+    uncertainty = mean_uncertainty(reading)
+    source = mapping.get(column)
+    step = sensor_step(column, source.sensor, source.unit) if source is not None and source.sensor is not None else None
+    if step is None or float(np.std(reading)) > 0.5 * step:
+        return uncertainty
+    return math.hypot(uncertainty, step / math.sqrt(12.0))

@@ -1,0 +1,212 @@
+"""Where each column of a recording comes from: a logger's channel, its unit, its sensor, and which way it counts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
+
+import numpy as np
+
+from cylinder_friction.recordings.columns import QUANTITIES, missing_columns
+from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, SensorLimits, SensorScale, sensor_step
+from cylinder_friction.recordings.mapping.unit_spelling import electrical, stated_reference
+from cylinder_friction.recordings.mapping.units import check_unit, column_scale, to_column_unit
+from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+STANDARD_ATMOSPHERE_PA = 101325.0
+"""What an absolute pressure is above gauge pressure (ISO 2533); the weather's ±3 kPa is left in the zero."""
+
+Reference = Literal["gauge", "absolute"]
+
+
+@dataclass(frozen=True)
+class ChannelMapping:
+    """Where one column of a recording comes from.
+
+    With x what the sensor reads, in its unit, the column is sign · (x - offset), in the column's own unit, less one
+    standard atmosphere where pressure is absolute.
+
+    Attributes:
+        channel: The logger's name of the channel; empty only for a ``time_s`` that is made from ``rate_hz``.
+        unit: What the logger writes it in: a unit of the column's quantity, or V, mA or count with a ``sensor``.
+            Empty only for a time channel that holds dates.
+        sign: -1 where the sensor is mounted backwards, so that extension and what drives it are positive.
+        table: Name of the file's table that holds the channel; needed where its name occurs in several.
+        time: Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of
+            this one's own table.
+        reference: What pressure is counted from; a unit such as ``bara`` says so itself.
+        sensor: What the channel's signal means, and what the sensor can read.
+        offset: What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its
+            reading with the rod in.
+        rate_hz: Of ``time_s`` alone, in place of a channel: rows come at this rate, the first at 0 s [Hz].
+
+    Raises:
+        RecordingError: A value is out of the question, or a signal is without its sensor.
+    """
+
+    channel: str = ""
+    unit: str = ""
+    sign: int = 1
+    table: str = ""
+    time: str = ""
+    reference: Reference = "gauge"
+    sensor: SensorScale | None = None
+    offset: float = 0.0
+    rate_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        where = f"channel {self.channel!r}"
+        if self.rate_hz is None and not self.channel:
+            raise RecordingError("channel: expected the logger's name of the channel, but got ''")
+        if self.rate_hz is not None and (self.channel or not 0.0 < self.rate_hz < math.inf):
+            raise RecordingError(
+                f"{where}: rate_hz must be a positive number and takes the place of a channel, but got {self.rate_hz!r}"
+            )
+        if self.sign not in (1, -1):
+            raise RecordingError(f"{where}: sign must be 1 or -1, but got {self.sign!r}")
+        if self.reference not in get_args(Reference):
+            raise RecordingError(f"{where}: reference must be gauge or absolute, but got {self.reference!r}")
+        if not math.isfinite(self.offset):
+            raise RecordingError(f"{where}: offset must be a finite number, but got {self.offset!r}")
+        self._check_signal(where)
+
+    def _check_signal(self, where: str) -> None:
+        scaled = self.sensor is not None and self.sensor.signal is not None
+        if electrical(self.unit) is not None and not scaled:
+            raise RecordingError(
+                f"{where}: unit {self.unit!r} is a sensor's signal and means nothing without its range; "
+                "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
+            )
+        if scaled and electrical(self.unit) is None:
+            raise RecordingError(
+                f"{where}: unit {self.unit!r} is what the sensor reads already, but its signal is stated too; expected "
+                "V, mA or count as the channel's unit, or a sensor without signal"
+            )
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the mapping of a plain nested dictionary, for example out of YAML."""
+        sensor = values.get("sensor")
+        return cls(**{**values, "sensor": None if sensor is None else SensorScale.from_dict(sensor)})
+
+    @property
+    def reading_unit(self) -> str:
+        """Unit of what the sensor reads, once its electrical signal is understood."""
+        return self.sensor.unit if self.sensor is not None and self.sensor.signal is not None else self.unit
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the channel holds absolute pressure."""
+        return self.reference == "absolute" or stated_reference(self.reading_unit) == "absolute"
+
+    def column_values(self, raw: Array, column: str) -> Array:
+        """Return a channel's cells as the column's values; the array itself where there is nothing to convert."""
+        reading = raw if self.sensor is None else self.sensor.reading(raw)
+        zeroed = reading if self.offset == 0.0 else reading - self.offset
+        return self.counted(to_column_unit(zeroed, self.reading_unit, column))
+
+    def counted(self, values: Array) -> Array:
+        """Return values in the column's unit, counted as the column does: sign, then atmosphere."""
+        signed = values if self.sign == 1 else -values
+        return signed - STANDARD_ATMOSPHERE_PA if self.absolute else signed
+
+
+def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
+    """Refuse a mapping that could not make a recording of any file.
+
+    Raises:
+        RecordingError: A column is unknown or a required one is not mapped, a unit does not fit, or one channel is to
+            fill two columns.
+    """
+    for column in mapping:
+        if column not in QUANTITIES:
+            raise RecordingError(f"column {column!r} is not known; expected some of {', '.join(QUANTITIES)}")
+    missing = missing_columns(mapping)
+    if missing:
+        raise RecordingError(f"column {missing[0]!r} has no channel; name the logger's channel that holds it")
+    users: dict[tuple[str, str], str] = {}
+    for column, source in mapping.items():
+        _check_column(column, source)
+        for (table, channel), user in users.items():
+            if channel == source.channel and (table == source.table or not (table and source.table)):
+                raise RecordingError(
+                    f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column a channel"
+                )
+        users[source.table, source.channel] = column
+
+
+def _check_column(column: str, source: ChannelMapping) -> None:
+    if column == "time_s":
+        if source.unit:
+            check_unit(column, source.unit)
+        if source.sign != 1 or source.sensor is not None or source.time:
+            raise RecordingError("column 'time_s': sign, sensor and time have no meaning for time; leave them out")
+        return
+    if source.rate_hz is not None:
+        raise RecordingError(f"column {column!r}: rate_hz is for 'time_s' alone; name the channel")
+    check_unit(column, source.reading_unit)
+    if source.sensor is not None:
+        check_unit(column, source.sensor.unit)
+        if not source.absolute and stated_reference(source.sensor.unit) == "absolute":
+            raise RecordingError(
+                f"column {column!r}: the sensor's unit {source.sensor.unit!r} is absolute pressure, but the channel "
+                "is read as gauge; set reference: absolute, or give the range in gauge pressure"
+            )
+    if source.reference == "absolute" and QUANTITIES[column] != "pressure":
+        raise RecordingError(f"column {column!r}: reference: absolute is for pressures alone; leave it out")
+    if source.reference == "absolute" and stated_reference(source.reading_unit) == "gauge":
+        raise RecordingError(
+            f"column {column!r}: unit {source.reading_unit!r} is gauge pressure, but reference is absolute; correct one"
+        )
+
+
+def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
+    """Return the names of all channels that a mapping reads, time channels included."""
+    return {name for source in mapping.values() for name in (source.channel, source.time) if name}
+
+
+def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:
+    """Return what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
+    return {
+        column: _limits(column, source, source.sensor)
+        for column, source in mapping.items()
+        if source.sensor is not None
+    }
+
+
+def _limits(column: str, source: ChannelMapping, sensor: SensorScale) -> SensorLimits:
+    offset = source.offset * column_scale(column, source.reading_unit)
+    ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
+    described = f"{min(sensor.range):g} to {max(sensor.range):g} {sensor.unit}"
+    if sensor.signal is not None:
+        described += f" ({min(sensor.signal):g} to {max(sensor.signal):g} {source.unit})"
+    return SensorLimits(float(ends.min()), float(ends.max()), sensor_step(column, sensor, source.unit), described)
+
+
+def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:
+    """Return the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
+
+    A stated accuracy of ± a % of full scale bounds the error and says no more, so every error within it is as likely
+    as any other: u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It is counted as an error of the zero, for it is the same
+    in a whole recording and may stand at any reading; the span gets none on top, for the accuracy is for both together.
+    """
+    stated = {}
+    for column, source in mapping.items():
+        sensor = source.sensor
+        if sensor is not None and sensor.accuracy_percent is not None:
+            resolution = sensor_step(column, sensor, source.unit) or 0.0
+            share = sensor.accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD
+            scale = column_scale(column, sensor.unit)
+            if sensor.zero_uncertainty is not None:
+                stated[column] = SensorUncertainty(sensor.zero_uncertainty * scale, share, resolution)
+            else:
+                stated[column] = SensorUncertainty(share * sensor.full_scale * scale, 0.0, resolution)
+    return stated

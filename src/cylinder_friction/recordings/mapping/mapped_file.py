@@ -1,0 +1,193 @@
+"""A file's tables become signals: each column found, in its own unit, beside the time stamps that belong to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.mapping.channel_lookup import find_channel, numbers
+from cylinder_friction.recordings.mapping.unit_spelling import bare, names_a_unit, stated_reference
+from cylinder_friction.recordings.mapping.units import quantity_of, to_column_unit, units_agree
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.signal import Signal
+from cylinder_friction.recordings.timeline.clock import stamps_to_seconds
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
+    from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MappedFile:
+    """What a file holds, in the project's terms.
+
+    Attributes:
+        signals: By column, in its own unit; those of one table share their time stamps, the same object.
+        notes: What the reader repaired and what could not be told, one sentence each.
+    """
+
+    signals: dict[str, Signal]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """Where the time stamps of a table come from: a channel of a table, or a rate."""
+
+    table: int
+    channel: str
+
+
+def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapping]) -> MappedFile:
+    """Return the mapped columns of a file; channels that are not mapped are left out.
+
+    Args:
+        tables: As a reader gave them.
+        mapping: Column to channel; ``check_mapping`` has passed it.
+
+    Raises:
+        RecordingError: A channel or its time is missing or occurs twice, a cell holds text, the file states another
+            unit than the mapping, or two channels cannot share one clock.
+    """
+    columns = [column for column in mapping if column != "time_s"]
+    places = {
+        column: find_channel(tables, mapping[column].channel, mapping[column].table, column) for column in columns
+    }
+    clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
+    if mapping["time_s"].rate_hz is not None:
+        _refuse_two_lengths(tables, clocks, mapping["time_s"].rate_hz)
+    stamps = _stamps(tables, clocks, mapping["time_s"])
+    notes = [note for index in sorted(set(places.values())) for note in tables[index].notes]
+    signals = {}
+    for column in columns:
+        source, table = mapping[column], tables[places[column]]
+        notes += _check_stated_unit(table, column, source)
+        raw = numbers(table.channels[source.channel], source.channel, column, source.unit)
+        time_s = stamps[clocks[column]]
+        if len(time_s) != len(raw):
+            raise RecordingError(
+                f"channel {source.channel!r} (for {column!r}) has {len(raw)} rows, but its time channel "
+                f"{clocks[column].channel!r} has {len(time_s)}; name its own as ingest.channels.{column}.time"
+            )
+        signals[column] = Signal(time_s, source.column_values(raw, column))
+    return MappedFile(signals, tuple(notes))
+
+
+def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapping[str, ChannelMapping]) -> _Clock:
+    """Return what stamps a column: the channel it names itself, else the one of ``time_s`` in its own table."""
+    source, time = mapping[column], mapping["time_s"]
+    if not source.time and time.rate_hz is not None:
+        return _Clock(place, "")
+    name = source.time or time.channel
+    own = int((tables[place].channels.columns == name).sum())
+    if own > 1:
+        raise RecordingError(
+            f"time channel {name!r} (for {column!r}) occurs {own} times in its table; rename one in the file"
+        )
+    if own == 1:
+        return _Clock(place, name)
+    if source.time:
+        return _Clock(find_channel(tables, name, time.table if name == time.channel else "", column), name)
+    there = ", ".join(repr(str(other)) for other in tables[place].channels.columns if other != source.channel)
+    if len(tables) == 1:
+        find_channel(tables, name, "", "time_s")
+    raise RecordingError(
+        f"channel {source.channel!r} (for {column!r}) has no time channel {name!r} in its table "
+        f"{tables[place].name!r}, which holds besides {there or 'nothing'}; name the channel that stamps it as "
+        f"ingest.channels.{column}.time"
+    )
+
+
+def _refuse_two_lengths(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], rate_hz: float) -> None:
+    rows = {clock.table: len(tables[clock.table].channels) for clock in clocks.values() if not clock.channel}
+    if len(set(rows.values())) > 1:
+        told = ", ".join(f"{tables[index].name!r} has {count}" for index, count in rows.items())
+        raise RecordingError(
+            f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {told} rows; "
+            "name the time channel of each as ingest.channels.<column>.time"
+        )
+
+
+def _stamps(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], time: ChannelMapping) -> dict[_Clock, Array]:
+    """Return the seconds of each clock, each made once; dates of one file count from the earliest among them."""
+    columns = {clock: column for column, clock in reversed(list(clocks.items()))}
+    raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
+    dates = {clock: stamps for clock, stamps in raw.items() if pd.api.types.is_datetime64_any_dtype(stamps.dtype)}
+    if dates and len(dates) < len(columns):
+        others = ", ".join(repr(clock.channel) for clock in columns if clock not in dates)
+        raise RecordingError(
+            f"time channel {next(iter(dates)).channel!r} holds dates, but {others or 'the rate'} does not; "
+            "expected one kind of time in a file, or nobody knows how they lie to each other"
+        )
+    first = [stamps.min() for stamps in dates.values() if stamps.notna().any()]
+    origin = min(first).tz_convert("UTC").tz_localize(None) if first and first[0].tzinfo else min(first, default=None)
+    stamps_s = {}
+    for clock, column in columns.items():
+        if clock in dates:
+            stamps_s[clock] = stamps_to_seconds(dates[clock], None if origin is None else origin.to_datetime64())
+        elif clock.channel:
+            stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time)
+        else:
+            assert time.rate_hz is not None
+            stamps_s[clock] = np.arange(len(tables[clock.table].channels)) / time.rate_hz
+    return stamps_s
+
+
+def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping) -> Array:
+    """Return a time channel's numbers in seconds.
+
+    The mapping's unit is of the channel it names; a table's own time channel may state another.
+    """
+    raw, stated = table.channels[channel], table.units.get(channel, "")
+    if pd.api.types.is_timedelta64_dtype(raw.dtype):
+        seconds: Array = raw.dt.total_seconds().to_numpy(dtype=np.float64)
+        return seconds - time.offset if time.offset else seconds
+    if channel == time.channel:
+        if stated and time.unit:
+            _refuse_other_unit(stated, time.unit, channel, "time_s")
+        unit = time.unit or stated
+    else:
+        unit = stated if quantity_of(stated) == "time" else time.unit
+    if not unit:
+        raise RecordingError(
+            f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
+            "expected dates, or numbers with ingest.channels.time_s.unit"
+        )
+    values = numbers(raw, channel, "time_s", unit)
+    return to_column_unit(values - time.offset if time.offset else values, unit, "time_s")
+
+
+def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> list[str]:
+    """Refuse a channel whose file contradicts the mapping; returns a note where what it states is no known unit."""
+    stated = table.units.get(source.channel, "")
+    if not stated:
+        return []
+    _refuse_other_unit(stated, source.unit, source.channel, column)
+    reference = stated_reference(stated) if QUANTITIES[column] == "pressure" else None
+    if reference is not None and (reference == "absolute") != source.absolute:
+        raise RecordingError(
+            f"channel {source.channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
+            f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
+            f"correct ingest.channels.{column}.reference"
+        )
+    if names_a_unit(stated) or bare(stated) == bare(source.unit) or quantity_of(stated) is not None or len(stated) < 2:
+        return []
+    return [f"channel {source.channel!r}: the file's unit {stated!r} is not known; read in {source.unit} as configured"]
+
+
+def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) -> None:
+    if not units_agree(stated, configured):
+        raise RecordingError(
+            f"channel {channel!r} (for {column!r}): the file states the unit {stated!r}, but it is read in "
+            f"{configured!r}; expected the same; correct ingest.channels.{column}.unit, or the file if it is wrong"
+        )

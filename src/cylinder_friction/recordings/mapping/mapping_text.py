@@ -1,0 +1,135 @@
+"""A first mapping as YAML, every guess marked by a comment."""
+
+from __future__ import annotations
+
+import glob
+import re
+from typing import TYPE_CHECKING
+
+import yaml
+
+from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.mapping.unit_spelling import electrical
+from cylinder_friction.recordings.mapping.units import COMMON
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts
+    from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
+
+NOT_FOUND = "NOT FOUND"
+"""Stands where a channel's name must be filled in; no file has a channel of that name, so ingest says what there is."""
+
+LISTED = 60
+"""Channels that the comment below the mapping lists."""
+
+TEMPLATE = """\
+# First mapping of {file}, made from its names, units and values.
+# Look at every line that says guess, CHECK, AMBIGUOUS or NOT FOUND; then take the remark away.
+defaults:
+  - rules@_here_: default  # time, spikes, zeros, limits: conf/ingest/rules/default.yaml
+  - _self_
+source: {source}
+truth: data/raw/rig_truth  # nobody knows your true friction; without the rig this folder is empty
+pattern: {pattern}
+# guess: the name of the file is the session, what comes before its first _ the test.
+name_pattern: {name_pattern}
+name_table: null
+channels:
+{channels}
+"""
+"""The part that no file tells; what takes the place of ``{channels}`` is indented by two blanks."""
+
+
+def mapping_yaml(guess: GuessedMapping, source: str = "", template: str = TEMPLATE) -> str:
+    """Return the text of ``conf/ingest/<name>.yaml``.
+
+    Args:
+        guess: What ``guess_mapping`` found.
+        source: Folder of the files; by default the one that the file lies in.
+        template: Text with ``{file}``, ``{source}``, ``{pattern}``, ``{name_pattern}`` and ``{channels}``; the last
+            four are whole YAML values.
+    """
+    suffix = _suffix(guess.path.name)
+    filled = {
+        "file": in_comment(guess.path.name),
+        "source": quoted(source or guess.path.parent.as_posix()),
+        "pattern": quoted(f"**/*{glob.escape(suffix)}"),
+        "name_pattern": quoted(rf"(?P<session>(?P<condition>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"),
+        "channels": "\n".join(f"  {line}" for line in channel_lines(guess)),
+    }
+    return re.sub(r"\{(\w+)\}", lambda match: filled[match[1]], template)
+
+
+def channel_lines(guess: GuessedMapping) -> list[str]:
+    """Return the lines below ``channels:``, not indented, the channels that no column took listed at their end."""
+    lines = []
+    for column in guess.columns.values():
+        lines += _column_lines(column, guess)
+    if guess.unused:
+        lines.append("# Not used:")
+        for channel in guess.unused[:LISTED]:
+            unit = f" [{channel.unit}]" if channel.unit and channel.words.unit != channel.unit else ""
+            place = f" in table {channel.table_name}" if channel.table_name else ""
+            lines.append(f"#   {in_comment(f'{channel.name}{unit}{place}: {channel.described()}')}")
+        if len(guess.unused) > LISTED:
+            lines.append(f"#   and {len(guess.unused) - LISTED} more")
+    return lines
+
+
+def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
+    if column.channel is None:
+        return _not_found(column)
+    lines = [f"# guess: {in_comment(', '.join(column.reasons))}"]
+    if column.others:
+        named = [f"{channel.name} ({channel.described()})" for channel in (column.channel, *column.others)]
+        lines.append(f"# AMBIGUOUS: {in_comment(' or '.join(named))}")
+    lines += [f"# CHECK: {in_comment(check)}" for check in column.checks]
+    entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
+    if guess.several_tables:
+        entry["table"] = quoted(column.channel.table_name)
+        stamp, main = guess.stamps.get(column.channel.table), guess.columns["time_s"].channel
+        if column.column != "time_s" and stamp is not None and main is not None and stamp.name != main.name:
+            entry["time"] = quoted(stamp.name)
+    if column.sign != 1:
+        entry["sign"] = str(column.sign)
+    if electrical(column.unit) is not None:
+        lines.append(f"# {NOT_FOUND}: the sensor's range, and what the channel holds at its two ends")
+        entry["sensor"] = _sensor(column.column, column.channel)
+    return [*lines, f"{column.column}: {{{', '.join(f'{key}: {value}' for key, value in entry.items())}}}"]
+
+
+def _not_found(column: GuessedColumn) -> list[str]:
+    unit = {"pressure": "bar", "length": "mm"}.get(QUANTITIES[column.column], COMMON[QUANTITIES[column.column]][0])
+    line = f"# {NOT_FOUND}: name the channel"
+    if column.column == "time_s":
+        line += ", or write {rate_hz: ...} if the rows come at a constant rate"
+    return [line, f'{column.column}: {{channel: "{NOT_FOUND}", unit: {unit}}}']
+
+
+def _sensor(column: str, channel: ChannelFacts) -> str:
+    """Return a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
+    kind = electrical(channel.unit)
+    signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(kind or "", "[0, 10]")
+    unit = {"pressure": "bar", "length": "mm", "force": "N"}.get(QUANTITIES[column], COMMON[QUANTITIES[column]][0])
+    return f"{{range: [0, 1], unit: {_unit(unit)}, signal: {signal}}}"
+
+
+def _unit(unit: str) -> str:
+    return unit if re.fullmatch(r"[A-Za-z°]+", unit) and yaml.safe_load(unit) == unit else quoted(unit)
+
+
+def _suffix(name: str) -> str:
+    """Return the ending of a file's name; of ``log.csv.gz`` both."""
+    match = re.search(r"(\.[A-Za-z0-9]+)?\.[A-Za-z0-9]+$", name) if name.endswith(".gz") else None
+    match = match or re.search(r"(?<=.)\.[A-Za-z0-9]+$", name)
+    return match[0] if match else ""
+
+
+def quoted(text: str) -> str:
+    """Return text as a YAML scalar on one line, in quotes, whatever it holds."""
+    return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**9).rstrip("\n")
+
+
+def in_comment(text: str) -> str:
+    """Return text that ends no comment and that YAML may hold: line ends and other controls are written out."""
+    return "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in text)

@@ -1,0 +1,125 @@
+"""The sensor behind a channel: what it can read, how fine, how sure, and what its electrical signal means."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+from cylinder_friction.recordings.mapping.unit_spelling import electrical
+from cylinder_friction.recordings.mapping.units import column_scale
+from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
+"""From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""
+
+
+@dataclass(frozen=True)
+class SensorScale:
+    """A sensor as its data sheet states it.
+
+    Attributes:
+        range: What it reads at the two ends of its signal, in ``unit``; the first may be the larger one.
+        unit: Of ``range``, for example bar.
+        signal: What the channel holds at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V,
+            (0, 4095) counts. None where the logger has done that sum already.
+        bits: Of the converter that spreads ``range`` over 2^bits steps, if known.
+        accuracy_percent: Stated accuracy, ± percent of full scale, if known.
+        zero_uncertainty: Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration tells; it takes
+            the accuracy's place for the zero, and the accuracy then holds for the span alone.
+
+    Raises:
+        RecordingError: A number is not finite, a pair has no extent, bits or an uncertainty is out of the question.
+    """
+
+    range: tuple[float, float]
+    unit: str
+    signal: tuple[float, float] | None = None
+    bits: int | None = None
+    accuracy_percent: float | None = None
+    zero_uncertainty: float | None = None
+
+    def __post_init__(self) -> None:
+        for field in ("range", "signal"):
+            pair = getattr(self, field)
+            if pair is not None and not (len(pair) == 2 and all(map(math.isfinite, pair)) and pair[0] != pair[1]):
+                raise RecordingError(f"sensor: {field} must be two different finite numbers, but got {pair!r}")
+        if self.bits is not None and not 1 <= self.bits <= 32:
+            raise RecordingError(f"sensor: bits must be 1 to 32, but got {self.bits!r}")
+        if self.accuracy_percent is not None and not 0.0 <= self.accuracy_percent <= 100.0:
+            raise RecordingError(
+                f"sensor: accuracy_percent must be 0 to 100 (of full scale), but got {self.accuracy_percent!r}"
+            )
+        if self.zero_uncertainty is not None and not 0.0 <= self.zero_uncertainty < math.inf:
+            raise RecordingError(f"sensor: zero_uncertainty must not be negative, but got {self.zero_uncertainty!r}")
+        if self.zero_uncertainty is not None and self.accuracy_percent is None:
+            raise RecordingError("sensor: zero_uncertainty needs accuracy_percent beside it, which holds for the span")
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the sensor of a plain dictionary, for example out of YAML, where pairs are lists."""
+        pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
+        return cls(**{**values, **pairs})
+
+    @property
+    def full_scale(self) -> float:
+        """Extent of the range, in ``unit``."""
+        return abs(self.range[1] - self.range[0])
+
+    def reading(self, signal: Array) -> Array:
+        """Return what the sensor reads, in ``unit``, from its electrical signal: linear, and beyond the ends too.
+
+        The signal itself is returned where the logger has done that sum already.
+        """
+        if self.signal is None:
+            return signal
+        (low, high), (first, last) = self.range, self.signal
+        return low + (signal - first) * ((high - low) / (last - first))
+
+
+@dataclass(frozen=True)
+class SensorLimits:
+    """What a sensor can read, in the column's unit.
+
+    Attributes:
+        low: Lower end of its range.
+        high: Upper end of its range.
+        step: One step of its converter; None if not known.
+        described: The range as the logger's user knows it, for messages: ``0 to 250 bar (4 to 20 mA)``.
+    """
+
+    low: float
+    high: float
+    step: float | None
+    described: str
+
+
+def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> float | None:
+    """Return one step of the converter in the column's unit: one count, or the range over 2^bits; None if unknown."""
+    if sensor.signal is not None and electrical(channel_unit) == "count":
+        steps = abs(sensor.signal[1] - sensor.signal[0])
+    elif sensor.bits is not None:
+        steps = 2.0**sensor.bits
+    else:
+        return None
+    return sensor.full_scale * column_scale(column, sensor.unit) / steps
+
+
+def zeroed_uncertainty(before: SensorUncertainty, zero: float, accuracy_percent: float) -> SensorUncertainty:
+    """Return a sensor's uncertainty once its zero has been read and taken off.
+
+    Args:
+        before: As ``sensor_uncertainty`` gave it.
+        zero: Standard uncertainty of the zero reading, in the column's unit.
+        accuracy_percent: Of full scale. What is left of it grows with the reading and reaches a·FS / √3 at full scale,
+            that is a / √3 of the reading.
+    """
+    return SensorUncertainty(zero, accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD, before.resolution)

@@ -1,0 +1,198 @@
+"""A recording's name, condition, session and load, from its file's path or from a table beside the files."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+_REQUIRED = ("file", "condition", "session")
+_WILD = frozenset("*?[")
+
+
+@dataclass(frozen=True)
+class PathNames:
+    """What is known of a file: the recording's name, condition, session and load."""
+
+    name: str
+    condition: str
+    session: str
+    load: str
+
+
+@dataclass(frozen=True)
+class TableLine:
+    """One line of a table of names, ``number`` counted from 1 for the header."""
+
+    number: int
+    file: str
+    condition: str
+    session: str
+    load: str
+
+
+@dataclass(frozen=True)
+class NameRules:
+    """Where condition, session and load of a file come from: exactly one of the two.
+
+    Attributes:
+        pattern: Regular expression on the path below the source, with groups ``condition``, ``session``, optionally
+            ``load``.
+        table: CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path
+            below the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out
+            takes precedence over any glob.
+
+    Raises:
+        RecordingError: Both or neither are given, the pattern is wrong, or the table cannot be read, lacks a column,
+            has an empty cell or one file twice.
+    """
+
+    pattern: str | None = None
+    table: Path | None = None
+    _compiled: re.Pattern[str] | None = field(init=False, repr=False, compare=False, default=None)
+    _lines: tuple[TableLine, ...] = field(init=False, repr=False, compare=False, default=())
+
+    def __post_init__(self) -> None:
+        if (self.pattern is None) == (self.table is None):
+            raise RecordingError("expected either a name pattern or a table of names, but got both or neither")
+        if self.pattern is not None:
+            object.__setattr__(self, "_compiled", compile_name_pattern(self.pattern))
+        if self.table is not None:
+            object.__setattr__(self, "_lines", read_names_table(self.table))
+
+    def names(self, relative_path: str) -> PathNames:
+        """Return what is known of a file, by its path relative to the source, with ``/``.
+
+        Raises:
+            RecordingError: The path tells nothing, the table has no line for it, or more than one glob fits it.
+        """
+        if self._compiled is not None:
+            return names_from_path(relative_path, self._compiled)
+        line = self._line_of(relative_path)
+        return PathNames(name_of(relative_path), line.condition, line.session, line.load)
+
+    def lines_without_file(self, relative_paths: Iterable[str]) -> list[str]:
+        """Return a sentence for each line of the table that no file fits; none where names come from a pattern."""
+        paths = list(relative_paths)
+        return [
+            f"line {line.number} of the table of names: no file fits {line.file!r}; correct the line, or put the file "
+            "where it says"
+            for line in self._lines
+            if line.file not in paths and not (_is_glob(line) and any(fnmatchcase(path, line.file) for path in paths))
+        ]
+
+    def _line_of(self, path: str) -> TableLine:
+        fitting = [line for line in self._lines if line.file == path] or [
+            line for line in self._lines if _is_glob(line) and fnmatchcase(path, line.file)
+        ]
+        if len(fitting) == 1:
+            return fitting[0]
+        if fitting:
+            raise RecordingError(
+                f"path {path!r} fits lines {', '.join(str(line.number) for line in fitting)} of the table of names; "
+                "expected one line a file; write the path out, or make the globs narrower"
+            )
+        raise RecordingError(
+            f"path {path!r} has no line in the table of names; add one with its {', '.join(_REQUIRED[1:])}"
+        )
+
+
+def compile_name_pattern(pattern: str) -> re.Pattern[str]:
+    """Return the compiled pattern of file paths.
+
+    Raises:
+        RecordingError: It is not a regular expression, or lacks one of the named groups ``condition`` and ``session``.
+    """
+    try:
+        compiled = re.compile(pattern)
+    except re.error as error:
+        raise RecordingError(f"name pattern {pattern!r} is not a regular expression: {error}") from None
+    for group in ("condition", "session"):
+        if group not in compiled.groupindex:
+            raise RecordingError(
+                f"name pattern {pattern!r} has no group {group!r}; write (?P<{group}>...) around the part of the "
+                f"path that names the {group}"
+            )
+    return compiled
+
+
+def names_from_path(path: str, pattern: re.Pattern[str]) -> PathNames:
+    """Return what a path, relative to the ingested folder and with ``/``, says about its recording.
+
+    The pattern is searched for anywhere in the path.
+
+    Raises:
+        RecordingError: The pattern is not found, or finds an empty condition or session.
+    """
+    match = pattern.search(path)
+    groups = match.groupdict() if match else {}
+    if not groups.get("condition") or not groups.get("session"):
+        raise RecordingError(
+            f"path {path!r} does not tell condition and session: the pattern {pattern.pattern!r} finds "
+            f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
+        )
+    return PathNames(name_of(path), groups["condition"], groups["session"], groups.get("load") or "")
+
+
+def name_of(path: str) -> str:
+    """Return a recording's name: its file's path without the last suffix, with ``-`` for ``/``."""
+    stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
+    return stem.replace("/", "-")
+
+
+def read_names_table(path: Path) -> tuple[TableLine, ...]:
+    """Return the lines of a table of names; its delimiter is a comma, a semicolon or a tab.
+
+    Raises:
+        RecordingError: As ``NameRules``; the message names the line, counted from 1 for the header.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"table of names {path.name!r} cannot be read: {error}; expected CSV in UTF-8") from None
+    head = text.split("\n", 1)[0]
+    delimiter = max(",;\t", key=head.count)
+    rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=delimiter)]
+    columns = [cell.casefold() for cell in rows[0]] if rows else []
+    for column in _REQUIRED:
+        if columns.count(column) != 1:
+            raise RecordingError(
+                f"table of names {path.name!r}: expected one column {column!r} in its header, but got "
+                f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session and, if you like, load"
+            )
+    lines: dict[str, TableLine] = {}
+    for number, row in enumerate(rows[1:], start=2):
+        if any(row):
+            line = _line(path.name, number, columns, row)
+            if line.file in lines:
+                raise RecordingError(
+                    f"table of names {path.name!r}: line {number} is for {line.file!r}, which line "
+                    f"{lines[line.file].number} is for already; expected one line a file"
+                )
+            lines[line.file] = line
+    return tuple(lines.values())
+
+
+def _line(table: str, number: int, columns: list[str], row: list[str]) -> TableLine:
+    if len(row) != len(columns):
+        raise RecordingError(
+            f"table of names {table!r}: line {number} has {len(row)} cells, its header {len(columns)}; make them equal"
+        )
+    cells = dict(zip(columns, row, strict=True))
+    for column in _REQUIRED:
+        if not cells[column]:
+            raise RecordingError(f"table of names {table!r}: line {number} has no {column}; fill in the cell")
+    file = cells["file"].replace("\\", "/").removeprefix("./")
+    return TableLine(number, file, cells["condition"], cells["session"], cells.get("load", ""))
+
+
+def _is_glob(line: TableLine) -> bool:
+    return bool(_WILD & set(line.file))

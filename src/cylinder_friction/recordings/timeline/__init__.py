@@ -1,0 +1,1 @@
+"""From the logger's time stamps to one constant sample rate."""

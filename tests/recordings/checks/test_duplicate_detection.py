@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.checks.duplicate_detection import Fingerprints, Match, window_hashes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def made(seed: int, rows: int = 8000, noise_pa: float = 5e3) -> pd.DataFrame:
+    """The same programme of sines every time; only the sensors' noise differs."""
+    generator = np.random.default_rng(seed)
+    time_s = 0.005 * np.arange(rows)
+    return pd.DataFrame(
+        {
+            "time_s": time_s,
+            "pressure_1_pa": 20e5 + 8e5 * np.sin(1.3 * time_s) + generator.normal(0.0, noise_pa, rows),
+            "pressure_2_pa": 25e5 + 10e5 * np.sin(1.3 * time_s) + generator.normal(0.0, noise_pa, rows),
+            "position_m": 0.12 + 0.1 * np.sin(0.7 * time_s) + generator.normal(0.0, 3e-5, rows),
+        }
+    )
+
+
+def as_logged(table: pd.DataFrame, pressure_unit_pa: float, decimals: int) -> pd.DataFrame:
+    """Exported again: pressures in a unit with so many decimals, position in mm with three."""
+    columns = {
+        name: np.round(table[name] / pressure_unit_pa, decimals) * pressure_unit_pa
+        for name in ("pressure_1_pa", "pressure_2_pa")
+    }
+    return table.assign(**columns, position_m=np.round(table["position_m"] * 1e3, 3) / 1e3)
+
+
+@pytest.mark.parametrize(
+    ("again", "least_share"),
+    [
+        (lambda table: table, 1.0),
+        (lambda table: as_logged(table, 1e5, 3), 0.9),  # bar
+        (lambda table: as_logged(table, 1e5, 2), 0.4),
+        (lambda table: as_logged(table, 6894.757, 2), 0.7),  # psi
+        (lambda table: table.astype(np.float32).astype(np.float64), 0.9),
+        (lambda table: table.assign(time_s=table["time_s"] + 3600.0), 1.0),
+        (lambda table: table.iloc[len(table) // 2 :], 0.9),
+        (lambda table: table.iloc[1000:3000], 0.9),
+        (lambda table: as_logged(table.iloc[len(table) // 2 :], 1e5, 3), 0.8),
+        (lambda table: pd.concat([made(99), table.iloc[: len(table) // 2]]), 0.3),  # joined to something new
+    ],
+)
+def test_the_same_measurement_is_known_again(
+    rig_tables: dict[str, pd.DataFrame], again: Callable[[pd.DataFrame], pd.DataFrame], least_share: float
+) -> None:
+    seen = Fingerprints()
+    tables = {**rig_tables, "made": made(1)}
+    for name, table in tables.items():
+        assert seen.add(name, table) is None
+    for name, table in tables.items():
+        match = seen.add("again", again(table))
+        assert match is not None
+        assert match.name == name
+        assert match.share >= least_share
+
+
+def test_the_whole_is_known_after_its_part() -> None:
+    seen = Fingerprints()
+    assert seen.add("part", made(1).iloc[3000:6000]) is None
+    assert seen.add("whole", made(1)) == Match("part", 1.0)
+
+
+def test_a_recording_that_repeats_another_is_not_remembered() -> None:
+    seen = Fingerprints()
+    seen.add("first", made(1).iloc[:5000])
+    assert seen.add("second", made(1)) is not None
+    assert seen.add("rest of the second", made(1).iloc[5000:]) is None
+
+
+@pytest.mark.parametrize("noise_pa", [500.0, 5e3, 5e4])
+def test_a_repeated_programme_is_not_a_repeated_measurement(noise_pa: float) -> None:
+    seen = Fingerprints()
+    for seed in range(20):
+        assert seen.add(str(seed), made(seed, noise_pa=noise_pa)) is None
+
+
+def test_a_motion_that_repeats_within_a_recording_matches_nobody() -> None:
+    once = made(1, rows=2000)
+    assert Fingerprints().add("periodic", pd.concat([once] * 5)) is None
+
+
+def test_cranes_are_two_recordings(crane_tables: dict[str, pd.DataFrame]) -> None:
+    seen = Fingerprints()
+    assert [seen.add(name, table) for name, table in crane_tables.items()] == [None, None]
+    for name, table in crane_tables.items():
+        match = seen.add("again", as_logged(table.iloc[1000:], 1e5, 3))
+        assert match is not None
+        assert match.name == name
+
+
+def test_a_drive_force_is_known_again() -> None:
+    def forced(seed: int) -> pd.DataFrame:
+        table = made(seed)
+        force = 500.0 * np.sin(0.7 * table["time_s"]) + np.random.default_rng(seed).normal(0.0, 3.0, len(table))
+        return table[["position_m"]].assign(drive_force_n=force)
+
+    seen = Fingerprints()
+    assert [seen.add(str(seed), forced(seed)) for seed in range(5)] == [None] * 5
+    assert seen.add("again", forced(3).round({"drive_force_n": 1}).iloc[700:]) is not None
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        made(0, rows=0),
+        made(0, rows=1),
+        made(0, rows=30),
+        made(0).assign(position_m=0.1),
+        made(0).assign(pressure_1_pa=0.0, pressure_2_pa=0.0),
+        made(0) * 0.0,
+    ],
+)
+def test_what_says_nothing_matches_nothing(table: pd.DataFrame) -> None:
+    seen = Fingerprints()
+    assert [seen.add(name, table) for name in "ab"] == [None, None]
+
+
+@given(st.integers(0, 3000), st.integers(2500, 5000))
+@settings(max_examples=30, deadline=None)
+def test_windows_do_not_depend_on_where_a_recording_begins(first: int, rows: int) -> None:
+    whole, part = window_hashes(made(5)), window_hashes(made(5).iloc[first : first + rows])
+    shared = sorted(set(whole) & set(part))
+    assert shared
+    for power in shared:
+        assert np.isin(part[power], whole[power]).mean() > 0.95
+
+
+def test_few_bytes_a_row() -> None:
+    hashed = window_hashes(made(0, rows=64_000))
+    assert 500 < sum(len(hashes) for hashes in hashed.values()) < 4000

@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.recordings.checks.plausibility import clear_motion, judge_friction
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.checks.finding import Finding
+
+    Change = Callable[[pd.DataFrame], pd.DataFrame]
+
+STROKE_M = 0.25
+CRANE_AREAS_M2 = (np.pi / 4.0 * 0.15**2, np.pi / 4.0 * (0.15**2 - 0.10**2))
+CRANE_STROKE_M = 0.85
+
+
+def swapped(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(pressure_1_pa=table["pressure_2_pa"], pressure_2_pa=table["pressure_1_pa"])
+
+
+def inverted(table: pd.DataFrame, stroke_m: float = STROKE_M) -> pd.DataFrame:
+    return table.assign(position_m=stroke_m - table["position_m"])
+
+
+def scaled(factor: float) -> Change:
+    return lambda table: table.assign(
+        pressure_1_pa=table["pressure_1_pa"] * factor, pressure_2_pa=table["pressure_2_pa"] * factor
+    )
+
+
+def offset(column: str, offset_pa: float) -> Change:
+    return lambda table: table.assign(**{column: table[column] + offset_pa})
+
+
+@pytest.fixture(scope="module")
+def areas(cylinder: Cylinder) -> tuple[float, float]:
+    return cylinder.piston_area_m2, cylinder.annulus_area_m2
+
+
+def outcomes(findings: list[Finding]) -> dict[str, str]:
+    return {finding.check: finding.outcome for finding in findings}
+
+
+OK = {"direction": "ok", "friction_size": "ok"}
+REFUSED = {"direction": "refused"}
+
+
+@pytest.mark.parametrize("load", ["none", "position"])
+@pytest.mark.parametrize(
+    ("change", "expected", "text"),
+    [
+        (lambda table: table, OK, "friction opposes the motion, with [3-5].. N on average"),
+        (swapped, REFUSED, r"^the pressures are swapped: as they stand, .* N retracting .* exchange the channels"),
+        (inverted, REFUSED, r"^position_m is inverted: .* friction would drive the piston; .* change the sign"),
+        (lambda table: swapped(inverted(table)), REFUSED, "^the pressures are swapped and position_m is inverted: "),
+        (scaled(100.0), {"direction": "ok", "friction_size": "refused"}, r"expected less than 100; .*kPa read as bar"),
+        (scaled(10.0), {"direction": "ok", "friction_size": "noted"}, r"usual are 0.2 to 10; .* \(bar read as MPa\?\)"),
+        (scaled(0.1), {"direction": "ok", "friction_size": "noted"}, r"\(MPa read as bar\?\)"),
+    ],
+)
+def test_the_rigs_recordings(
+    rig_tables: dict[str, pd.DataFrame],
+    areas: tuple[float, float],
+    change: Change,
+    expected: dict[str, str],
+    text: str,
+    load: Any,
+) -> None:
+    for table in rig_tables.values():
+        findings = judge_friction(change(table), 0.005, STROKE_M, areas, load)
+        assert outcomes(findings) == expected
+        assert any(pd.Series([finding.text]).str.contains(text).item() for finding in findings)
+
+
+@pytest.mark.parametrize("column", ["pressure_1_pa", "pressure_2_pa"])
+@pytest.mark.parametrize("offset_pa", [-1.25e5, 1.25e5])
+def test_a_sensors_zero_is_never_taken_for_a_swap(
+    rig_tables: dict[str, pd.DataFrame], areas: tuple[float, float], column: str, offset_pa: float
+) -> None:
+    for table in rig_tables.values():
+        wrong = offset(column, offset_pa)(table)
+        assert outcomes(judge_friction(wrong, 0.005, STROKE_M, areas))["direction"] in ("ok", "noted")
+        assert outcomes(judge_friction(swapped(wrong), 0.005, STROKE_M, areas)) == REFUSED
+        assert outcomes(judge_friction(inverted(wrong), 0.005, STROKE_M, areas)) == REFUSED
+
+
+@pytest.mark.parametrize("rows", [1600, 4000])
+def test_a_part_of_a_recording_is_never_refused(
+    rig_tables: dict[str, pd.DataFrame], areas: tuple[float, float], rows: int
+) -> None:
+    for table in rig_tables.values():
+        for start in range(0, len(table) - rows + 1, rows // 2):
+            part = table.iloc[start : start + rows]
+            assert "refused" not in outcomes(judge_friction(part, 0.005, STROKE_M, areas)).values()
+
+
+@pytest.mark.parametrize(
+    ("change", "expected", "text"),
+    [
+        (lambda table: table, OK, "friction opposes the motion, with 3.* N on average"),
+        (swapped, REFUSED, "the pressures are swapped: "),
+        (lambda table: inverted(table, CRANE_STROKE_M), REFUSED, "position_m is inverted: "),
+        (lambda table: swapped(inverted(table, CRANE_STROKE_M)), REFUSED, "swapped and position_m is inverted"),
+    ],
+)
+def test_a_real_crane_with_a_load_that_position_decides(
+    crane_tables: dict[str, pd.DataFrame], change: Change, expected: dict[str, str], text: str
+) -> None:
+    for table in crane_tables.values():
+        findings = judge_friction(change(table), 0.01, CRANE_STROKE_M, CRANE_AREAS_M2, "position")
+        assert outcomes(findings) == expected
+        assert pd.Series([findings[0].text]).str.contains(text).item()
+
+
+def test_a_load_that_nobody_stated_is_noted(crane_tables: dict[str, pd.DataFrame]) -> None:
+    for table in crane_tables.values():
+        finding, _ = judge_friction(table, 0.01, CRANE_STROKE_M, CRANE_AREAS_M2, "none")
+        assert finding.outcome == "noted"
+        assert "one of them drives the motion, so there is a load of about 3" in finding.text
+
+
+def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0) -> pd.DataFrame:
+    """A sine of 50 mm against Coulomb friction and a load cell's reading, measured as a force."""
+    time_s = 0.005 * np.arange(round(seconds / 0.005))
+    load = load_n * np.cos(1.7 * time_s)
+    noise = np.random.default_rng(0).normal(0.0, 5.0, len(time_s))
+    return pd.DataFrame(
+        {
+            "position_m": 0.12 + 0.05 * np.sin(time_s),
+            "drive_force_n": friction_n * np.sign(np.cos(time_s)) + load + noise,
+            "load_force_n": load,
+        }
+    )
+
+
+def test_a_drive_force_needs_no_areas() -> None:
+    (finding,) = judge_friction(pushed(), 0.005, STROKE_M, None)
+    assert (finding.outcome, finding.text) == ("ok", "friction opposes the motion, with 300 N on average")
+    (finding,) = judge_friction(pushed(-300.0), 0.005, STROKE_M, None)
+    assert finding.outcome == "refused"
+    assert "change the sign of position_m or of drive_force_n" in finding.text
+
+
+def test_a_measured_load_is_taken_off() -> None:
+    (finding,) = judge_friction(pushed(load_n=2000.0), 0.005, STROKE_M, None, "measured")
+    assert finding.text == "friction opposes the motion, with 300 N on average"
+    (finding,) = judge_friction(pushed(load_n=2000.0).drop(columns="load_force_n"), 0.005, STROKE_M, None, "measured")
+    assert finding.outcome == "noted"
+    assert finding.text.endswith("load_force_n is not recorded, though the load is to be measured")
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        (pushed().iloc[:5], "in 0 rows only, expected 20 each"),
+        (pushed().assign(position_m=np.linspace(0.05, 0.2, 4000)), "in 0 rows only, expected 20 each"),
+        (pushed().assign(position_m=0.1), "in 0 rows only, expected 20 each"),
+        (pushed(0.0), "cannot be told from zero"),
+    ],
+)
+def test_what_cannot_be_told_is_noted(table: pd.DataFrame, text: str) -> None:
+    (finding,) = judge_friction(table, 0.005, STROKE_M, None)
+    assert finding.outcome == "noted"
+    assert text in finding.text
+
+
+def test_without_areas_pressures_cannot_be_judged(rig_tables: dict[str, pd.DataFrame]) -> None:
+    (finding,) = judge_friction(next(iter(rig_tables.values())), 0.005, STROKE_M, None)
+    assert finding.outcome == "noted"
+    assert "the areas of the cylinder are not known" in finding.text
+
+
+def test_strokes_that_share_no_position_cannot_part_friction_from_load() -> None:
+    table = pushed()
+    time_s = 0.005 * np.arange(len(table))
+    position = np.where(time_s < 10.0, 0.03 + 0.008 * time_s, 0.24 - 0.008 * (time_s - 10.0))
+    (finding,) = judge_friction(table.assign(position_m=position), 0.005, STROKE_M, None)
+    assert "hardly pass the same positions" in finding.text
+
+
+def test_clear_motion_leaves_out_ends_stops_and_reversals() -> None:
+    time_s = 0.005 * np.arange(8000)
+    position = np.clip(0.125 + 0.16 * np.sin(0.5 * time_s), 0.0, 0.25)
+    motion = clear_motion(position, 0.005, STROKE_M)
+    assert motion.strokes == 7
+    assert position[motion.rows].min() > 0.05 * STROKE_M
+    assert position[motion.rows].max() < 0.95 * STROKE_M
+    assert np.array_equal(motion.sense, np.sign(np.cos(0.5 * time_s[motion.rows])))
+
+
+@pytest.mark.parametrize("steady_n", [0.0, 2000.0])
+def test_load_cell_of_wrong_sign_is_refused(steady_n: float) -> None:
+    table = pushed(load_n=2000.0 - steady_n)
+    table = table.assign(drive_force_n=table["drive_force_n"] + steady_n, load_force_n=table["load_force_n"] + steady_n)
+    (finding,) = judge_friction(table, 0.005, STROKE_M, None, "measured")
+    assert finding.outcome == "ok"
+    (finding,) = judge_friction(table.assign(load_force_n=-table["load_force_n"]), 0.005, STROKE_M, None, "measured")
+    assert finding.outcome == "refused"
+    assert finding.text.startswith("load_force_n is inverted: as it stands, the force against the motion is")
+
+
+def test_a_further_load_beside_a_load_cell_is_noted() -> None:
+    table = pushed().assign(drive_force_n=lambda table: table["drive_force_n"] + 2000.0)
+    (finding,) = judge_friction(table, 0.005, STROKE_M, None, "measured")
+    assert finding.outcome == "noted"
+    assert "so there is another load of about 2e+03 N" in finding.text
+    assert finding.text.endswith("check unit and zero of load_force_n, or zero the sensors")

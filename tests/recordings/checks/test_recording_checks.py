@@ -1,0 +1,264 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.recording_checks import check_recording, inspect_recording
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cylinder_friction.cylinder import Cylinder
+
+METADATA = RecordingMetadata("made", "1", "s1", 0.0)
+LIMITS = CheckLimits(stroke_m=0.25)
+SAMPLE_TIME_S = 0.005
+
+
+def good(rows: int = 2000) -> pd.DataFrame:
+    time_s = SAMPLE_TIME_S * np.arange(rows)
+    noise = np.random.default_rng(0).normal(0.0, 5e3, (2, rows))
+    return pd.DataFrame(
+        {
+            "time_s": time_s,
+            "pressure_1_pa": 3e5 + noise[0],
+            "pressure_2_pa": 9e5 + noise[1],
+            "position_m": 0.12 + 0.1 * np.sin(time_s),
+        }
+    )
+
+
+def forced(rows: int = 2000) -> pd.DataFrame:
+    table = good(rows)
+    force = 200.0 * np.sign(np.cos(table["time_s"])) + np.random.default_rng(1).normal(0.0, 2.0, rows)
+    return table[["time_s", "position_m"]].assign(drive_force_n=force)
+
+
+def test_good_recording_passes_unchanged() -> None:
+    recording = check_recording(METADATA, good(), LIMITS, SAMPLE_TIME_S)
+    assert recording.sample_time_s == 0.005
+    assert recording.metadata.repairs == ()
+    pd.testing.assert_frame_equal(recording.table, good())
+
+
+def test_a_drive_force_stands_in_for_the_pressures() -> None:
+    findings = inspect_recording(forced(), LIMITS, SAMPLE_TIME_S)
+    assert {finding.outcome for finding in findings} == {"ok"}
+    assert not any(finding.check.startswith("pressure") for finding in findings)
+    assert [finding.check for finding in findings][-3:] == ["force_alive", "force_stuck", "direction"]
+    check_recording(METADATA, forced(), LIMITS, SAMPLE_TIME_S)
+
+
+def set_value(column: str, row: int, value: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[row, column] = value
+        return table
+
+    return change
+
+
+def scaled(column: str, factor: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{column: table[column] * factor})
+
+
+def both_scaled(factor: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: scaled("pressure_1_pa", factor)(scaled("pressure_2_pa", factor)(table))
+
+
+def constant(column: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{column: table[column].iloc[0]})
+
+
+def stuck_half_way(table: pd.DataFrame) -> pd.DataFrame:
+    table.loc[800:1400, "pressure_2_pa"] = 9e5
+    return table
+
+
+def held(table: pd.DataFrame) -> pd.DataFrame:
+    table.loc[600:659, "position_m"] = table["position_m"].iloc[600]
+    return table
+
+
+@pytest.mark.parametrize(
+    ("spoil", "check", "message"),
+    [
+        (set_value("pressure_1_pa", 17, np.nan), "finite", r"pressure_1_pa is nan in row 18 \(1 such rows in all\)"),
+        (set_value("position_m", 3, np.inf), "finite", "position_m is inf in row 4"),
+        (
+            lambda table: table.drop(columns="pressure_2_pa"),
+            "columns",
+            "column 'pressure_2_pa' is missing; got columns",
+        ),
+        (lambda table: table.iloc[:500], "length", r"lasts 2.5 s \(500 rows\), expected at least 5 s"),
+        (lambda table: table.iloc[:2], "length", "has 2 rows, expected at least 3"),
+        (
+            constant("pressure_2_pa"),
+            "pressure_alive",
+            r"pressure_2_pa is constant \(at .* Pa\) while the cylinder moves",
+        ),
+        (
+            stuck_half_way,
+            "pressure_stuck",
+            "pressure_2_pa stays at exactly 900000 Pa from row 801 to row 1401 while the piston travels",
+        ),
+        (scaled("pressure_1_pa", 1e-5), "pressure_alive", r"changes by 0\.\d+ Pa only .*bar read as Pa"),
+        (
+            scaled("pressure_1_pa", 1e3),
+            "pressure_range",
+            r"pressure_1_pa is .* bar in row \d+, expected -2 to 700 bar gauge",
+        ),
+        (scaled("pressure_2_pa", -1.0), "pressure_range", "expected -2 to 700 bar gauge; check unit .* and sign"),
+        (
+            both_scaled(0.1),
+            "unit_plausible",
+            r"the highest pressure in the whole recording is 0.9\d* bar \(pressure_2_pa\), expected at least 2 bar; "
+            r"check the unit \(MPa read as bar",
+        ),
+        (
+            lambda table: table.assign(pressure_2_pa=table["pressure_1_pa"]),
+            "pressures_differ",
+            "pressure_1_pa and pressure_2_pa are equal in every row",
+        ),
+        (
+            scaled("position_m", 1e3),
+            "position_range",
+            r"expected 0 to 0.25 m, the stroke; check unit \(mm read as m\?\)",
+        ),
+        (scaled("position_m", -1.0), "position_range", "check unit .*, sign and zero of the sensor"),
+        (scaled("position_m", 1e-3), "motion", r"position_m moves by 0.000\d+ m only, .* \(m read as mm\?\)"),
+        (constant("position_m"), "motion", "position_m moves by 0 m only, .* nothing moves"),
+        (
+            held,
+            "position_stuck",
+            r"position_m stays at exactly 0.1\d+ m from row 601 to row 660 and goes on at 0.\d+ m \(1 such stretches",
+        ),
+    ],
+)
+def test_unusable_is_refused(spoil: Callable[[pd.DataFrame], pd.DataFrame], check: str, message: str) -> None:
+    table = spoil(good()).reset_index(drop=True)
+    with pytest.raises(RecordingError, match=message):
+        check_recording(METADATA, table, LIMITS, SAMPLE_TIME_S)
+    refused = [f for f in inspect_recording(table, LIMITS, SAMPLE_TIME_S) if f.outcome == "refused"]
+    assert refused[0].check == check
+    assert re.search(message, refused[0].text)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "check", "message"),
+    [
+        (constant("drive_force_n"), "force_alive", r"drive_force_n is constant \(at .* N\) while the cylinder moves"),
+        (scaled("drive_force_n", 1e-6), "force_alive", r"drive_force_n changes by 0.000\d+ N only"),
+        (
+            lambda table: table.assign(drive_force_n=table["drive_force_n"].where(table.index < 600, 150.0)),
+            "force_stuck",
+            "drive_force_n stays at exactly 150 N from row 601 to row 2000 while the piston travels",
+        ),
+        (scaled("drive_force_n", -1.0), "direction", "friction would drive the piston"),
+    ],
+)
+def test_an_unusable_drive_force_is_refused(
+    spoil: Callable[[pd.DataFrame], pd.DataFrame], check: str, message: str
+) -> None:
+    with pytest.raises(RecordingError, match=message):
+        check_recording(METADATA, spoil(forced()), LIMITS, SAMPLE_TIME_S)
+    findings = inspect_recording(spoil(forced()), LIMITS, SAMPLE_TIME_S)
+    assert [finding.check for finding in findings if finding.outcome == "refused"] == [check]
+
+
+@pytest.mark.parametrize(("rate_hz", "outcome"), [(200.0, "ok"), (50.0, "ok"), (49.99, "ok"), (40.0, "refused")])
+def test_a_rate_too_low_for_the_filters_is_refused(rate_hz: float, outcome: str) -> None:
+    findings = {finding.check: finding for finding in inspect_recording(good(), LIMITS, 1.0 / rate_hz)}
+    assert findings["rate"].outcome == outcome
+    if outcome == "refused":
+        assert findings["rate"].text.startswith("is sampled at 40 Hz, expected at least 50 Hz; the filters would smear")
+
+
+def test_inspection_reports_every_refusal() -> None:
+    table = both_scaled(0.1)(scaled("position_m", 1e3)(good().iloc[:500]))
+    refused = [f.check for f in inspect_recording(table, LIMITS, 1.0 / 20.0) if f.outcome == "refused"]
+    assert refused == ["rate", "position_range", "unit_plausible"]
+
+
+def test_vented_pneumatics_pass_once_told() -> None:
+    limits = replace(LIMITS, least_peak_pressure_pa=2e4)
+    check_recording(METADATA, both_scaled(0.1)(good()), limits, SAMPLE_TIME_S)
+
+
+def test_rest_at_the_end_stop_is_no_held_position() -> None:
+    table = good()
+    table["position_m"] = np.round(np.clip(0.25 * np.sin(2.0 * table["time_s"]), 0.0, 0.2), 4)
+    findings = {finding.check: finding.outcome for finding in inspect_recording(table, LIMITS, SAMPLE_TIME_S)}
+    assert findings["position_stuck"] == "ok"
+
+
+def test_areas_let_the_force_balance_be_judged(rig_tables: dict[str, pd.DataFrame], cylinder: Cylinder) -> None:
+    limits = replace(LIMITS, piston_area_m2=cylinder.piston_area_m2, annulus_area_m2=cylinder.annulus_area_m2)
+    for table in rig_tables.values():
+        findings = inspect_recording(table, limits, SAMPLE_TIME_S)
+        assert {finding.outcome for finding in findings} == {"ok"}
+        assert [finding.check for finding in findings][-2:] == ["direction", "friction_size"]
+        assert check_recording(METADATA, table, limits, SAMPLE_TIME_S).metadata.repairs == ()
+        swapped = table.rename(columns={"pressure_1_pa": "pressure_2_pa", "pressure_2_pa": "pressure_1_pa"})
+        with pytest.raises(RecordingError, match=r"^the pressures are swapped: "):
+            check_recording(METADATA, swapped, limits, SAMPLE_TIME_S)
+
+
+def test_a_real_crane_passes_every_check(crane_tables: dict[str, pd.DataFrame]) -> None:
+    bore, rod = 0.15, 0.10
+    limits = CheckLimits(0.85, np.pi / 4.0 * bore**2, np.pi / 4.0 * (bore**2 - rod**2), "position")
+    for table in crane_tables.values():
+        assert {finding.outcome for finding in inspect_recording(table, limits, 0.01)} == {"ok"}
+
+
+def test_what_is_noted_goes_with_the_recording() -> None:
+    table = forced().assign(load_force_n=0.0)
+    limits = replace(LIMITS, load="measured")
+    metadata = replace(METADATA, repairs=("a gap was bridged",))
+    recording = check_recording(metadata, table, limits, SAMPLE_TIME_S)
+    assert recording.metadata.repairs == (
+        "a gap was bridged",
+        "load_force_n is constant (at 0 N); the load cell is idle, stuck or not connected",
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"stroke_m": 0.0}, "stroke_m: expected a positive number, but got 0.0"),
+        ({"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
+        ({"piston_area_m2": 1e-3}, "expected both or neither"),
+        ({"piston_area_m2": 1e-3, "annulus_area_m2": 2e-3}, "annulus_area_m2: expected more than 0 and less than"),
+    ],
+)
+def test_impossible_limits_are_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        CheckLimits(**({"stroke_m": 0.25} | values))
+
+
+@given(
+    st.lists(st.sampled_from(["pressure_1_pa", "pressure_2_pa", "position_m"]), min_size=1, max_size=3),
+    st.floats(-1e9, 1e9),
+    st.floats(-1e9, 1e9),
+    st.integers(0, 60),
+)
+def test_whatever_the_numbers_only_the_projects_own_error_comes(
+    columns: list[str], factor: float, shift: float, rows: int
+) -> None:
+    table = good().iloc[: 20 * rows]
+    table = table.assign(**{column: table[column] * factor + shift for column in columns})
+    limits = CheckLimits(0.25, 3e-3, 2e-3, minimum_duration_s=0.1)
+    refused = [f.text for f in inspect_recording(table, limits, SAMPLE_TIME_S) if f.outcome == "refused"]
+    if refused:
+        with pytest.raises(RecordingError, match=re.escape(refused[0])):
+            check_recording(METADATA, table, limits, SAMPLE_TIME_S)
+    else:
+        assert len(check_recording(METADATA, table, limits, SAMPLE_TIME_S)) == len(table)

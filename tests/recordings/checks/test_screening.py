@@ -1,0 +1,222 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.mapping.sensor import SensorLimits
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.signal import Signal
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+ROWS = 6000
+TIME_S = 0.005 * np.arange(ROWS)
+RULES = ScreenRules(stroke_m=0.25)
+LIMITS = {
+    "pressure_1_pa": SensorLimits(0.0, 250e5, 250e5 / 4096, "0 to 250 bar (4 to 20 mA)"),
+    "position_m": SensorLimits(0.0, 0.25, 0.25 / 4096, "0 to 250 mm (0 to 10 V)"),
+    "load_force_n": SensorLimits(-1e4, 1e4, None, "-10 to 10 kN"),
+}
+
+
+def pressure() -> Array:
+    """Slow strokes at 40 bar, a twelve-bit sensor with noise."""
+    step = 250e5 / 4096
+    values = 40e5 + 15e5 * np.sin(TIME_S) + np.random.default_rng(2).normal(0.0, 5e3, ROWS)
+    return np.round(values / step) * step
+
+
+def screen(values: Array, column: str = "pressure_1_pa", known: bool = True) -> tuple[Array, tuple[str, ...]]:
+    signals, repairs = screen_signals({column: Signal(TIME_S[: len(values)], values)}, LIMITS if known else {}, RULES)
+    return signals[column].values, repairs
+
+
+def with_values(rows: slice | list[int], value: float | Array) -> Array:
+    values = pressure()
+    values[rows] = value
+    return values
+
+
+def test_sound_signals_are_the_same_objects() -> None:
+    signals = {"pressure_1_pa": Signal(TIME_S, pressure()), "position_m": Signal(TIME_S, 0.1 + 0.05 * np.sin(TIME_S))}
+    screened, repairs = screen_signals(signals, LIMITS, RULES)
+    assert repairs == ()
+    assert all(screened[column] is signals[column] for column in signals)
+
+
+def test_what_is_missing_stays_missing_and_is_nobodys_spike() -> None:
+    values = with_values(slice(100, 400), np.nan)
+    screened, repairs = screen(values)
+    assert screened is values
+    assert repairs == ()
+
+
+@pytest.mark.parametrize(
+    ("values", "rows", "message"),
+    [
+        (
+            with_values([700, 900], -62.5e5),  # 0 mA of a 4-20 mA loop
+            [700, 900],
+            "pressure_1_pa is -62.5 bar in row 701 (2 such rows in all), which a sensor of 0 to 250 bar (4 to 20 mA) "
+            "cannot read; taken as missing",
+        ),
+        (with_values([50], 4000e5), [50], "is 4000 bar in row 51 (1 such rows in all), which a sensor of"),
+        (with_values([50], np.inf), [50], "pressure_1_pa is inf in row 51 (1 such rows in all), expected finite"),
+        (with_values([50, 51], 250e5), [50, 51], "is 250 bar in row 51 (2 such rows in all), the end of its sensor's"),
+        (with_values([3000], 60e5), [3000], "is 60 bar in row 3001 (1 such rows in all), a spike: its neighbours"),
+        (with_values([30, 31, 32], 1e5), [30, 31, 32], "is 1 bar in row 31 (3 such rows in all), a spike"),
+        (with_values([30, 34], 1e5), [30, 34], "is 1 bar in row 31 (2 such rows in all), a spike"),
+    ],
+)
+def test_a_few_bad_samples_become_missing_and_are_told(values: Array, rows: list[int], message: str) -> None:
+    screened, (repair,) = screen(values)
+    assert np.flatnonzero(np.isnan(screened)).tolist() == rows
+    assert message in repair
+    good = np.setdiff1d(np.arange(ROWS), rows)
+    assert np.array_equal(screened[good], values[good])
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            with_values(slice(1000, 2000), -62.5e5),
+            r"-62.5 bar in row 1001 \(1000 such rows in all\), .* at most 1000 in a row; expected at most 6, .* wire",
+        ),
+        (
+            with_values(slice(1000, 1011), 262e5),
+            "in row 1001 .* the sensor is saturated, at most 11 in a row; .* wider",
+        ),
+        (with_values(slice(10, 5000, 100), 260e5), "the sensor is saturated, at most 1 in a row; expected at most 6"),
+        (with_values(slice(10, 5990, 100), 90e5), r"a spike: .*; expected at most 6, and 10 in a row; check wire"),
+        (with_values(slice(10, 5000, 100), np.inf), r"is inf in row 11 \(50 such rows in all\).* exported"),
+        (pressure() * 1e-3 - 70e5, "cannot read"),
+    ],
+)
+def test_many_bad_samples_are_refused(values: Array, message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        screen(values)
+
+
+@given(
+    st.integers(200, ROWS - 200),
+    st.integers(1, 3),
+    st.sampled_from([-1.0, 1.0]),
+    st.floats(8e5, 2e8),
+)
+@settings(max_examples=60, deadline=None)
+def test_every_lone_spike_is_found_and_nothing_else(row: int, width: int, sign: float, height_pa: float) -> None:
+    values = pressure()
+    values[row : row + width] += sign * height_pa
+    screened, repairs = screen(values, known=False)
+    assert np.flatnonzero(np.isnan(screened)).tolist() == list(range(row, row + width))
+    assert len(repairs) == 1
+
+
+def ringing(frequency_hz: float, decay_s: float) -> Array:
+    """A valve closes at 10 s: the pressure surges by 30 bar, rings, and settles 8 bar higher."""
+    after = np.clip(TIME_S - 10.0, 0.0, None)
+    surge = 30e5 * np.exp(-after / decay_s) * np.cos(2.0 * np.pi * frequency_hz * after) + 8e5
+    return pressure() + np.where(TIME_S >= 10.0, surge, 0.0)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        ringing(40.0, 0.05),
+        ringing(60.0, 0.02),
+        ringing(15.0, 0.1),
+        np.where(TIME_S < 10.0, 1e5, 60e5) + pressure(),  # a valve opens
+        pressure() + 5e5 * (np.arange(ROWS) // 4 % 2),  # stick-slip as fast as can be
+        np.where(np.arange(ROWS) % 500 < 4, 60e5, 40e5),  # four rows are an event
+        np.full(ROWS, 4e6),
+        np.arange(ROWS) * 1e3,
+    ],
+)
+def test_what_hydraulics_do_is_no_spike(values: Array) -> None:
+    screened, repairs = screen(values, known=False)
+    assert screened is values
+    assert repairs == ()
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("pressure_1_pa", 0.0), ("position_m", 0.0), ("position_m", 0.25), ("pressure_1_pa", -2e5)],
+)
+def test_resting_at_a_legal_end_is_no_saturation(column: str, value: float) -> None:
+    values = np.full(ROWS, value)
+    assert screen(values, column)[0] is values
+
+
+@pytest.mark.parametrize(("column", "value"), [("load_force_n", -1e4), ("load_force_n", 1e4), ("pressure_1_pa", 25e6)])
+def test_resting_at_an_end_that_means_nothing_is_saturation(column: str, value: float) -> None:
+    with pytest.raises(RecordingError, match="the sensor is saturated"):
+        screen(np.full(ROWS, value), column)
+
+
+def test_a_position_sensor_shorter_than_the_stroke_saturates() -> None:
+    values = np.minimum(0.15 + 0.1 * np.sin(TIME_S), 0.2)
+    short = {"position_m": SensorLimits(0.0, 0.2, None, "0 to 200 mm")}
+    with pytest.raises(
+        RecordingError, match=r"position_m is 0.2 m in row .* the end of its sensor's range of 0 to 200 mm"
+    ):
+        screen_signals({"position_m": Signal(TIME_S, values)}, short, RULES)
+    signals, _ = screen_signals({"position_m": Signal(TIME_S, values)}, short, ScreenRules())
+    assert signals["position_m"].values is values  # nobody said where the stroke ends
+
+
+def test_short_signals_pass() -> None:
+    for rows in range(12):
+        values = np.arange(rows, dtype=np.float64)
+        assert screen(values, known=False)[0] is values
+
+
+@pytest.mark.parametrize("rule", [{"most_bad": -1.0}, {"spike_noise": 0.0}, {"stroke_m": 0.0}, {"overrange": np.nan}])
+def test_impossible_rules_are_refused(rule: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=f"{next(iter(rule))}: expected a .* but got"):
+        ScreenRules(**rule)  # type: ignore[arg-type]
+
+
+def test_nothing_is_found_in_the_rigs_recordings(rig_tables: dict[str, pd.DataFrame]) -> None:
+    limits = LIMITS | {"pressure_2_pa": LIMITS["pressure_1_pa"]}
+    for table in rig_tables.values():
+        for stride in (1, 2):
+            columns = ("pressure_1_pa", "pressure_2_pa", "position_m")
+            signals = {
+                column: Signal(TIME_S, np.ascontiguousarray(table[column].to_numpy()[::stride])) for column in columns
+            }
+            assert screen_signals(signals, limits, RULES)[1] == ()
+
+
+def test_nothing_is_found_in_a_real_crane(crane_tables: dict[str, pd.DataFrame]) -> None:
+    for table in crane_tables.values():
+        signals = {str(column): Signal(TIME_S, table[column].to_numpy()) for column in table.columns}
+        assert screen_signals(signals, {}, RULES)[1] == ()
+
+
+def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> None:
+    time_s = 0.0005 * np.arange(10 * ROWS)
+    values = np.full(len(time_s), np.nan)
+    values[7::10] = with_values([3000], 60e5)
+    signals, (said,) = screen_signals({"pressure_1_pa": Signal(time_s, values)}, LIMITS, RULES)
+    assert "pressure_1_pa is 60 bar in row 30008 (1 such rows in all), a spike" in said
+    screened = signals["pressure_1_pa"].values
+    assert np.flatnonzero(np.isnan(screened) & ~np.isnan(values)).tolist() == [30007]
+
+
+def test_a_missing_sample_beside_a_jump_is_no_spike() -> None:
+    values = with_values([3000], 60e5)
+    values[2998] = np.nan
+    values[3001] = np.nan
+    screened, (said,) = screen(values)
+    assert "is 60 bar in row 3001 (1 such rows in all)" in said
+    assert np.flatnonzero(np.isnan(screened)).tolist() == [2998, 3000, 3001]

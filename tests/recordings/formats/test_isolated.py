@@ -1,0 +1,282 @@
+"""One bad file never stops the others: what crashes or hangs a library in C ends only the process it is read in."""
+
+from __future__ import annotations
+
+import gzip
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+import pandas as pd
+import psutil
+import pytest
+import scipy.io
+from asammdf import MDF, Signal
+
+import format_writers
+from cylinder_friction.recordings.formats import isolated
+from cylinder_friction.recordings.formats.hdf5 import read_hdf5
+from cylinder_friction.recordings.formats.matlab import read_matlab
+from cylinder_friction.recordings.formats.matlab73 import read_matlab73
+from cylinder_friction.recordings.formats.mdf import read_mdf
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.formats.source import FileSource, open_source
+from cylinder_friction.recordings.formats.tdms import read_tdms
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
+
+ROWS = np.arange(6.0)
+DIMENSIONS = b"\x05\0\0\0\x08\0\0\0\x01"
+"""How the dimensions of one row begin in a MATLAB file: int32, 8 bytes, 1."""
+ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="signals and processes as on Linux")
+
+
+def write_good(path: Path) -> Path:
+    with h5py.File(path, "w") as file:
+        file["P1"] = ROWS
+        file["P1"].attrs["unit"] = "bar"
+        file["state"] = np.array(["up", "", "ü"] * 2, dtype=h5py.string_dtype())
+    return path
+
+
+def write_crashing(path: Path) -> Path:
+    """Write an attribute of text whose type says it is neither text nor a sequence; libhdf5 follows a wild pointer."""
+    content = bytearray(write_good(path).read_bytes())
+    content[content.index(b"unit\0\0\0\0\x19") + 9] = 255
+    path.write_bytes(content)
+    return path
+
+
+def write_crashing_matlab(path: Path) -> Path:
+    """Write a struct with a text whose dimensions take no bytes; SciPy goes on with dimensions it never read."""
+    scipy.io.savemat(path, {"t": ROWS[:, None], "units": {"t": "s"}})
+    content = bytearray(path.read_bytes())
+    content[content.rindex(DIMENSIONS) + 4] = 0
+    path.write_bytes(content)
+    return path
+
+
+def write_greedy_matlab(path: Path) -> Path:
+    """Write a struct that claims to be an array of a thousand million; SciPy fills the memory with them."""
+    scipy.io.savemat(path, {"t": ROWS[:, None], "units": {"t": "s"}})
+    content = bytearray(path.read_bytes())
+    content[content.index(DIMENSIONS) + 15] = 64
+    path.write_bytes(content)
+    return path
+
+
+def write_hanging(path: Path) -> Path:
+    """Write a heap of texts whose objects do not fill it; libhdf5 looks for the next one for ever."""
+    content = bytearray(write_good(path).read_bytes())
+    content[content.index(b"GCOL") + 25] = 1
+    path.write_bytes(content)
+    return path
+
+
+def write_ring(path: Path) -> Path:
+    """Write MDF blocks that point in a circle; asammdf walks it for ever."""
+    format_writers.write_mdf4(path, *format_writers.synthetic(40))
+    content = bytearray(path.read_bytes())
+    channel = content.index(b"##CN")
+    content[channel + 24 : channel + 32] = channel.to_bytes(8, "little")
+    path.write_bytes(content)
+    return path
+
+
+def worker() -> int:
+    process = isolated._READER._process
+    assert process is not None
+    return process.pid
+
+
+@pytest.mark.parametrize(
+    ("write", "library"), [(write_crashing, "the HDF5 library"), (write_crashing_matlab, "SciPy's MATLAB reader")]
+)
+@ON_LINUX
+def test_a_file_that_crashes_the_library_is_refused_and_the_next_is_read(
+    tmp_path: Path, write: Callable[[Path], Path], library: str
+) -> None:
+    good, bad = write_good(tmp_path / "good"), write(tmp_path / "bad")
+    before = read_logged_file(good)[0]
+    for _ in range(2):
+        with pytest.raises(RecordingError) as refusal:
+            read_logged_file(bad)
+        assert str(refusal.value) == (
+            f"reading it crashed {library} (signal 11); the file is damaged; copy it again, or export it anew"
+        )
+        pd.testing.assert_frame_equal(read_logged_file(good)[0].channels, before.channels)
+
+
+@pytest.mark.parametrize("write", [write_hanging, write_ring])
+def test_a_file_that_hangs_the_library_is_refused_in_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], Path]
+) -> None:
+    good, bad = write_good(tmp_path / "good"), write(tmp_path / "bad")
+    with monkeypatch.context() as patch:
+        patch.setattr(isolated, "LIMIT_S", 0.6)
+        # A large file has more time.
+        patch.setattr(isolated, "LIMIT_PER_BYTE_S", 0.4 / bad.stat().st_size)
+        with pytest.raises(RecordingError) as refusal:
+            read_logged_file(bad)
+    assert str(refusal.value) == ("reading it took longer than 1 s; it is damaged; copy it again, or export it anew")
+    assert read_logged_file(good)[0].channels["P1"].tolist() == ROWS.tolist()
+
+
+@ON_LINUX
+def test_a_file_that_fills_the_memory_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"cannot be read as a MATLAB file \(MemoryError.*damaged"):
+        read_logged_file(write_greedy_matlab(tmp_path / "bad"))
+    assert len(read_logged_file(write_good(tmp_path / "good"))[0].channels) == 6
+
+
+def test_one_process_reads_all_files(tmp_path: Path) -> None:
+    good = write_good(tmp_path / "good")
+    read_logged_file(good)
+    first = worker()
+    (tmp_path / "cut").write_bytes(good.read_bytes()[:600])
+    with pytest.raises(RecordingError, match="cannot be read as an HDF5 file"):
+        read_logged_file(tmp_path / "cut")
+    read_logged_file(good)
+    assert worker() == first
+
+
+def test_a_process_that_was_ended_between_two_files_is_replaced(tmp_path: Path) -> None:
+    good = write_good(tmp_path / "good")
+    read_logged_file(good)
+    process = psutil.Process(worker())
+    process.kill()
+    psutil.wait_procs([process], timeout=10.0)
+    assert len(read_logged_file(good)[0].channels) == 6
+
+
+def test_an_interrupted_answer_is_not_taken_for_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    good = write_good(tmp_path / "good")
+
+    def interrupted(stream: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(isolated, "read_tables", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            read_logged_file(good)
+    assert read_logged_file(good)[0].units == {"P1": "bar"}
+
+
+def write_odd_mdf(path: Path) -> None:
+    hidden = np.array([0, 0, 1, 0, 0, 0], dtype=bool)
+    words = np.array([b"up", b"", b"down"] * 2)
+    with MDF(version="4.10") as file:
+        file.append(
+            [
+                Signal(ROWS.astype(np.int16), ROWS, name="P1", unit="bar", invalidation_bits=hidden),
+                Signal(words, ROWS, name="P1", encoding="utf-8", invalidation_bits=hidden),
+                Signal(np.arange(12, dtype=np.uint8).reshape(6, 2), ROWS, name="raw"),
+            ]
+        )
+        saved = file.save(path.with_name("odd.mf4"), overwrite=True)
+    saved.replace(path)
+
+
+@pytest.mark.parametrize(
+    ("write", "read_here"),
+    [
+        (write_good, read_hdf5),
+        (write_odd_mdf, read_mdf),
+        (lambda path: format_writers.write_matlab5(path, *format_writers.synthetic()), read_matlab),
+        (lambda path: format_writers.write_matlab73(path, *format_writers.synthetic()), read_matlab73),
+        (lambda path: format_writers.write_tdms(path, *format_writers.synthetic()), read_tdms),
+    ],
+)
+@pytest.mark.parametrize("wanted", [None, ["P1"], ["nothing"]])
+def test_what_is_read_apart_is_what_is_read_here(
+    tmp_path: Path,
+    write: Callable[[Path], object],
+    read_here: Callable[[FileSource, list[str] | None], list[LoggedTable]],
+    wanted: list[str] | None,
+) -> None:
+    write(tmp_path / "log")
+    expected, read = read_here(open_source(tmp_path / "log"), wanted), read_logged_file(tmp_path / "log", wanted=wanted)
+    assert len(expected) == len(read)
+    for one, other in zip(expected, read, strict=True):
+        pd.testing.assert_frame_equal(other.channels, one.channels, check_exact=True, check_column_type=False)
+        assert (one.units, one.name, one.unread, one.notes) == (other.units, other.name, other.unread, other.notes)
+
+
+def test_columns_may_be_written_to(tmp_path: Path) -> None:
+    (table,) = read_logged_file(write_good(tmp_path / "log"))
+    table.channels.iloc[0, 0] = 7.0
+    assert table.channels["P1"].tolist()[0] == 7.0
+
+
+def test_a_relative_path_is_the_callers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_good(tmp_path / "plain")
+    (tmp_path / "zipped").write_bytes(gzip.compress((tmp_path / "plain").read_bytes()))
+    read_logged_file(tmp_path / "plain")
+    monkeypatch.chdir(tmp_path)
+    assert len(read_logged_file(Path("zipped"))[0].channels) == 6
+
+
+def script(text: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    head = "import os, sys, signal\nfrom pathlib import Path\n"
+    head += "from cylinder_friction.recordings.formats.reading import read_logged_file\n"
+    head += "from cylinder_friction.recordings.formats.isolated import _READER\n"
+    command = [sys.executable, "-W", "error", "-c", head + text, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+
+
+@pytest.mark.parametrize("ending", ["", "os.kill(os.getpid(), signal.SIGKILL)"])
+@ON_LINUX
+def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending: str) -> None:
+    (tmp_path / "noise").write_bytes(write_ring(tmp_path / "ring").read_bytes()[:900])
+    text = (
+        "for path in sys.argv[1:]:\n    try: read_logged_file(Path(path))\n    except ValueError: pass\n"
+        f"print(_READER._process.pid, flush=True)\n{ending}\n"
+    )
+    done = script(text, write_good(tmp_path / "log"), tmp_path / "noise")
+    assert done.stderr == ""
+    assert done.returncode == (-signal.SIGKILL if ending else 0)
+    for process in processes(int(done.stdout)):
+        process.wait(timeout=30.0)
+
+
+def processes(pid: int) -> list[psutil.Process]:
+    """Return the process of this number as long as it runs; one that ended but was not collected does not."""
+    try:
+        process = psutil.Process(pid)
+        return [] if process.status() == psutil.STATUS_ZOMBIE else [process]
+    except psutil.NoSuchProcess:
+        return []
+
+
+@ON_LINUX
+def test_a_fork_starts_a_process_of_its_own(tmp_path: Path) -> None:
+    text = (
+        "log = Path(sys.argv[1])\n"
+        "read_logged_file(log)\nfirst = _READER._process.pid\n"
+        "if (child := os.fork()) == 0:\n"
+        "    tables = read_logged_file(log)\n"
+        "    other = _READER._process.pid\n    _READER.close()\n"
+        "    os._exit(0 if other != first and len(tables[0].channels) == 6 else 1)\n"
+        "assert os.waitpid(child, 0)[1] == 0\n"
+        "read_logged_file(log)\nassert _READER._process.pid == first\n"
+    )
+    done = script(text, write_good(tmp_path / "log"))
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_process_that_does_not_start_is_no_fault_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    isolated._READER.close()
+    monkeypatch.setattr(isolated, "_START", "raise SystemExit('no start')")
+    with pytest.raises(RuntimeError, match="the process that reads binary files does not start"):
+        read_logged_file(write_good(tmp_path / "log"))
+    assert capfd.readouterr().err == "no start\n"

@@ -1,0 +1,305 @@
+"""First mappings: right where the file tells, marked where it does not, and always YAML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.guessing import guess_mapping
+from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
+from cylinder_friction.recordings.path_names import compile_name_pattern, names_from_path
+
+SHARED = Path(__file__).parents[3] / "../shared/data"
+PATH = Path("logs/noload_day1.csv")
+ROWS = 400
+TIME = 0.005 * np.arange(ROWS)
+STROKE = 0.5 - 0.5 * np.cos(2.0 * np.pi * TIME)
+
+
+def text_of(channels: dict[str, Any], units: dict[str, str] | None = None, path: Path = PATH) -> str:
+    return mapping_yaml(guess_mapping([LoggedTable(pd.DataFrame(channels), units or {})], path))
+
+
+def channels_of(text: str) -> dict[str, Any]:
+    loaded = yaml.safe_load(text)
+    assert set(loaded) >= {"defaults", "source", "truth", "pattern", "name_pattern", "name_table", "channels"}
+    found: dict[str, Any] = loaded["channels"]
+    return found
+
+
+def names_of(text: str) -> dict[str, str]:
+    return {column: entry["channel"] for column, entry in channels_of(text).items()}
+
+
+def comment_of(text: str, column: str) -> str:
+    """Return the remarks right above a column's line."""
+    lines = text.splitlines()
+    end = next(row for row, line in enumerate(lines) if line.startswith(f"  {column}:"))
+    start = end
+    while lines[start - 1].startswith("  #"):
+        start -= 1
+    return "\n".join(lines[start:end])
+
+
+NAMINGS: list[tuple[str, str, str, str]] = [
+    ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"),
+    ("t", "pA", "pB", "x"),
+    ("Zeit", "Druck Kolbenseite", "Druck Stangenseite", "Weg"),
+    ("timestamp", "cap_pressure", "rod_pressure", "stroke"),
+    ("TIME", "PA", "PB", "POS"),
+    ("t [s]", "p_A [bar]", "p_B [bar]", "s [mm]"),
+    ("Time (s)", "Pressure bore (bar)", "Pressure annulus (bar)", "Piston position (mm)"),
+]
+
+
+@pytest.mark.parametrize("names", NAMINGS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_usual_names_are_understood_in_any_order(names: tuple[str, str, str, str], turned: bool) -> None:
+    values = dict(zip(names, (TIME, 20.0 + STROKE, 10.0 + STROKE, 200.0 * STROKE), strict=True))
+    text = text_of(dict(reversed(values.items())) if turned else values)
+    columns = ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")
+    assert names_of(text) == dict(zip(columns, names, strict=True))
+    assert {column: entry["unit"] for column, entry in channels_of(text).items()} == dict(
+        zip(columns, ("s", "bar", "bar", "mm"), strict=True)
+    )
+    for entry in channels_of(text).values():
+        ChannelMapping.from_dict(entry)
+
+
+def test_the_file_as_it_comes_out_of_the_rig_is_all_right() -> None:
+    values = {"Time [s]": TIME, "P1 [bar]": 20 + STROKE, "P2 [bar]": 9 + STROKE, "Position [mm]": 250 * STROKE}
+    text = text_of(values, {name: name.split("[")[1][:-1] for name in values})
+    for mark in ("AMBIGUOUS", "NOT FOUND", "CHECK"):
+        assert mark not in text.split("channels:")[1]
+    assert "# guess: name says pressure, piston side, name says bar, values 20 to 21" in text
+    assert 'pressure_1_pa: {channel: "P1 [bar]", unit: bar}' in text
+
+
+def test_units_of_the_file_are_taken_and_missing_ones_guessed_with_alternatives() -> None:
+    values = {"t": 5.0 * np.arange(ROWS), "p1": 40.0 * STROKE, "p2": 30.0 * STROKE, "x": 0.2 * STROKE}
+    text = text_of(values, {"p1": "MPa"})
+    units = {column: entry["unit"] for column, entry in channels_of(text).items()}
+    assert units == {"time_s": "ms", "pressure_1_pa": "MPa", "pressure_2_pa": "bar", "position_m": "m"}
+    assert "file says MPa" in comment_of(text, "pressure_1_pa")
+    assert "values 0 to 30 fit bar" in comment_of(text, "pressure_2_pa")
+    assert "CHECK: the unit is stated nowhere; psi or MPa would fit too" in comment_of(text, "pressure_2_pa")
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "doubt"),
+    [("bar", 1e5, "bar would make the greatest pressure 4e+06 bar"), ("mm", 0.2, "mm would make the travel 0.2 mm")],
+)
+def test_a_unit_that_can_hardly_be_right_is_marked(unit: str, scale: float, doubt: str) -> None:
+    of_pressure = unit == "bar"
+    values = {
+        "t": TIME,
+        "p1": 40.0 * (scale if of_pressure else 1.0) * STROKE,
+        "p2": 30.0 * STROKE,
+        "x": (200.0 if of_pressure else scale) * STROKE,
+    }
+    text = text_of(values, {"p1": "bar", "p2": "bar", "x": "mm"})
+    assert f"CHECK: {doubt}; is that the unit?" in text
+
+
+def test_two_cylinders_in_one_file_stay_apart_and_are_marked() -> None:
+    channels = {"t_s": TIME}
+    for number, cylinder in enumerate(("main", "jib"), start=1):
+        for channel, values in (("pA_cyl_bar", 20 + STROKE), ("pB_cyl_bar", 9 + STROKE), ("x_m", 0.5 * STROKE)):
+            channels[f"{cylinder}_{channel}"] = number * values
+    text = text_of(channels)
+    found = names_of(text)
+    assert {name.split("_")[0] for column, name in found.items() if column != "time_s"} == {"main"}
+    assert "AMBIGUOUS: main_pA_cyl_bar (values 20 to 21) or jib_pA_cyl_bar (values 40 to 42)" in text
+    assert "AMBIGUOUS: main_x_m (values 0 to 0.5) or jib_x_m" in text
+
+
+def test_what_is_not_there_is_marked_and_all_channels_are_listed() -> None:
+    text = text_of({"column_1": 10.0 * np.arange(ROWS), "column_2": STROKE, "column_3": 3.0 * STROKE})
+    assert names_of(text) == {
+        "time_s": "column_1",
+        "pressure_1_pa": "NOT FOUND",
+        "pressure_2_pa": "NOT FOUND",
+        "position_m": "NOT FOUND",
+    }
+    assert "# NOT FOUND: name the channel" in comment_of(text, "pressure_1_pa")
+    assert "#   column_3: values 0 to 3" in text
+
+
+def test_pressures_that_do_not_say_their_side_are_taken_in_order_and_marked() -> None:
+    text = text_of({"t": TIME, "AI0 [bar]": 20 + STROKE, "AI1 [bar]": 9 + STROKE, "AI2 [mm]": 200 * STROKE})
+    assert names_of(text) | {"time_s": ""} == {
+        "time_s": "",
+        "pressure_1_pa": "AI0 [bar]",
+        "pressure_2_pa": "AI1 [bar]",
+        "position_m": "AI2 [mm]",
+    }
+    assert "CHECK: which side it is was guessed from the order" in comment_of(text, "pressure_1_pa")
+
+
+def test_a_force_stands_in_where_there_is_no_pressure_and_is_a_load_where_there_is() -> None:
+    alone = names_of(text_of({"t": TIME, "Force [N]": 300 * STROKE, "pos [mm]": 200 * STROKE}))
+    assert alone == {"time_s": "t", "drive_force_n": "Force [N]", "position_m": "pos [mm]"}
+    both = {"t": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE, "x": 200 * STROKE, "Load cell [kN]": STROKE}
+    assert names_of(text_of(both))["load_force_n"] == "Load cell [kN]"
+
+
+def test_electrical_signals_get_a_sensor_to_fill_in() -> None:
+    text = text_of({"t": TIME, "p1 [V]": STROKE, "p2 [mA]": 4 + STROKE, "x [mm]": 200 * STROKE})
+    found = channels_of(text)
+    assert found["pressure_1_pa"]["sensor"] == {"range": [0, 1], "unit": "bar", "signal": [0, 10]}
+    assert found["pressure_2_pa"]["sensor"]["signal"] == [4, 20]
+    assert "NOT FOUND: the sensor's range" in comment_of(text, "pressure_1_pa")
+    for entry in found.values():
+        ChannelMapping.from_dict(entry)
+
+
+def test_dates_are_time_without_a_unit() -> None:
+    dates = pd.date_range("2026-03-14", periods=ROWS, freq="5ms")
+    text = text_of({"when": dates, "p1": 20 + STROKE, "p2": 9 + STROKE, "x": 200 * STROKE})
+    assert channels_of(text)["time_s"] == {"channel": "when", "unit": ""}
+
+
+def test_set_points_and_supply_are_not_taken() -> None:
+    channels = {"t": TIME, "p_supply": 140 + STROKE, "p_set_1": 50 + STROKE, "x_ref": 200 * STROKE}
+    channels |= {"p1": 20 + STROKE, "p2": 9 + STROKE, "x": 200 * STROKE}
+    found = names_of(text_of(channels))
+    assert (found["pressure_1_pa"], found["pressure_2_pa"], found["position_m"]) == ("p1", "p2", "x")
+
+
+def test_tables_with_clocks_of_their_own_are_told_apart() -> None:
+    fast = LoggedTable(pd.DataFrame({"t_fast": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE}), name="pressures")
+    slow = LoggedTable(pd.DataFrame({"t_slow": TIME[::2], "x": 200 * STROKE[::2]}), name="motion")
+    found = channels_of(mapping_yaml(guess_mapping([fast, slow], PATH)))
+    assert found["time_s"] == {"channel": "t_fast", "unit": "s", "table": "pressures"}
+    assert found["position_m"] == {"channel": "x", "unit": "mm", "table": "motion", "time": "t_slow"}
+    assert "time" not in found["pressure_1_pa"]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_way_position_counts_is_read_from_the_work_of_friction(sign: int) -> None:
+    time = 0.005 * np.arange(8000)
+    direction = np.sign(np.sin(2.0 * np.pi * time / 8.0))
+    position = 100.0 + np.cumsum(direction) * 0.1 + np.random.default_rng(0).normal(0.0, 0.01, 8000)
+    load = 30.0 + 0.05 * position
+    text = text_of({"t": time, "p1 [bar]": load + 2 * direction, "p2 [bar]": 0 * time + 8, "x [mm]": sign * position})
+    assert channels_of(text)["position_m"].get("sign", 1) == sign
+    assert ("CHECK: sign -1 because" in text) == (sign == -1)
+
+
+def test_the_template_can_be_another_and_the_names_pattern_finds_test_and_session() -> None:
+    guess = guess_mapping([LoggedTable(pd.DataFrame({"t": TIME}))], Path("logs/no-load_day1_3.csv.gz"))
+    loaded = yaml.safe_load(mapping_yaml(guess))
+    assert (loaded["source"], loaded["pattern"]) == ("logs", "**/*.csv.gz")
+    names = names_from_path("a/no-load_day1_3.csv.gz", compile_name_pattern(loaded["name_pattern"]))
+    assert (names.condition, names.session) == ("no-load", "no-load_day1_3")
+    short = mapping_yaml(guess, source="data/raw/own", template="from: {source}\nchannels:\n{channels}\n")
+    assert yaml.safe_load(short)["from"] == "data/raw/own"
+
+
+NAMES = st.one_of(
+    st.text(min_size=1, max_size=25).map(lambda name: name.strip() or "x"),
+    st.tuples(
+        st.sampled_from(["p1", "P_A", "Weg", "F", "T", "x", "Zeit", "temp"]),
+        st.text(alphabet="[]{}:\"'#,&*!|>%@`- \\\u00e9\u2028\x07", max_size=8),
+    ).map(lambda parts: (parts[0] + parts[1]).strip()),
+)
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    names=st.lists(NAMES, min_size=1, max_size=6),
+    units=st.lists(st.text(max_size=6), max_size=6),
+    file=st.text(min_size=1, max_size=12).filter(lambda name: "/" not in name and "\0" not in name and name != "."),
+)
+def test_whatever_channels_are_called_the_text_loads_and_names_them_exactly(
+    names: list[str], units: list[str], file: str
+) -> None:
+    frame = pd.DataFrame({index: index + STROKE for index in range(len(names))})
+    frame.columns = pd.Index(names)
+    table = LoggedTable(frame, dict(zip(names, units, strict=False)))
+    guess = guess_mapping([table], Path("logs") / file)
+    found = channels_of(mapping_yaml(guess))
+    for column, entry in found.items():
+        chosen = guess.columns[column].channel
+        assert entry["channel"] == ("NOT FOUND" if chosen is None else chosen.name)
+        if chosen is not None:
+            assert entry["unit"] == guess.columns[column].unit
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=12))
+def test_any_values_give_a_mapping(values: list[float]) -> None:
+    text_of({"t": values, "p1 [bar]": values, "p2": values, "x [mm]": values, "F": values})
+
+
+@pytest.mark.parametrize("name", ["Dual2SineTest_230425__100Hz.csv.gz", "JibSineTest_230425__100Hz.csv.gz"])
+def test_the_crane_has_two_cylinders_and_says_so(name: str) -> None:
+    path = SHARED / "crane" / name
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
+    assert names_of(text) == {
+        "time_s": "t_s",
+        "pressure_1_pa": "jib_pA_cyl_bar",
+        "pressure_2_pa": "jib_pB_cyl_bar",
+        "position_m": "jib_x_m",
+    }
+    assert {entry["unit"] for entry in channels_of(text).values()} == {"s", "bar", "m"}
+    assert "AMBIGUOUS: jib_pA_cyl_bar" in comment_of(text, "pressure_1_pa")
+    assert "main_pA_cyl_bar" in comment_of(text, "pressure_1_pa")
+    assert "or main_x_m" in comment_of(text, "position_m")
+    assert "xref" not in comment_of(text, "position_m")
+
+
+def test_the_tribometer_has_a_force_in_place_of_pressures() -> None:
+    path = SHARED / "tribometer/test_data_2.txt"
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
+    assert names_of(text) == {"time_s": "Time [s]", "drive_force_n": "Friction [uN]", "position_m": "Position [mm]"}
+    assert channels_of(text)["drive_force_n"]["unit"] == "uN"
+    assert "AMBIGUOUS: Friction [uN]" in comment_of(text, "drive_force_n")
+    assert "CHECK: it falls below 0; state as offset" in comment_of(text, "position_m")
+
+
+def test_names_that_say_nothing_are_listed_and_not_guessed() -> None:
+    path = SHARED / "emps/DATA_EMPS.mat"
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
+    assert names_of(text)["time_s"] == "t"
+    assert names_of(text)["position_m"] == "NOT FOUND"
+    assert "#   qm: values -2.2e-05 to 0.2464" in text
+
+
+def test_a_file_without_names_gets_its_time_and_a_list() -> None:
+    path = SHARED / "pneumatic-seals/NAPN_1bar.csv.gz"
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
+    assert channels_of(text)["time_s"] == {"channel": "column_1", "unit": "ms"}
+    assert all(f"#   column_{number}: values" in text for number in range(2, 8))
+
+
+def test_a_file_of_the_rig_is_guessed_as_it_is_configured(tmp_path: Path) -> None:
+    path = tmp_path / "condition1_session01_recording01.csv"
+    values = {"Time [s]": TIME, "P1 [bar]": 20 + STROKE, "P2 [bar]": 9 + STROKE, "Position [mm]": 250 * STROKE}
+    values["Oil temperature [degC]"] = 35.0 + 0.01 * TIME
+    pd.DataFrame(values).to_csv(path, index=False)
+    configured = yaml.safe_load((Path(__file__).parents[3] / "conf/ingest/rig.yaml").read_text(encoding="utf-8"))
+    # What its sensors are good for stands in no file.
+    without_sensors = {
+        column: {key: value for key, value in entry.items() if key != "sensor"}
+        for column, entry in configured["channels"].items()
+    }
+    assert channels_of(mapping_yaml(guess_mapping(read_logged_file(path), path))) == without_sensors

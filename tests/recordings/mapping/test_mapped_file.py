@@ -1,0 +1,244 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.mapped_file import map_signals
+from cylinder_friction.recordings.mapping.sensor import SensorScale
+from cylinder_friction.recordings.recording import RecordingError
+
+MAPPING = {
+    "time_s": ChannelMapping("t", "ms"),
+    "pressure_1_pa": ChannelMapping("a", "bar"),
+    "pressure_2_pa": ChannelMapping("b", "psi"),
+    "position_m": ChannelMapping("x", "mm", -1),
+}
+
+
+def logged(name: str = "", units: dict[str, str] | None = None, **columns: Any) -> LoggedTable:
+    cells = {"t": [0, 5], "a": [1.0, 2.0], "b": [0.0, 1.0], "x": [-10.0, -20.0], "spare": [0, 0]}
+    return LoggedTable(pd.DataFrame(cells | columns), units or {}, name)
+
+
+def table(name: str, **columns: Any) -> LoggedTable:
+    return LoggedTable(pd.DataFrame(columns), name=name)
+
+
+def test_units_and_signs_are_applied_and_spare_channels_left_out() -> None:
+    mapped = map_signals([logged()], MAPPING)
+    assert set(mapped.signals) == {"pressure_1_pa", "pressure_2_pa", "position_m"}
+    assert mapped.notes == ()
+    np.testing.assert_array_equal(mapped.signals["pressure_1_pa"].values, [1e5, 2e5])
+    np.testing.assert_allclose(mapped.signals["position_m"].values, [0.01, 0.02])
+    np.testing.assert_allclose(mapped.signals["position_m"].time_s, [0.0, 0.005])
+
+
+def test_columns_of_one_table_share_their_time() -> None:
+    signals = map_signals([logged()], MAPPING).signals
+    assert signals["pressure_1_pa"].time_s is signals["pressure_2_pa"].time_s is signals["position_m"].time_s
+
+
+def test_seconds_and_pascals_pass_untouched() -> None:
+    time_s, pressure_pa = np.array([0.0, 1.0 / 3.0]), np.array([1e5, np.nan])
+    mapping = MAPPING | {"time_s": ChannelMapping("t", "s"), "pressure_1_pa": ChannelMapping("a", "Pa")}
+    signal = map_signals([logged(t=time_s, a=pressure_pa)], mapping).signals["pressure_1_pa"]
+    np.testing.assert_array_equal(signal.time_s, time_s)
+    np.testing.assert_array_equal(signal.values, pressure_pa)
+
+
+FAST = {"t": np.arange(6) * 5.0, "a": np.ones(6), "b": np.ones(6)}
+SLOW = {"t": np.arange(3) * 10.0, "x": np.zeros(3)}
+
+
+def test_tables_with_a_time_channel_of_the_same_name_keep_their_own() -> None:
+    signals = map_signals([table("fast", **FAST), table("slow", **SLOW)], MAPPING).signals
+    np.testing.assert_allclose(signals["pressure_1_pa"].time_s, np.arange(6) * 0.005)
+    np.testing.assert_allclose(signals["position_m"].time_s, np.arange(3) * 0.01)
+
+
+def test_tables_with_time_channels_of_their_own_name_and_unit() -> None:
+    slow = LoggedTable(pd.DataFrame({"t2": [0.0, 0.01, 0.02], "x": np.zeros(3)}), {"t2": "s"}, "slow")
+    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t2")}
+    signals = map_signals([table("fast", **FAST), slow], mapping).signals
+    np.testing.assert_allclose(signals["position_m"].time_s, [0.0, 0.01, 0.02])
+
+
+def test_two_time_channels_in_one_table() -> None:
+    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t_x")}
+    signals = map_signals([logged(t_x=[1.0, 11.0])], mapping).signals
+    np.testing.assert_allclose(signals["pressure_1_pa"].time_s, [0.0, 0.005])
+    np.testing.assert_allclose(signals["position_m"].time_s, [0.001, 0.011])
+
+
+def test_table_without_time_is_not_guessed() -> None:
+    slow = table("slow", t2=[0.0, 1.0, 2.0], x=np.zeros(3))
+    message = r"'x' \(for 'position_m'\) has no time channel 't' in its table 'slow', which holds besides 't2'; name"
+    with pytest.raises(RecordingError, match=message):
+        map_signals([table("fast", **FAST), slow], MAPPING)
+
+
+def test_time_channel_of_another_length_is_refused() -> None:
+    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t")}
+    slow = table("slow", x=np.zeros(3))
+    with pytest.raises(RecordingError, match=r"'x' \(for 'position_m'\) has 3 rows, but its time channel 't' has 6"):
+        map_signals([table("fast", **FAST), slow], mapping)
+
+
+def test_missing_time_channel_lists_what_there_is() -> None:
+    mapping = MAPPING | {"time_s": ChannelMapping("Time", "s")}
+    with pytest.raises(RecordingError, match=r"channel 'Time' \(for 'time_s'\) is missing; got channels 't', 'a'"):
+        map_signals([logged()], mapping)
+
+
+def test_rate_makes_time_where_none_is_logged() -> None:
+    mapping = MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)}
+    signals = map_signals([logged()], mapping).signals
+    np.testing.assert_array_equal(signals["position_m"].time_s, [0.0, 0.005])
+    assert signals["position_m"].time_s is signals["pressure_1_pa"].time_s
+    with pytest.raises(RecordingError, match=r"rate_hz = 200 Hz: 'fast' has 6, 'slow' has 3 rows"):
+        map_signals([table("fast", **FAST), table("slow", **SLOW)], mapping)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Vienna"])
+def test_dates_of_two_tables_count_from_the_earliest(zone: str | None) -> None:
+    start = pd.Timestamp("2026-03-14 09:00:00.5", tz=zone)
+    fast = FAST | {"t": start + pd.to_timedelta(np.arange(6) * 5 + 2, unit="ms")}
+    slow = SLOW | {"t": start + pd.to_timedelta(np.arange(3) * 10, unit="ms")}
+    mapping = MAPPING | {"time_s": ChannelMapping("t")}
+    signals = map_signals([table("fast", **fast), table("slow", **slow)], mapping).signals
+    np.testing.assert_allclose(signals["position_m"].time_s, [0.0, 0.01, 0.02])
+    np.testing.assert_allclose(signals["pressure_1_pa"].time_s, 0.002 + np.arange(6) * 0.005)
+
+
+def test_dates_beside_numbers_are_refused() -> None:
+    fast = FAST | {"t": pd.Timestamp("2026-03-14") + pd.to_timedelta(np.arange(6) * 5, unit="ms")}
+    with pytest.raises(
+        RecordingError, match="time channel 't' holds dates, but 't' does not; expected one kind of time"
+    ):
+        map_signals([table("fast", **fast), table("slow", **SLOW)], MAPPING)
+
+
+def test_time_without_a_unit_is_refused_unless_the_file_states_it() -> None:
+    mapping = MAPPING | {"time_s": ChannelMapping("t")}
+    with pytest.raises(RecordingError, match=r"'t' .* holds int64 and states no unit; expected dates, or numbers with"):
+        map_signals([logged()], mapping)
+    signals = map_signals([logged(units={"t": "ms"})], mapping).signals
+    np.testing.assert_allclose(signals["position_m"].time_s, [0.0, 0.005])
+
+
+def test_durations_are_time() -> None:
+    mapping = MAPPING | {"time_s": ChannelMapping("t")}
+    signals = map_signals([logged(t=pd.to_timedelta([0, 5], unit="ms"))], mapping).signals
+    np.testing.assert_allclose(signals["position_m"].time_s, [0.0, 0.005])
+
+
+def test_missing_channel_names_what_there_is_and_the_nearest() -> None:
+    there = LoggedTable(logged().channels.rename(columns={"b": "P b [psi]"}), unread=("P_c",))
+    mapping = MAPPING | {"pressure_2_pa": ChannelMapping("p_B [psi]", "psi")}
+    message = (
+        r"'p_B \[psi\]' \(for 'pressure_2_pa'\) is missing; got channels 't', 'a', 'P b \[psi\]', 'x', 'spare', "
+        r"'P_c' \(nearest: 'P b \[psi\]'\); correct the file or ingest.channels.pressure_2_pa.channel"
+    )
+    with pytest.raises(RecordingError, match=message):
+        map_signals([there], mapping)
+
+
+def test_long_list_of_channels_is_cut() -> None:
+    many = table("", **{f"c{index}": [0.0] for index in range(50)})
+    with pytest.raises(RecordingError, match=r"'c39' and 10 more; correct"):
+        map_signals([many], MAPPING)
+
+
+def test_channel_that_occurs_twice_is_refused() -> None:
+    doubled = LoggedTable(pd.concat([logged().channels, logged().channels[["a"]]], axis=1))
+    with pytest.raises(RecordingError, match=r"'a' \(for 'pressure_1_pa'\) occurs 2 times"):
+        map_signals([doubled], MAPPING)
+
+
+def test_channel_in_two_tables_needs_its_table() -> None:
+    tables = [logged("run 1"), table("run 2", **FAST)]
+    with pytest.raises(RecordingError, match=r"'a' .* occurs in tables 'run 1', 'run 2'; state which as .*\.table"):
+        map_signals(tables, MAPPING)
+    mapping = MAPPING | {
+        "pressure_1_pa": ChannelMapping("a", "bar", table="run 2"),
+        "pressure_2_pa": ChannelMapping("b", "psi", table="run 2"),
+    }
+    assert len(map_signals(tables, mapping).signals["pressure_1_pa"].values) == 6
+    wrong = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}
+    with pytest.raises(RecordingError, match=r"table 'run 3' .* is missing; got tables 'run 1', 'run 2'"):
+        map_signals(tables, wrong)
+
+
+def test_text_is_refused_with_its_row() -> None:
+    message = r"'a' \(for 'pressure_1_pa'\) holds 'open' in row 2 \(1 such rows in all\); expected numbers in bar"
+    with pytest.raises(RecordingError, match=message):
+        map_signals([logged(a=["1.0", "open"])], MAPPING)
+    with pytest.raises(RecordingError, match=r"'t' \(for 'time_s'\) holds '12:30' in row 1"):
+        map_signals([logged(t=["12:30", "12:31"])], MAPPING)
+
+
+@pytest.mark.parametrize("cells", [pd.to_datetime(["2026-01-01", "2026-01-02"]), np.array([1j, 2j])])
+def test_dates_and_complex_numbers_are_no_pressures(cells: Any) -> None:
+    with pytest.raises(RecordingError, match=r"'a' .* holds (dates|complex numbers).*; expected numbers in bar"):
+        map_signals([logged(a=cells)], MAPPING)
+
+
+@settings(deadline=None)
+@given(st.lists(st.none() | st.floats(width=32) | st.integers(-100, 100) | st.text(max_size=4), min_size=1, max_size=8))
+def test_text_never_becomes_nan_in_silence(cells: list[Any]) -> None:
+    source = table("", t=np.arange(len(cells)), a=pd.Series(cells, dtype=object))
+    mapping = {"time_s": ChannelMapping("t", "s"), "pressure_1_pa": ChannelMapping("a", "Pa")}
+    try:
+        values = map_signals([source], mapping).signals["pressure_1_pa"].values
+    except RecordingError:
+        assert any(isinstance(cell, str) for cell in cells)
+        return
+    np.testing.assert_array_equal(np.isnan(values), [cell is None or cell != cell for cell in cells])
+
+
+def test_unit_that_the_file_contradicts_is_refused() -> None:
+    message = r"'a' \(for 'pressure_1_pa'\): the file states the unit 'MPa', but it is read in 'bar'; expected the same"
+    with pytest.raises(RecordingError, match=message):
+        map_signals([logged(units={"a": "MPa"})], MAPPING)
+    with pytest.raises(RecordingError, match=r"'t' \(for 'time_s'\): the file states the unit 's', .* read in 'ms'"):
+        map_signals([logged(units={"t": "s"})], MAPPING)
+    agreeing = {"a": "Bar", "b": "PSI", "x": "[mm]", "t": "msec", "spare": "MPa"}
+    assert map_signals([logged(units=agreeing)], MAPPING).notes == ()
+
+
+def test_reference_that_the_file_contradicts_is_refused() -> None:
+    message = (
+        r"the file states 'bara', which is absolute pressure, but it is read as gauge pressure; correct .*reference"
+    )
+    with pytest.raises(RecordingError, match=message):
+        map_signals([logged(units={"a": "bara"})], MAPPING)
+    absolute = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bar", reference="absolute")}
+    values = map_signals([logged(units={"a": "bara"})], absolute).signals["pressure_1_pa"].values
+    np.testing.assert_allclose(values, [1e5 - 101325.0, 2e5 - 101325.0])
+
+
+def test_unknown_unit_and_the_readers_repairs_become_notes() -> None:
+    noted = LoggedTable(logged().channels, {"a": "barr"}, notes=("the last line was cut off; it is left out",))
+    assert map_signals([noted], MAPPING).notes == (
+        "the last line was cut off; it is left out",
+        "channel 'a': the file's unit 'barr' is not known; read in bar as configured",
+    )
+
+
+def test_signals_of_sensors_are_understood() -> None:
+    mapping = MAPPING | {
+        "pressure_1_pa": ChannelMapping("a", "V", sensor=SensorScale((0.0, 250.0), "bar", (0.0, 10.0))),
+        "position_m": ChannelMapping("x", "mA", sensor=SensorScale((0.0, 300.0), "mm", (4.0, 20.0))),
+    }
+    signals = map_signals([logged(units={"x": "mA", "a": "V"}, x=[4.0, 12.0])], mapping).signals
+    np.testing.assert_allclose(signals["pressure_1_pa"].values, [25e5, 50e5])
+    np.testing.assert_allclose(signals["position_m"].values, [0.0, 0.15])
+    with pytest.raises(RecordingError, match="the file states the unit 'mm', but it is read in 'mA'"):
+        map_signals([logged(units={"x": "mm"})], mapping)

@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.mapping.units import (
+    COLUMN_UNITS,
+    COMMON,
+    check_unit,
+    column_scale,
+    quantity_of,
+    to_column_unit,
+    units_agree,
+)
+from cylinder_friction.recordings.recording import RecordingError
+
+FORMER_SCALES = [
+    ("time_s", "ms", 1e-3),
+    ("pressure_1_pa", "kPa", 1e3),
+    ("pressure_1_pa", "MPa", 1e6),
+    ("pressure_1_pa", "bar", 1e5),
+    ("position_m", "mm", 1e-3),
+    ("position_m", "in", 0.0254),
+    ("load_force_n", "kN", 1e3),
+]
+
+
+@pytest.mark.parametrize(("column", "unit", "scale"), FORMER_SCALES)
+def test_usual_units_are_one_exact_product(column: str, unit: str, scale: float) -> None:
+    values = np.random.default_rng(1).normal(100.0, 30.0, 1000)
+    np.testing.assert_array_equal(to_column_unit(values, unit, column), values * scale)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("time_s", "s"),
+        ("pressure_2_pa", "Pa"),
+        ("position_m", "m"),
+        ("drive_force_n", "N"),
+        ("oil_temperature_c", "°C"),
+    ],
+)
+def test_own_unit_leaves_values_untouched(column: str, unit: str) -> None:
+    values = np.array([1.0 / 3.0, -0.0, np.nan])
+    assert to_column_unit(values, unit, column) is values
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "column", "expected"),
+    [
+        (14.503773773, "psi", "pressure_1_pa", 1e5),
+        (1000.0, "mbar", "pressure_1_pa", 1e5),
+        (1.0, "kgf/cm2", "pressure_1_pa", 98066.5),
+        (1.0, "kp/cm²", "pressure_1_pa", 98066.5),
+        (1.0, "N/mm²", "pressure_1_pa", 1e6),
+        (760.0, "mmHg", "pressure_1_pa", 760.0 * 133.322387415),
+        (10.0, "in", "position_m", 0.254),
+        (3.0, "ft", "position_m", 0.9144),
+        (250.0, "µm", "position_m", 250e-6),
+        (25.0, "cm", "position_m", 0.25),
+        (2.0, "min", "time_s", 120.0),
+        (1500.0, "us", "time_s", 1.5e-3),
+        (1.0, "kip", "load_force_n", 4448.2216152605),
+        (1.0, "lbf", "drive_force_n", 4.4482216152605),
+        (100.0, "kg", "load_force_n", 980.665),
+        (1.0, "t", "load_force_n", 9806.65),
+        (32.0, "degF", "oil_temperature_c", 0.0),
+        (212.0, "°F", "oil_temperature_c", 100.0),
+        (273.15, "K", "oil_temperature_c", 0.0),
+        (40.0, "C", "oil_temperature_c", 40.0),
+    ],
+)
+def test_conversion(value: float, unit: str, column: str, expected: float) -> None:
+    assert to_column_unit(np.array([value]), unit, column)[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "spelled", "plain"),
+    [
+        *[
+            ("pressure_1_pa", text, "bar")
+            for text in ("[bar]", "Bar", "BAR", " bar ", "(bar)", "barg", "bara", "bar(a)")
+        ],
+        *[("pressure_1_pa", text, "psi") for text in ("PSI", "psig", "psia", "psi (abs)", "psi gauge")],
+        ("pressure_1_pa", "MPA", "MPa"),
+        ("pressure_1_pa", "kgf/cm^2", "kgf/cm2"),
+        *[("time_s", text, "s") for text in ("sec", "Sek", "S", "seconds")],
+        *[("position_m", text, "mm") for text in ("mm ", "MM", "[ mm ]", '"mm"')],
+        *[("oil_temperature_c", text, "°C") for text in ("degC", "deg C", "℃", "Celsius", "C")],
+    ],
+)
+def test_loggers_spellings(column: str, spelled: str, plain: str) -> None:
+    check_unit(column, spelled)
+    values = np.array([1.0, 17.3])
+    np.testing.assert_array_equal(to_column_unit(values, spelled, column), to_column_unit(values, plain, column))
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from([(column, unit) for column, quantity in QUANTITIES.items() for unit in COMMON[quantity]]),
+    st.floats(-1e6, 1e6),
+)
+def test_round_trip_through_the_scale(pair: tuple[str, str], value: float) -> None:
+    column, unit = pair
+    there, zero = to_column_unit(np.array([value, 0.0]), unit, column)
+    assert (there - zero) / column_scale(column, unit) == pytest.approx(value, rel=1e-9, abs=1e-6)
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(list(QUANTITIES)), st.text(max_size=12) | st.from_regex(r"[a-zA-Z]{1,4}([*/^][a-z0-9]{1,3}){0,3}")
+)
+def test_any_text_is_a_unit_or_a_recording_error(column: str, text: str) -> None:
+    try:
+        check_unit(column, text)
+    except RecordingError:
+        return
+    scale = column_scale(column, text)
+    assert np.isfinite(scale)
+    assert scale > 0.0
+
+
+def test_every_quantity_has_units_to_offer() -> None:
+    assert set(COMMON) == set(COLUMN_UNITS) == set(QUANTITIES.values())
+    for quantity, units in COMMON.items():
+        assert [quantity_of(unit) for unit in units] == [quantity] * len(units)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "message"),
+    [
+        (
+            "pressure_1_pa",
+            "foo",
+            r"'pressure_1_pa': unit 'foo' is not known; expected one of Pa, kPa, MPa, bar, mbar, psi",
+        ),
+        (
+            "position_m",
+            "bar",
+            r"'position_m': unit 'bar' measures pressure, .* holds a length; expected one of m, mm, in",
+        ),
+        ("position_m", "mA", r"'mA' is a sensor's electrical signal, .* state the sensor: \{range"),
+        ("pressure_1_pa", "mPa", r"unit 'mPa' is millipascal; write MPa for megapascal"),
+        ("oil_temperature_c", "delta_degC", "is not known; expected one of °C, K, °F"),
+        ("time_s", "", "unit '' is not known"),
+    ],
+)
+def test_wrong_unit_is_refused(column: str, unit: str, message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        check_unit(column, unit)
+    with pytest.raises(RecordingError, match=message):
+        to_column_unit(np.array([1.0]), unit, column)
+
+
+@pytest.mark.parametrize(
+    ("stated", "configured", "agree"),
+    [
+        ("[Bar]", "bar", True),
+        ("bara", "bar", True),  # what pressure is counted from is another question
+        ("MPa", "bar", False),
+        ("N/mm2", "MPa", True),
+        ("s", "ms", False),
+        ("°F", "°C", False),
+        ("C", "°C", True),
+        ("V", "mA", False),
+        ("V", "bar", False),
+        ("l/min", "bar", False),
+        ("counts", "count", True),
+        ("bar", "count", False),
+        ("kg", "kgf", True),
+        ("A", "bar", True),  # port A
+        ("rod", "bar", True),  # a side, and pint's name of 5 m
+        ("-", "bar", True),
+        ("", "mm", True),
+    ],
+)
+def test_what_a_file_states_against_what_is_configured(stated: str, configured: str, agree: bool) -> None:
+    assert units_agree(stated, configured) is agree

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.path_names import NameRules, PathNames, compile_name_pattern, names_from_path
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+RIG = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
+
+
+@given(st.integers(1, 9), st.integers(1, 99), st.integers(1, 99))
+def test_names_of_the_rig(condition: int, session: int, recording: int) -> None:
+    path = f"condition{condition}_session{session:02d}_recording{recording:02d}.csv"
+    names = names_from_path(path, compile_name_pattern(RIG))
+    assert (names.name, names.condition, names.session) == (
+        path[:-4],
+        str(condition),
+        f"condition{condition}_session{session:02d}",
+    )
+    assert names.load == ""
+
+
+def test_folders_become_part_of_the_name_and_load_is_read() -> None:
+    pattern = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"
+    names = NameRules(pattern=pattern).names("crane_3/20kg.part.csv")
+    assert names == PathNames("crane_3-20kg.part", "crane", "crane_3", "20kg")
+
+
+def test_path_that_tells_nothing_is_refused() -> None:
+    with pytest.raises(RecordingError, match=r"path 'notes.csv' does not tell condition and session"):
+        NameRules(pattern=RIG).names("notes.csv")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "message"),
+    [("(?P<condition>a)(", "is not a regular expression"), ("(?P<condition>a)", "has no group 'session'")],
+)
+def test_wrong_pattern_is_refused(pattern: str, message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        NameRules(pattern=pattern)
+
+
+def table_at(folder: Path, text: str) -> NameRules:
+    path = folder / "names.csv"
+    path.write_text(text, encoding="utf-8")
+    return NameRules(table=path)
+
+
+TABLE = """File;Condition;Session;Load
+monday/a.mat;no load;mo;
+monday/*.mat;40 kg;mo-40;40 kg
+tuesday\\b.mat;no load;tu;none
+"""
+
+
+def test_table_names_files_and_globs_and_a_path_goes_before_a_glob(tmp_path: Path) -> None:
+    rules = table_at(tmp_path, TABLE)
+    assert rules.names("monday/a.mat") == PathNames("monday-a", "no load", "mo", "")
+    assert rules.names("monday/c.mat") == PathNames("monday-c", "40 kg", "mo-40", "40 kg")
+    assert rules.names("tuesday/b.mat") == PathNames("tuesday-b", "no load", "tu", "none")
+
+
+def test_table_without_load_and_with_comma_and_blank_lines(tmp_path: Path) -> None:
+    rules = table_at(tmp_path, "\ufefffile,condition,session\n\na.csv,1,s1\n")
+    assert rules.names("a.csv") == PathNames("a", "1", "s1", "")
+
+
+def test_file_without_a_line_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        RecordingError, match=r"path 'b.csv' has no line in the table of names; add one with its condition"
+    ):
+        table_at(tmp_path, "file,condition,session\na.csv,1,s1\n").names("b.csv")
+
+
+def test_file_that_two_globs_fit_is_refused(tmp_path: Path) -> None:
+    rules = table_at(tmp_path, "file,condition,session\na*.csv,1,s1\n*1.csv,2,s2\n")
+    with pytest.raises(RecordingError, match=r"path 'a1.csv' fits lines 2, 3 of the table of names"):
+        rules.names("a1.csv")
+
+
+def test_lines_without_file_are_told(tmp_path: Path) -> None:
+    rules = table_at(tmp_path, "file,condition,session\na.csv,1,s1\ngone.csv,1,s1\nx/*.csv,2,s2\n")
+    told = rules.lines_without_file(["a.csv", "y/b.csv"])
+    assert told == [
+        "line 3 of the table of names: no file fits 'gone.csv'; correct the line, or put the file where it says",
+        "line 4 of the table of names: no file fits 'x/*.csv'; correct the line, or put the file where it says",
+    ]
+    assert NameRules(pattern=RIG).lines_without_file(["a.csv"]) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"expected one column 'file' in its header, but got nothing"),
+        ("file,condition\na,1\n", r"expected one column 'session' in its header, but got 'file', 'condition'"),
+        (
+            "file,condition,session\na.csv,1,s\nb.csv,1,s\na.csv,2,t\n",
+            r"line 4 is for 'a.csv', which line 2 is for already",
+        ),
+        ("file,condition,session\na.csv,,s\n", r"line 2 has no condition; fill in the cell"),
+        ("file,condition,session\na.csv,1\n", r"line 2 has 2 cells, its header 3"),
+    ],
+)
+def test_damaged_table_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        table_at(tmp_path, text)
+
+
+def test_missing_table_and_two_rules_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"table of names 'none.csv' cannot be read"):
+        NameRules(table=tmp_path / "none.csv")
+    with pytest.raises(RecordingError, match="either a name pattern or a table"):
+        NameRules()
+    with pytest.raises(RecordingError, match="either a name pattern or a table"):
+        NameRules(pattern=RIG, table=tmp_path / "none.csv")

@@ -1,0 +1,440 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.signal import Piece, Signal
+from cylinder_friction.recordings.timeline.aligning import align
+from cylinder_friction.recordings.timeline.resampling import OVERSHOOT
+from cylinder_friction.recordings.timeline.time_rules import TimeRules
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+SHARED = Path(__file__).parents[3] / "../shared/data"
+ROWS = 2000
+EVEN_S = 0.005 * np.arange(ROWS)
+NOISE = np.random.default_rng(0).normal(size=ROWS)
+LINE = 2.0 * EVEN_S
+
+
+def one(time_s: np.ndarray, values: np.ndarray | None = None) -> dict[str, Signal]:
+    return {"a": Signal(time_s, NOISE[: len(time_s)] if values is None else values)}
+
+
+def without(rows: list[int]) -> dict[str, Signal]:
+    return one(np.delete(EVEN_S, rows), np.delete(NOISE, rows))
+
+
+def missing(rows: list[int], *, also: str = "b") -> dict[str, Signal]:
+    holes = NOISE.copy()
+    holes[rows] = np.nan
+    return {"a": Signal(EVEN_S, NOISE), also: Signal(EVEN_S, holes)}
+
+
+@pytest.mark.parametrize(
+    ("time_s", "rate_hz", "sample_time_s"),
+    [
+        (EVEN_S, None, 0.005),
+        (EVEN_S, 200.0, 0.005),
+        (np.arange(ROWS) / 200.003, None, 0.005),
+        (np.arange(ROWS) / 200.003, 200.0, 0.005),
+        (1e6 + EVEN_S, None, 0.005),
+        (np.round(np.arange(ROWS) / 300.0, 3), None, 1 / 300.0),
+        (np.round(np.arange(ROWS) / 600.0, 3), None, 1 / 600.0),
+        (np.arange(ROWS) / 44.7, None, 1 / 44.7),
+    ],
+)
+def test_what_needs_nothing_passes_bit_for_bit(time_s: np.ndarray, rate_hz: float | None, sample_time_s: float) -> None:
+    columns = {"a": Signal(time_s, NOISE), "b": Signal(time_s, LINE), "c": Signal(time_s.copy(), EVEN_S)}
+    (piece,) = align(columns, TimeRules(rate_hz=rate_hz))
+    assert list(piece.table.columns) == ["time_s", "a", "b", "c"]
+    assert piece.sample_time_s == pytest.approx(sample_time_s, rel=1e-12)
+    assert piece.repairs == ()
+    for column, expected in (("time_s", time_s), ("a", NOISE), ("b", LINE), ("c", EVEN_S)):
+        assert piece.table[column].to_numpy().tobytes() == expected.tobytes()
+
+
+ROWS_OF_PIECES = {
+    "one sample lost": (
+        without([100]),
+        [2000],
+        ["time: 1 lost sample interpolated (at most 1 in a row, first after 0.495 s)"],
+    ),
+    "two lost twice": (
+        without([100, 101, 300, 301]),
+        [2000],
+        ["time: 4 lost samples interpolated (at most 2 in a row, first after 0.495 s)"],
+    ),
+    "three lost": (
+        without([100, 101, 102]),
+        [100, 1897],
+        ["time: split at 1 gap of more than 2 lost samples (first: 0.02 s after 0.495 s)"],
+    ),
+    "a pause": (
+        one(np.where(np.arange(ROWS) < 500, EVEN_S, EVEN_S + 60.0)),
+        [500, 1500],
+        ["time: split at 1 gap of more than 2 lost samples (first: 60.01 s after 2.495 s)"],
+    ),
+    "a short stretch between two gaps": (
+        without([*range(100, 110), *range(115, 130)]),
+        [100, 1870],
+        [
+            "time: split at 2 gaps of more than 2 lost samples (first: 0.055 s after 0.495 s)",
+            "time: 1 stretch of fewer than 10 samples between gaps left out (first: 0.55 to 0.57 s)",
+        ],
+    ),
+    "one value missing": (
+        missing([50]),
+        [2000],
+        ["b: 1 lost sample interpolated (at most 1 in a row, first after 0.245 s)"],
+    ),
+    "ten values missing": (
+        missing(list(range(500, 510))),
+        [500, 1490],
+        ["time: split at 1 gap of more than 2 lost samples (first: 0.055 s without b after 2.495 s)"],
+    ),
+    "first values missing": (
+        missing(list(range(300))),
+        [1700],
+        ["time: 1.5 s at the start and 0 s at the end left out, not covered by every column"],
+    ),
+    "restart": (
+        one(np.where(np.arange(ROWS) < 1000, EVEN_S, EVEN_S - 5.0)),
+        [1000, 1000],
+        ["time: split at 1 restart of the clock (first: row 1001, from 4.995 to 0 s)"],
+    ),
+    "rows twice": (
+        one(np.repeat(EVEN_S, 2), np.repeat(NOISE, 2)),
+        [2000],
+        ["time: 2000 rows with stamp and values of the row before left out (first: row 2)"],
+    ),
+    "coarse": (
+        one(np.floor(np.arange(ROWS) / 3) * 0.015),
+        [2000],
+        [
+            "time: coarse stamps, 1333 of 2000 rows with the stamp of the row before (a new stamp every 15 ms), spread "
+            "evenly at 200 Hz"
+        ],
+    ),
+    "lost from stamps in milliseconds": (
+        one(np.delete(np.round(np.arange(ROWS) / 300.0, 3), [700]), np.delete(NOISE, [700])),
+        [2000],
+        ["time: 1 lost sample interpolated (at most 1 in a row, first after 2.33 s)"],
+    ),
+    "table of another clock": (
+        {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[:1500].copy(), NOISE[:1500])},
+        [1500],
+        ["time: 0 s at the start and 2.5 s at the end left out, not covered by every column"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROWS_OF_PIECES)
+def test_damaged_time(name: str) -> None:
+    columns, lengths, repairs = ROWS_OF_PIECES[name]
+    pieces = align(columns, TimeRules())
+    assert [len(piece.table) for piece in pieces] == lengths
+    assert list(pieces[0].repairs) == repairs
+    for piece in pieces:
+        assert np.isfinite(piece.table.to_numpy()).all()
+        logged = set(columns["a"].values)
+        moved = sum(value not in logged for value in piece.table["a"])
+        assert moved <= 4  # nothing but what was interpolated
+
+
+def test_a_gap_costs_no_good_sample() -> None:
+    lost = [*range(300, 310), *range(900, 1000)]
+    pieces = align(without(lost), TimeRules())
+    kept = np.concatenate([piece.table["a"].to_numpy() for piece in pieces])
+    assert kept.tobytes() == np.delete(NOISE, lost).tobytes()
+    stamps = np.concatenate([piece.table["time_s"].to_numpy() for piece in pieces])
+    assert stamps.tobytes() == np.delete(EVEN_S, lost).tobytes()
+
+
+def test_a_lost_sample_lies_between_its_neighbours_and_the_others_stay() -> None:
+    (piece,) = align(without([100]), TimeRules())
+    values = piece.table["a"].to_numpy()
+    assert min(NOISE[99], NOISE[101]) <= values[100] <= max(NOISE[99], NOISE[101])
+    np.testing.assert_array_equal(np.delete(values, 100), np.delete(NOISE, 100))
+    np.testing.assert_allclose(piece.table["time_s"], EVEN_S, atol=1e-12)
+
+
+def test_rules_say_how_much_is_bridged() -> None:
+    assert len(align(without([100]), TimeRules(longest_bridge_samples=0))) == 2
+    assert len(align(without(list(range(100, 105))), TimeRules(longest_bridge_samples=5))) == 1
+
+
+def test_pieces_of_a_gap_in_one_column_end_at_its_last_good_samples() -> None:
+    first, second = align(missing(list(range(500, 510))), TimeRules())
+    assert first.table["time_s"].iloc[-1] == EVEN_S[499]
+    assert second.table["time_s"].iloc[0] == EVEN_S[510]
+
+
+def sine(time_s: np.ndarray, frequency_hz: float = 3.0) -> np.ndarray:
+    return np.sin(2.0 * np.pi * frequency_hz * time_s)
+
+
+def inner(piece: Piece) -> pd.DataFrame:
+    """Without the second at either end, where the continuation plays a part."""
+    time_s = piece.table["time_s"]
+    return piece.table[(time_s > time_s.iloc[0] + 1.0) & (time_s < time_s.iloc[-1] - 1.0)]
+
+
+@pytest.mark.parametrize("rate_hz", [None, 100.0, 200.0, 150.0])
+@pytest.mark.parametrize("offset_s", [0.0, 0.0013])
+def test_tables_at_two_rates_come_to_one(rate_hz: float | None, offset_s: float) -> None:
+    slow_s = 0.01 * np.arange(ROWS // 2) + offset_s
+    columns = {"a": Signal(EVEN_S, sine(EVEN_S)), "b": Signal(slow_s, sine(slow_s))}
+    (piece,) = align(columns, TimeRules(rate_hz=rate_hz))
+    assert piece.sample_time_s == 1.0 / (rate_hz or 100.0)
+    time_s = piece.table["time_s"].to_numpy()
+    np.testing.assert_allclose(np.diff(time_s), piece.sample_time_s, rtol=1e-9)
+    steps = time_s / piece.sample_time_s
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-6)
+    table = inner(piece)
+    for column in "ab":
+        assert np.abs(table[column] - sine(table["time_s"].to_numpy())).max() < 1e-3
+    assert piece.repairs
+
+
+def test_the_method_is_said() -> None:
+    columns = {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S[::2] + 0.0013, NOISE[::2])}
+    assert align(columns, TimeRules())[0].repairs == (
+        "a: resampled from 200 to 100 Hz (windowed sinc, cut-off 45 Hz)",
+        "b: moved by part of a sample at 100 Hz (windowed sinc, cut-off 45 Hz)",
+    )
+
+
+def test_a_slow_channel_in_one_table_is_no_gap() -> None:
+    slow = np.full(ROWS, np.nan)
+    slow[::4] = NOISE[::4]
+    (piece,) = align({"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S, slow)}, TimeRules())
+    assert piece.sample_time_s == 0.02
+    np.testing.assert_array_equal(piece.table["b"], NOISE[::4])
+    assert piece.repairs == ("a: resampled from 200 to 50 Hz (windowed sinc, cut-off 22.5 Hz)",)
+
+
+def test_rows_of_two_rasters_in_one_table_are_two_clocks() -> None:
+    slow_s = 0.02 * np.arange(ROWS // 4) + 0.0013
+    time_s = np.concatenate([EVEN_S, slow_s])
+    order = np.argsort(time_s, kind="stable")
+    fast = np.concatenate([sine(EVEN_S), np.full(len(slow_s), np.nan)])[order]
+    slow = np.concatenate([np.full(ROWS, np.nan), sine(slow_s)])[order]
+    stamps_s = time_s[order]
+    (piece,) = align({"a": Signal(stamps_s, fast), "b": Signal(stamps_s, slow)}, TimeRules())
+    assert piece.sample_time_s == 0.02
+    table = inner(piece)
+    for column in "ab":
+        assert np.abs(table[column] - sine(table["time_s"].to_numpy())).max() < 1e-3
+
+
+def test_a_tone_above_the_new_rate_does_not_alias() -> None:
+    time_s = np.arange(6000) / 1000.0
+    (piece,) = align(one(time_s, sine(time_s, 150.0)), TimeRules(rate_hz=200.0))
+    assert np.abs(inner(piece)["a"]).max() < 1e-3
+
+
+@pytest.mark.parametrize("jitter", [0.1, 0.4])
+def test_uneven_stamps_come_to_an_even_grid(jitter: float) -> None:
+    time_s = EVEN_S + np.random.default_rng(3).uniform(0.0, jitter * 0.005, ROWS)
+    (piece,) = align(one(time_s, sine(time_s, 1.0)), TimeRules())
+    assert piece.sample_time_s == 0.005
+    np.testing.assert_allclose(np.diff(piece.table["time_s"]), 0.005, rtol=1e-9)
+    assert np.abs(inner(piece)["a"] - sine(inner(piece)["time_s"].to_numpy(), 1.0)).max() < 2e-3
+    assert re.fullmatch(
+        r"time: resampled from uneven stamps \(\S+ to \S+ ms\) to 200 Hz \(shape-preserving cubic\)", piece.repairs[0]
+    )
+
+
+def test_a_drifting_clock_is_followed() -> None:
+    fast_s = EVEN_S * (1.0 + 5e-4 * EVEN_S / EVEN_S[-1])
+    columns = {"a": Signal(fast_s, sine(fast_s)), "b": Signal(EVEN_S[::2] + 0.0011, sine(EVEN_S[::2] + 0.0011))}
+    table = inner(align(columns, TimeRules())[0])
+    for column in "ab":
+        assert np.abs(table[column] - sine(table["time_s"].to_numpy())).max() < 2e-2
+
+
+@pytest.mark.parametrize(
+    ("columns", "rules", "message"),
+    [
+        ({}, {}, "has no columns, expected at least one; map its channels"),
+        (one(EVEN_S[:2]), {}, "has 2 rows, expected at least 3"),
+        (one(np.zeros(ROWS)), {}, "time_s stands at 0 s in all 2000 rows, expected increasing time"),
+        (one(EVEN_S[::-1].copy()), {}, "time_s runs backwards from row to row in all 2000 rows"),
+        (
+            one(np.full(ROWS, np.nan)),
+            {},
+            "time_s is not a number, or beyond 1e+15 s, in 2000 of 2000 rows (first: row 1)",
+        ),
+        (one(1.7e18 + 5e6 * np.arange(ROWS)), {}, "time_s is not a number, or beyond 1e+15 s, in 2000 of 2000 rows"),
+        (one(EVEN_S, np.full(ROWS, np.nan)), {}, "a has no finite value in 2000 rows, expected at least 3"),
+        (missing(list(range(2, ROWS))), {}, "b has 2 finite values in 2000 rows, expected at least 3"),
+        (
+            missing([row for row in range(ROWS) if row % 9 < 4]),
+            {},
+            "has no stretch of 10 samples at 200 Hz without a gap in any column (time: split at 221 gaps of more than "
+            "2 lost samples (first: 0.025 s without b after 0.04 s))",
+        ),
+        (
+            {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S + 1000.0, NOISE)},
+            {},
+            "has no stretch of 10 samples at 200 Hz without a gap in any column (the columns do not overlap in time)",
+        ),
+        (
+            {"a": Signal(EVEN_S, NOISE), "b": Signal(np.mod(EVEN_S, 4.0), NOISE)},
+            {},
+            "the clock restarts 0 times in the table of a and 2 times in that of b, expected as often in each",
+        ),
+        (one(EVEN_S), {"rate_hz": 20000.0}, "its fastest channel is sampled at 200 Hz, expected at most 10 times that"),
+    ],
+)
+def test_what_cannot_be_aligned_is_refused(columns: dict[str, Signal], rules: dict[str, float], message: str) -> None:
+    with pytest.raises(RecordingError, match=re.escape(message)):
+        align(columns, TimeRules(**rules))  # type: ignore[arg-type]
+
+
+def _damaged(draw: st.DrawFn) -> tuple[np.ndarray, list[np.ndarray]]:
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    rows = draw(st.integers(3, 400))
+    rate_hz = draw(st.sampled_from([20.0, 100.0, 200.0, 333.3, 1000.0]))
+    time_s = np.arange(rows) / rate_hz + draw(st.sampled_from([0.0, 12.345, 1e5]))
+    time_s = time_s + rng.uniform(0.0, draw(st.sampled_from([0.0, 0.01, 0.3, 3.0])), rows) / rate_hz
+    values = [rng.normal(size=rows) for _ in range(2)]
+    for kind in draw(st.lists(st.sampled_from(["gap", "lost", "twice", "restart", "swap", "nan", "wild", "blank"]))):
+        if len(time_s) < 4:
+            break
+        row = int(rng.integers(1, len(time_s)))
+        some = slice(row, row + int(rng.integers(1, 12)))
+        if kind == "gap":
+            time_s[row:] += rng.uniform(0.0, 100.0 / rate_hz)
+        elif kind == "lost":
+            time_s, values = np.delete(time_s, some), [np.delete(column, some) for column in values]
+        elif kind == "twice":
+            time_s, values = np.insert(time_s, row, time_s[row]), [np.insert(c, row, c[row]) for c in values]
+        elif kind == "restart" and np.isfinite(time_s).all():
+            time_s[row:] -= time_s[row] * rng.choice([1.0, 0.01])
+        elif kind == "swap":
+            time_s[[row - 1, row]] = time_s[[row, row - 1]]
+        elif kind == "nan":
+            values[int(rng.integers(2))][some] = np.nan
+        elif kind == "wild":
+            time_s[row] = rng.choice([0.0, 1e6, -1.0, 1e300, np.inf])
+        elif kind == "blank":
+            time_s[some] = np.nan
+    digits = draw(st.sampled_from([None, 1, 2, 3, 6]))
+    return (time_s if digits is None else np.round(time_s, digits)), values
+
+
+@st.composite
+def damaged_signals(draw: st.DrawFn) -> dict[str, Signal]:
+    time_s, (a, b) = _damaged(draw)
+    columns = {"a": Signal(time_s, a), "b": Signal(time_s, b)}
+    if draw(st.booleans()):
+        other_s, (c, _) = _damaged(draw)
+        columns["c"] = Signal(other_s, c)
+    return columns
+
+
+@given(damaged_signals(), st.sampled_from([None, None, 50.0, 200.0, 150.0]), st.integers(0, 5))
+@settings(max_examples=400, deadline=None)
+def test_whatever_the_damage_pieces_are_sound_or_the_file_is_refused(
+    columns: Mapping[str, Signal], rate_hz: float | None, bridge: int
+) -> None:
+    before = {column: signal.values.copy() for column, signal in columns.items()}
+    try:
+        pieces = align(columns, TimeRules(rate_hz=rate_hz, longest_bridge_samples=bridge))
+    except RecordingError:
+        return
+    assert pieces
+    for piece in pieces:
+        table = piece.table
+        assert list(table.columns) == ["time_s", *columns]
+        assert np.isfinite(table.to_numpy()).all()
+        steps = np.diff(table["time_s"]) / piece.sample_time_s
+        assert (steps > 0.0).all()
+        if rate_hz is not None:
+            assert piece.sample_time_s == 1.0 / rate_hz
+        if any("resampled" in repair or "moved" in repair for repair in piece.repairs):
+            np.testing.assert_allclose(
+                steps, 1.0, rtol=1e-9, atol=1e-9 * np.abs(table["time_s"]).max() / piece.sample_time_s
+            )
+        for column, signal in columns.items():
+            good = signal.values[np.isfinite(signal.values)]
+            middle, half = (good.max() + good.min()) / 2.0, (good.max() - good.min()) / 2.0
+            assert np.abs(table[column] - middle).max() <= 3.0 * OVERSHOOT * half + 1e-9
+            stamps_s = signal.time_s[np.isfinite(signal.time_s)]
+            slack_s = 1e-6 * piece.sample_time_s
+            if not any("coarse" in repair for repair in piece.repairs):
+                assert stamps_s.min() - slack_s <= table["time_s"].iloc[0]
+                assert table["time_s"].iloc[-1] <= stamps_s.max() + slack_s
+    for column, signal in columns.items():
+        np.testing.assert_array_equal(signal.values, before[column])
+
+
+def test_the_same_input_gives_the_same_bytes() -> None:
+    rng = np.random.default_rng(5)
+    columns = {"a": Signal(EVEN_S + rng.uniform(0.0, 0.002, ROWS), NOISE), "b": Signal(EVEN_S[::3].copy(), NOISE[::3])}
+    first, second = (align(columns, TimeRules())[0] for _ in range(2))
+    assert first.table.to_numpy().tobytes() == second.table.to_numpy().tobytes()
+    assert first.repairs == second.repairs
+
+
+def _seals() -> list[Path]:
+    return sorted((SHARED / "pneumatic-seals").glob("*.csv.gz"))
+
+
+@pytest.mark.skipif(not _seals(), reason="the real measurements are not here")
+def test_irregular_stamps_of_real_logs() -> None:
+    for path in _seals():
+        logged = pd.read_csv(path, sep="\t", header=None)
+        time_s = logged[0].to_numpy(dtype=np.float64) / 1000.0
+        columns = {name: Signal(time_s, logged[at].to_numpy(dtype=np.float64)) for name, at in (("x", 4), ("f", 6))}
+        pieces = align(columns, TimeRules())
+        assert {piece.sample_time_s for piece in pieces} == {0.01}
+        assert sum(len(piece.table) for piece in pieces) * 0.01 > 0.95 * (time_s[-1] - time_s[0])
+        assert any("shape-preserving cubic" in repair for repair in pieces[0].repairs)
+
+
+@pytest.mark.skipif(not (SHARED / "tribometer").is_dir(), reason="the real measurements are not here")
+def test_lost_samples_of_a_real_log_are_counted() -> None:
+    logged = pd.read_csv(SHARED / "tribometer" / "test_data_2.txt", sep="\t")
+    time_s = logged.iloc[:, 0].to_numpy(dtype=np.float64)
+    (piece,) = align(one(time_s, logged.iloc[:, 3].to_numpy(dtype=np.float64)), TimeRules())
+    assert piece.repairs == ("time: 179 lost samples interpolated (at most 1 in a row, first after 2 s)",)
+    assert len(piece.table) == len(logged) + 179
+
+
+def test_stamps_of_two_tables_that_differ_by_rounding_are_one_clock() -> None:
+    time_s = np.arange(4000) * 0.005
+    other_s = 0.1 + np.arange(4000 - 20) * 0.005
+    assert not np.isin(other_s, time_s).all()
+    (piece,) = align({"a": Signal(time_s, sine(time_s)), "b": Signal(other_s, sine(other_s))}, TimeRules())
+    assert piece.repairs == ("time: 0.1 s at the start and 0 s at the end left out, not covered by every column",)
+    assert np.array_equal(piece.table["a"], sine(time_s)[20:])
+    assert np.array_equal(piece.table["b"], sine(other_s))
+
+
+def test_a_gap_in_one_table_is_none_in_a_slower_one_whose_stamps_are_among_its_own() -> None:
+    fast_s = np.arange(20_000) * 0.001
+    fast_s = fast_s[(fast_s < 9.0) | (fast_s > 9.7)]
+    slow_s = np.arange(2000) * 0.01
+    pieces = align({"a": Signal(fast_s, sine(fast_s)), "b": Signal(slow_s, sine(slow_s))}, TimeRules())
+    assert len(pieces) == 2
+    assert "split at 1 gap of more than 2 lost samples (first: 0.701 s without a after" in pieces[0].repairs[0]
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.02, 0.04])
+def test_the_rate_of_stamps_with_jitter_does_not_depend_on_what_was_lost(lost: float) -> None:
+    generator = np.random.default_rng(4)
+    time_s = np.arange(12_000) * 0.005 + generator.normal(0.0, 5e-4, 12_000)
+    time_s = time_s[generator.random(12_000) >= lost]
+    assert {piece.sample_time_s for piece in align(one(time_s, sine(time_s)), TimeRules())} == {0.005}

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cylinder_friction.recordings.timeline.resampling import (
+    HALF_WIDTH,
+    OVERSHOOT,
+    fill_lost,
+    shape_preserving_cubic,
+    windowed_sinc,
+)
+
+AWAY = 40
+"""Samples of the lower rate from an end beyond which its continuation plays no part."""
+
+
+def sine(frequency_hz: float, time_s: np.ndarray) -> np.ndarray:
+    return np.sin(2.0 * np.pi * frequency_hz * time_s + 0.3)
+
+
+def downsampled(frequency_hz: float, phase: float, to_hz: float = 200.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return wanted instants and a sine taken from 1000 Hz there, away from the ends."""
+    wanted_s = np.arange(0.0, 5.9, 1.0 / to_hz) + phase / to_hz
+    values = windowed_sinc(sine(frequency_hz, np.arange(6000) / 1000.0), 1000.0 * wanted_s, to_hz / 1000.0)
+    return wanted_s[AWAY:-AWAY], values[AWAY:-AWAY]
+
+
+@given(st.floats(0.1, 80.0), st.floats(0.0, 1.0))
+@settings(max_examples=40, deadline=None)
+def test_what_the_lower_rate_can_carry_comes_through(frequency_hz: float, phase: float) -> None:
+    wanted_s, values = downsampled(frequency_hz, phase)
+    assert np.abs(values - sine(frequency_hz, wanted_s)).max() < 1e-3
+
+
+@given(st.floats(100.0, 480.0), st.floats(0.0, 1.0))
+@settings(max_examples=40, deadline=None)
+def test_what_it_cannot_carry_is_attenuated_by_60_db(frequency_hz: float, phase: float) -> None:
+    _, values = downsampled(frequency_hz, phase)
+    assert np.abs(values).max() < 1e-3
+
+
+def test_a_sine_of_150_hz_does_not_alias_into_200_hz() -> None:
+    _, values = downsampled(150.0, 0.3)
+    assert 20.0 * np.log10(np.abs(values).max()) < -60.0
+
+
+@pytest.mark.parametrize("to_hz", [130.0, 200.0, 333.3, 999.0])
+def test_irregular_phases_need_no_ratio_of_whole_numbers(to_hz: float) -> None:
+    wanted_s, values = downsampled(0.35 * to_hz, 0.123, to_hz)
+    assert np.abs(values - sine(0.35 * to_hz, wanted_s)).max() < 1e-3
+
+
+def test_a_slow_channel_is_interpolated_up() -> None:
+    wanted_s = np.arange(0.0, 9.9, 1.0 / 200.0) + 0.0013
+    values = windowed_sinc(sine(30.0, np.arange(1000) / 100.0), 100.0 * wanted_s, 2.0)
+    away = slice(2 * AWAY, -2 * AWAY)
+    assert np.abs(values - sine(30.0, wanted_s))[away].max() < 1e-3
+
+
+@given(st.floats(-1e8, 1e8), st.integers(1, 300), st.floats(0.02, 10.0), st.lists(st.floats(0.0, 1.0), min_size=1))
+@settings(max_examples=60, deadline=None)
+def test_a_constant_stays_constant(value: float, rows: int, ratio: float, places: list[float]) -> None:
+    positions = np.array(places) * (rows - 1)
+    np.testing.assert_allclose(windowed_sinc(np.full(rows, value), positions, ratio), value, rtol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.2, 0.9, 1.0, 2.7])
+def test_a_straight_line_stays_straight_to_its_ends(ratio: float) -> None:
+    rows = 1000
+    positions = np.arange(0.0, rows - 1, 1.0 / ratio)
+    values = windowed_sinc(3.0 + 2.0 * np.arange(rows), positions, ratio)
+    # As a share of the line's rise over one sample of the lower rate.
+    assert np.abs(values - (3.0 + 2.0 * positions)).max() < 5e-3 * 2.0 / min(1.0, ratio)
+
+
+@pytest.mark.parametrize("ratio", [0.2, 1.0, 2.3])
+def test_overshoot_at_a_step_is_13_percent_of_its_height(ratio: float) -> None:
+    step = np.repeat([0.0, 1.0], 500)
+    values = windowed_sinc(step, np.arange(0.0, 999.0, 0.07), ratio)
+    assert 0.05 < max(values.max() - 1.0, -values.min()) < 0.13
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 3.0))
+@settings(max_examples=40, deadline=None)
+def test_overshoot_is_bounded(seed: int, ratio: float) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.choice([-1.0, 1.0], rng.integers(1, 400))
+    result = np.abs(windowed_sinc(values, rng.uniform(0.0, len(values) - 1, 50), ratio))
+    assert result.max() <= 3.0 * OVERSHOOT
+
+
+def test_the_worst_signal_reaches_the_stated_overshoot() -> None:
+    offsets = np.arange(-21, 22)
+    lone = np.array(
+        [windowed_sinc((np.arange(201) == 100 + k).astype(float), np.array([100.5]), 1.0)[0] for k in offsets]
+    )
+    assert 2.0 < np.abs(lone).sum() <= OVERSHOOT
+
+
+def test_the_kernel_reaches_no_further_than_stated() -> None:
+    lone = np.zeros(400)
+    lone[200] = 1.0
+    reached = np.flatnonzero(windowed_sinc(lone, np.arange(400.0) + 1e-9, 1.0))
+    assert 200 - HALF_WIDTH <= reached.min() < reached.max() <= 200 + HALF_WIDTH
+
+
+def test_a_ratio_out_of_range_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"expected rate_ratio to be positive, but got 0\.0"):
+        windowed_sinc(np.ones(5), np.ones(2), 0.0)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_cubic_keeps_between_its_neighbours_and_goes_through_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    at = np.cumsum(rng.uniform(0.001, 1.0, rng.integers(2, 50)))
+    values = rng.normal(size=len(at))
+    wanted = np.sort(rng.uniform(at[0], at[-1], 100))
+    result = shape_preserving_cubic(at, values, wanted)
+    right = np.clip(np.searchsorted(at, wanted), 1, len(at) - 1)
+    lower, upper = np.minimum(values[right - 1], values[right]), np.maximum(values[right - 1], values[right])
+    assert (result >= lower - 1e-9).all()
+    assert (result <= upper + 1e-9).all()
+    np.testing.assert_allclose(shape_preserving_cubic(at, values, at), values, atol=1e-9)
+
+
+def test_the_cubic_never_extrapolates() -> None:
+    values = shape_preserving_cubic(np.array([1.0, 2.0, 3.0]), np.array([5.0, 6.0, 8.0]), np.array([0.0, 9.0]))
+    np.testing.assert_allclose(values, [5.0, 8.0])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_filling_looks_at_neighbours_only_and_leaves_samples_as_they_are(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    numbers = np.cumsum(rng.choice([1, 1, 1, 1, 2, 3], rng.integers(2, 60)))
+    values = rng.normal(size=len(numbers))
+    filled = fill_lost(numbers, values)
+    np.testing.assert_array_equal(filled[numbers - numbers[0]], values)
+    every = np.arange(numbers[0], numbers[-1] + 1).astype(float)
+    np.testing.assert_allclose(filled, shape_preserving_cubic(numbers.astype(float), values, every), atol=1e-12)
