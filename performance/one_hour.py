@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 from tqdm import tqdm
+from training_framework import TorchNetwork, scikit_learn_forest
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.deployment.fmu.exporting import export_fmu
-from cylinder_friction.deployment.latency.rebuilt import TorchNetwork, scikit_learn_forest
 from cylinder_friction.deployment.onnx_graphs.export import export_onnx
 from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_step
 from cylinder_friction.estimators.front_end import FrontEndBlock

@@ -13,8 +13,8 @@ from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.from_hybrid import step_model
-from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
 from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -53,10 +53,10 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser("ui", help="open the MLflow UI on the runs").set_defaults(run=_ui)
     _add_golden_commands(commands)
     _add_export_commands(commands)
-    bench = commands.add_parser("bench", help="measure what one estimate costs in every runtime, on one core")
-    bench.add_argument("models", nargs="*", type=Path, help="folders of hybrids and LuGre; without: the pipeline's own")
-    bench.add_argument("--steps", type=int, default=100_000, help="timed steps of each runtime, as far as time allows")
-    bench.set_defaults(run=_bench)
+    latency = commands.add_parser("latency", help="measure the cost of one step in every runtime on this machine")
+    latency.add_argument("models", nargs="*", type=Path, help="folders of estimators; without: the pipeline's own")
+    latency.add_argument("--steps", type=int, default=100_000, help="timed steps per runtime, as far as time allows")
+    latency.set_defaults(run=_latency)
     serve = commands.add_parser("serve", help="serve the champion and print a curl to try")
     serve.add_argument("--model", default="models:/friction-estimator@champion")
     serve.set_defaults(run=_serve)
@@ -175,15 +175,15 @@ def _golden(options: argparse.Namespace) -> int:
     return 0
 
 
-def _bench(options: argparse.Namespace) -> int:
-    from cylinder_friction.commands.latency import bench
+def _latency(options: argparse.Namespace) -> int:
+    from cylinder_friction.commands.latency import measure_latency
     from cylinder_friction.deployment.c_export.compiled import NoCompilerError
     from cylinder_friction.deployment.latency.measuring import Effort
 
     try:
-        print(bench(options.models, Effort(options.steps, instructions=True)))
+        print(measure_latency(options.models, Effort(options.steps)))
     except (NoCompilerError, ValueError) as error:
-        print(f"cylinder-friction bench: {error}", file=sys.stderr)
+        print(f"cylinder-friction latency: {error}", file=sys.stderr)
         return 1
     return 0
 

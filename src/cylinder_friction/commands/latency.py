@@ -1,4 +1,4 @@
-"""Not a stage: what one estimate costs in every runtime, measured by an explicit command."""
+"""The command ``latency``: measure the cost of one estimate in every runtime on this machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
 from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
-from cylinder_friction.deployment.latency.verdicts import verdicts_on
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
@@ -34,20 +33,20 @@ LATENCY_FILE = REPORTS_FOLDER / "latency.json"
 RUN_FILE = RUNS_FOLDER / "latency.json"
 FOLDERS = (HYBRID_FOLDER, PAPER_HYBRID_FOLDER, LUGRE_FOLDER / "lugre")
 RECORDINGS = 4
-"""Test recordings whose samples the estimators are given."""
+"""Number of test recordings whose samples are taken."""
 
 
-def bench(folders: Sequence[Path], effort: Effort) -> str:
-    """Measure models, writes ``reports/latency.json`` and its run, tells MLflow, and returns the tables.
+def measure_latency(folders: Sequence[Path], effort: Effort) -> str:
+    """Measure models, write ``reports/latency.json``, log the run to MLflow, and return the tables.
 
     Args:
-        folders: Of hybrids and LuGre; none for the pipeline's own.
+        folders: Of trained estimators; none for the pipeline's own.
         effort: How much is measured.
 
     Raises:
         FileNotFoundError: A model or the test recordings are not there.
         NoCompilerError: There is no C compiler.
-        ValueError: A model is of a kind that has no such step.
+        ValueError: A model cannot be exported.
     """
     chosen = list(folders) or list(FOLDERS)
     recordings = read_recordings(PROCESSED_FOLDERS["test"])[:RECORDINGS]
@@ -63,7 +62,7 @@ def bench(folders: Sequence[Path], effort: Effort) -> str:
 
 
 def run_record(measured: Measured) -> RunRecord:
-    """Return what MLflow is told; ``reports/latency.json`` and the test recordings must be there."""
+    """Return the run that is logged to MLflow; ``reports/latency.json`` and the test recordings must be there."""
     effort, quiet = measured.effort, measured.quiet
     return RunRecord(
         name="latency",
@@ -77,10 +76,7 @@ def run_record(measured: Measured) -> RunRecord:
             **{f"{name}.size": model.size for name, model in measured.models.items()},
         },
         metrics=metrics_of(measured),
-        tags={
-            "verdicts": "\n".join(verdict.line() for verdict in verdicts_on(measured)),
-            "quiet": "unknown" if quiet.is_quiet is None else str(quiet.is_quiet).lower(),
-        },
+        tags={"quiet": "unknown" if quiet.is_quiet is None else str(quiet.is_quiet).lower()},
         artifacts=artifacts(LATENCY_FILE),
         datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
     )

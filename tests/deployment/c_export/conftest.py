@@ -16,8 +16,8 @@ from cylinder_friction.deployment.c_export.models import part_of
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.from_hybrid import step_model
-from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
 from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
 if TYPE_CHECKING:
     from collections.abc import Callable

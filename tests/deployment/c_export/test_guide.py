@@ -13,8 +13,8 @@ import pytest
 
 from cylinder_friction.commands.cli import main
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.golden import MODEL_FOLDER
 from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.testing.golden import MODEL_FOLDER
 from deployment.c_export.conftest import GOLDEN
 
 if TYPE_CHECKING:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.realtime.from_hybrid import step_model
-from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
 if TYPE_CHECKING:
     import numpy as np
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
 
+STEPS = 50
 GOLDEN = Path(__file__).parents[2] / "golden"
 
 
@@ -28,11 +29,6 @@ def hybrid() -> HybridEstimator:
     estimator = load_estimator(GOLDEN / MODEL_FOLDER)
     assert isinstance(estimator, HybridEstimator)
     return estimator
-
-
-@pytest.fixture(scope="session")
-def model(hybrid: HybridEstimator) -> StepModel:
-    return step_model(hybrid)
 
 
 @pytest.fixture(scope="session")
@@ -45,3 +41,10 @@ def lugre(cylinder: Cylinder, labelled_recordings: list[Recording]) -> LugreEsti
 @pytest.fixture(scope="session")
 def samples() -> np.ndarray:
     return read_trajectories(GOLDEN)["stick_slip_reversals"].samples[:400]
+
+
+@pytest.fixture(scope="session")
+def measured(hybrid: HybridEstimator, lugre: LugreEstimator, samples: np.ndarray) -> Measured:
+    if shutil.which("gcc") is None:
+        pytest.skip("there is no C compiler")
+    return measure({"small": hybrid, "lugre": lugre}, samples, Effort(steps=STEPS, rounds=5, seconds=60.0))

@@ -12,8 +12,8 @@ import pytest
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.forest import fit_forest, forest_from_onnx
 from cylinder_friction.realtime.from_hybrid import step_model
-from cylinder_friction.realtime.golden import MODEL_FOLDER, read_trajectories
 from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel

@@ -18,7 +18,7 @@ from cylinder_friction.commands.cli import main
 from cylinder_friction.deployment.onnx_graphs.export import export_model, export_onnx
 from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_step
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.realtime.golden import MODEL_FOLDER
+from cylinder_friction.testing.golden import MODEL_FOLDER
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -45,19 +45,26 @@ def find_compiler(names: Sequence[str] = COMPILERS) -> str:
 
 
 def compile_library(exported: ExportedC, compiler: str | None = None, options: Sequence[str] = OPTIMISED) -> Path:
-    """Compile an exported source into a shared library beside it, with every warning an error, and returns its path.
+    """Compile an exported source into a shared library beside it, with every warning an error; returns its path.
 
     Raises:
-        NoCompilerError: There is no compiler, or it refused the source; its words are in the message.
+        NoCompilerError: There is no compiler, or it refused the source; its messages are included.
     """
     library = exported.source.with_suffix(".so")
-    command = [compiler or find_compiler(), "-std=c99", *WARNINGS, *options, "-shared", "-fPIC"]
-    done = subprocess.run(  # noqa: S603 - the user's own compiler on a file just written
-        [*command, str(exported.source), "-o", str(library), "-lm"], capture_output=True, text=True, check=False
-    )
-    if done.returncode != 0:
-        raise NoCompilerError(f"{command[0]} refused {exported.source.name}:\n{done.stderr}")
+    compile_shared((exported.source,), library, ("-std=c99", *WARNINGS, *options), compiler)
     return library
+
+
+def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str], compiler: str | None = None) -> None:
+    """Compile sources into a shared library.
+
+    Raises:
+        NoCompilerError: There is no compiler, or it refused a source; its messages are included.
+    """
+    command = [compiler or find_compiler(), *options, "-shared", "-fPIC", *map(str, sources), "-o", str(library), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - the user's compiler
+    if done.returncode != 0:
+        raise NoCompilerError(f"{command[0]} refused {sources[0].name}:\n{done.stderr}")
 
 
 @dataclass(frozen=True)

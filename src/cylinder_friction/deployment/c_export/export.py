@@ -19,6 +19,7 @@ from cylinder_friction.deployment.c_export.models import model_of, part_of
 from cylinder_friction.deployment.c_export.step import GUARD_OPERATIONS, PRELUDE, STEP, guard_fields, step_values
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.recordings.files import write_text
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,6 +42,7 @@ class ExportedC:
         header, source: The two files.
         name: Prefix of every public name.
         model: SHA-256 of every number that a step uses.
+        inputs: Columns that a step takes, in order.
         real: Type of samples and estimates.
         state_bytes: Size of an instance.
         operations: Multiply-adds, comparisons and the like of one step, at worst.
@@ -50,6 +52,7 @@ class ExportedC:
     source: Path
     name: str
     model: str
+    inputs: tuple[str, ...]
     real: Type
     state_bytes: int
     operations: int
@@ -127,6 +130,7 @@ def export_model(
         folder / f"{name}.c",
         name,
         str(values["model"]),
+        SAMPLE_COLUMNS,
         real,
         sum(row[3] for row in rows),
         operations,

@@ -1,1 +1,1 @@
-"""What one estimate costs at batch 1 on one core, in every runtime, in one run, beside the floor of the machine."""
+"""The cost of one estimate, sample by sample on one core, in every runtime and in one run."""

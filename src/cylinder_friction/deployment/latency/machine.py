@@ -1,4 +1,4 @@
-"""Which machine it was, and how quiet it was."""
+"""The machine of a measurement, and how quiet it was."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 QUIET_SHARE = 0.02
-"""More of the core than this taken by others, and the figures are said to be of a busy machine."""
+"""Where others had more of the core than this, the figures are marked as those of a busy machine."""
 
 
 @contextmanager
@@ -37,7 +37,7 @@ def one_core() -> Iterator[int | None]:
 
 @dataclass(frozen=True)
 class Quiet:
-    """What others did on the machine during the measurement; None where the system does not say.
+    """What others did on the machine during the measurement; None where the system gives no such figure.
 
     Attributes:
         core_share: Of the measuring core's time that others had.
@@ -55,7 +55,7 @@ class Quiet:
 
 
 class QuietWatch:
-    """Compares the cores' clocks at its beginning and at ``end``."""
+    """Compares the cores' busy times at its beginning and at ``end``."""
 
     def __init__(self, core: int | None) -> None:
         self._core, self._busy, self._own = core, _busy_seconds(), _own_seconds()

@@ -1,36 +1,33 @@
-"""All contenders of all models in one run: in turns, on one core, so that whatever the machine does hits all alike."""
+"""All runtimes of all models in one run: in turns, on one core, so that disturbances affect all alike."""
 
 from __future__ import annotations
 
 import gc
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 
-from cylinder_friction.deployment.latency.figures import Latency, latency_of
-from cylinder_friction.deployment.latency.floor import Floor, FloorKernels
-from cylinder_friction.deployment.latency.instructions import instructions_per_step
-from cylinder_friction.deployment.latency.line_up import LineUp, line_up
 from cylinder_friction.deployment.latency.machine import Quiet, QuietWatch, machine, one_core, preemptions
+from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, runtimes_of, size_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.deployment.latency.contender import Contender
+    from cylinder_friction.deployment.latency.runtimes import Runtime
     from cylinder_friction.estimators.base import FrictionEstimator
 
     Array = NDArray[np.float64]
     Times = NDArray[np.int64]
+    Peers = Callable[[FrictionEstimator, CompiledRuntime, Array, Path], Sequence[Runtime]]
 
 COMPARED_STEPS = 200
-"""Steps that are taken first: all are checked to estimate the same, compiled and warm."""
+"""First steps, in which all are checked to estimate the same; they compile and warm up what runs."""
 LEAD_IN_STEPS = 20
 """Steps of each turn that are not timed, after the first: they fetch what the others drove out of the caches."""
 
@@ -40,30 +37,65 @@ class Effort:
     """How much is measured.
 
     Attributes:
-        steps: Timed steps of each contender, as far as ``seconds`` allow.
+        steps: Timed steps of each runtime, as far as ``seconds`` allow.
         rounds: Turns into which they are cut.
-        seconds: For one contender.
-        instructions: Whether instructions are counted too, where Valgrind is there.
+        seconds: For one runtime.
     """
 
     steps: int = 100_000
     rounds: int = 20
     seconds: float = 10.0
-    instructions: bool = False
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.rounds < 1 or not self.seconds > 0.0:
             raise ValueError(f"expected at least one step, one round and some time, but got {self}")
 
-    def steps_a_round(self, step_ns: float) -> int:
-        """Return the steps of one turn of a contender that takes ``step_ns`` for one."""
+    def steps_per_round(self, step_ns: float) -> int:
+        """Return the steps of one turn of a runtime that takes ``step_ns`` for one."""
         affordable = 1e9 * self.seconds / max(step_ns, 1.0)
         return max(1, round(min(float(self.steps), affordable) / self.rounds))
 
 
 @dataclass(frozen=True)
-class ContenderFigures:
-    """One contender: its title, its times, and how far it is from what it should estimate [N]."""
+class Latency:
+    """Times of single steps, each figure one that was measured (none is interpolated).
+
+    Attributes:
+        steps: Number of timed steps.
+        p50_us, p99_us, p999_us, maximum_us: Quantiles [µs].
+        first_us: Median of the first steps after other work, which left the caches to itself [µs].
+        preempted: How often the system took the core away meanwhile.
+    """
+
+    steps: int
+    p50_us: float
+    p99_us: float
+    p999_us: float
+    maximum_us: float
+    first_us: float
+    preempted: int
+
+
+def latency_of(steps_ns: Times, first_ns: Times, timer_ns: float, preempted: int = 0) -> Latency:
+    """Return the figures of measured durations, less the time of reading the clock itself.
+
+    Args:
+        steps_ns: Of every timed step, at least one.
+        first_ns: Of the first step of each block, at least one.
+        timer_ns: Between two readings of the clock with nothing between them.
+        preempted: See ``Latency``.
+    """
+    if len(steps_ns) == 0 or len(first_ns) == 0:
+        raise ValueError(f"expected at least one timed step, but got {len(steps_ns)} and {len(first_ns)} first ones")
+    own = np.maximum(np.asarray(steps_ns, dtype=np.float64) - timer_ns, 0.0)
+    p50, p99, p999, maximum = 1e-3 * np.quantile(own, (0.5, 0.99, 0.999, 1.0), method="inverted_cdf")
+    first = 1e-3 * max(float(np.median(first_ns)) - timer_ns, 0.0)
+    return Latency(len(own), float(p50), float(p99), float(p999), float(maximum), first, preempted)
+
+
+@dataclass(frozen=True)
+class RuntimeFigures:
+    """One runtime: its title, its times, and its largest difference from the expected friction [N]."""
 
     title: str
     latency: Latency
@@ -72,15 +104,12 @@ class ContenderFigures:
 
 @dataclass(frozen=True)
 class ModelFigures:
-    """One model; ``instructions`` are of one step of its C, None where nobody counted them."""
+    """One model: its size in words, its runtimes, and the size and cost of its C."""
 
     size: str
-    published: bool
-    contenders: dict[str, ContenderFigures]
-    floor: Floor | None
+    runtimes: dict[str, RuntimeFigures]
     state_bytes: int
     operations: int
-    instructions: float | None
 
 
 @dataclass(frozen=True)
@@ -94,118 +123,108 @@ class Measured:
     machine: dict[str, Any]
 
 
-def measure(estimators: Mapping[str, FrictionEstimator], samples: Array, effort: Effort) -> Measured:
+def measure(
+    estimators: Mapping[str, FrictionEstimator], samples: Array, effort: Effort, peers: Peers | None = None
+) -> Measured:
     """Measure every runtime of every estimator.
 
     Args:
-        estimators: Hybrids and LuGre by name.
-        samples: Raw, shape ``(n, 3)``; taken over and over.
+        estimators: By name.
+        samples: Raw, shape ``(n, inputs)``; taken over and over.
         effort: How much.
+        peers: Gives further runtimes to measure beside those of an estimator, from it, its C, the samples and a
+            folder.
 
     Raises:
         NoCompilerError: There is no C compiler.
-        ValueError: An estimator is of another kind, or there are no samples.
+        ValueError: An estimator cannot be exported, or there are too few samples.
     """
     if len(samples) < COMPARED_STEPS:
         raise ValueError(f"expected at least {COMPARED_STEPS} samples, but got {len(samples)}")
-    with TemporaryDirectory() as folder, one_core() as core, _one_thread():
-        kernels = FloorKernels(Path(folder))
-        line_ups = {
-            name: line_up(each, samples, Path(folder) / f"model{place}")
-            for place, (name, each) in enumerate(estimators.items())
-        }
-        away = {name: _differences(line, estimators[name], samples) for name, line in line_ups.items()}
+    with TemporaryDirectory() as folder, one_core() as core, _no_garbage_collection():
+        turns: dict[str, list[_Turns]] = {}
+        for place, (name, estimator) in enumerate(estimators.items()):
+            own = Path(folder) / f"model{place}"
+            runtimes = list(runtimes_of(estimator, own))
+            if peers is not None:
+                runtimes = [*peers(estimator, _compiled(runtimes), samples, own), *runtimes]
+            turns[name] = _compared(runtimes, estimator, samples)
         watch = QuietWatch(core)
-        everybody = [contender for line in line_ups.values() for contender in line.contenders]
-        times = _in_turns(everybody, samples, effort)
+        _take_turns([turn for each in turns.values() for turn in each], samples, effort)
         quiet = watch.end()
-        floors = {name: None if line.work is None else kernels.floor(line.work) for name, line in line_ups.items()}
-        counted = {
-            name: instructions_per_step(line.exported, samples) if effort.instructions else None
-            for name, line in line_ups.items()
-        }
-        models = {
-            name: _figures(line, times, away[name], floors[name], counted[name]) for name, line in line_ups.items()
-        }
+    models = {name: _figures(estimators[name], each) for name, each in turns.items()}
     return Measured(models, effort, core, quiet, machine())
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    """PyTorch on one thread, and no collection of garbage between two steps."""
-    threads, collects = torch.get_num_threads(), gc.isenabled()
-    torch.set_num_threads(1)
+def _no_garbage_collection() -> Iterator[None]:
+    collects = gc.isenabled()
     gc.collect()
     gc.disable()
     try:
         yield
     finally:
-        torch.set_num_threads(threads)
         if collects:
             gc.enable()
 
 
-def _differences(line: LineUp, estimator: FrictionEstimator, samples: Array) -> dict[str, float]:
-    """Take the first steps; returns how far each is from the estimator itself, or from the first of its window."""
-    expected = {"step": estimator.advance(estimator.new_state(), samples[:COMPARED_STEPS])}
-    result = {}
-    for contender in line.contenders:
-        friction, _ = contender.run(samples[:COMPARED_STEPS])
-        away = np.abs(friction - expected.setdefault(contender.family, friction))
-        result[contender.name] = float(away.max())
+@dataclass
+class _Turns:
+    """One runtime, its largest difference from the expected friction [N], and its times so far."""
+
+    runtime: Runtime
+    largest_difference_n: float
+    steps: int = 0
+    timed: list[Times] = field(default_factory=list)
+    first: list[int] = field(default_factory=list)
+    preempted: int = 0
+
+    def take(self, samples: Array) -> None:
+        _, lead_in = self.runtime.run(samples[:LEAD_IN_STEPS])
+        self.first.append(int(lead_in[0]))
+        left, before = self.steps, preemptions()
+        while left > 0:
+            _, times = self.runtime.run(samples[LEAD_IN_STEPS : LEAD_IN_STEPS + left])
+            self.timed.append(times)
+            left -= len(times)
+        self.preempted += preemptions() - before
+
+
+def _compared(runtimes: Sequence[Runtime], estimator: FrictionEstimator, samples: Array) -> list[_Turns]:
+    """Take the first steps, and compare with the estimator itself, or with the first runtime of another group."""
+    expected = {"estimator": estimator.advance(estimator.new_state(), samples[:COMPARED_STEPS])}
+    result = []
+    for runtime in runtimes:
+        friction, _ = runtime.run(samples[:COMPARED_STEPS])
+        difference = np.abs(friction - expected.setdefault(runtime.group, friction))
+        result.append(_Turns(runtime, float(difference.max())))
     return result
 
 
-@dataclass
-class _Turns:
-    """What one contender's turns gave."""
-
-    steps: int
-    timed: list[Times]
-    first: list[int]
-    preempted: int = 0
-
-
-def _in_turns(contenders: list[Contender], samples: Array, effort: Effort) -> dict[int, Latency]:
-    """Return each contender's latency by its ``id``.
-
-    In every round another one begins, and all start at one place, the rounds' places spread over the samples.
-    """
+def _take_turns(turns: list[_Turns], samples: Array, effort: Effort) -> None:
+    """Begin each round with another runtime, all at one place, the rounds' places spread over the samples."""
     endless = np.concatenate([samples, samples])
-    turns = []
-    for contender in contenders:
-        _, trial = contender.run(samples[:LEAD_IN_STEPS])
-        turns.append(_Turns(effort.steps_a_round(float(np.median(trial))), [], []))
+    for turn in turns:
+        _, trial = turn.runtime.run(samples[:LEAD_IN_STEPS])
+        turn.steps = effort.steps_per_round(float(np.median(trial)))
     for start in range(effort.rounds):
-        for place in range(len(contenders)):
-            which = (start + place) % len(contenders)
-            begin = start * len(samples) // effort.rounds
-            _take_turn(contenders[which], turns[which], endless[begin : begin + len(samples)])
-    return {
-        id(contender): latency_of(np.concatenate(turn.timed), np.array(turn.first), contender.timer_ns, turn.preempted)
-        for contender, turn in zip(contenders, turns, strict=True)
+        begin = start * len(samples) // effort.rounds
+        for place in range(len(turns)):
+            turns[(start + place) % len(turns)].take(endless[begin : begin + len(samples)])
+
+
+def _compiled(runtimes: Sequence[Runtime]) -> CompiledRuntime:
+    return next(each for each in runtimes if isinstance(each, CompiledRuntime))
+
+
+def _figures(estimator: FrictionEstimator, turns: list[_Turns]) -> ModelFigures:
+    exported = _compiled([turn.runtime for turn in turns]).exported
+    runtimes = {
+        turn.runtime.name: RuntimeFigures(
+            turn.runtime.title,
+            latency_of(np.concatenate(turn.timed), np.array(turn.first), turn.runtime.timer_ns, turn.preempted),
+            turn.largest_difference_n,
+        )
+        for turn in turns
     }
-
-
-def _take_turn(contender: Contender, turn: _Turns, samples: Array) -> None:
-    _, lead_in = contender.run(samples[:LEAD_IN_STEPS])
-    turn.first.append(int(lead_in[0]))
-    left, before = turn.steps, preemptions()
-    while left > 0:
-        _, times = contender.run(samples[LEAD_IN_STEPS : LEAD_IN_STEPS + left])
-        turn.timed.append(times)
-        left -= len(times)
-    turn.preempted += preemptions() - before
-
-
-def _figures(
-    line: LineUp, times: dict[int, Latency], away: dict[str, float], floor: Floor | None, instructions: float | None
-) -> ModelFigures:
-    contenders = {
-        contender.name: ContenderFigures(contender.title, times[id(contender)], away[contender.name])
-        for contender in line.contenders
-    }
-    exported = line.exported
-    return ModelFigures(
-        line.size, line.published, contenders, floor, exported.state_bytes, exported.operations, instructions
-    )
+    return ModelFigures(size_of(estimator), runtimes, exported.state_bytes, exported.operations)

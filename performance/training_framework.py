@@ -69,7 +69,7 @@ def _torch_rows(rows: Single) -> Single:
 
 
 def _tree_state(forest: Forest, begin: int, end: int, empty: dict[str, Any], trees: int) -> dict[str, Any]:
-    """Return the state of one tree; scikit-learn's own marks are -1 for no child and -2 for no feature."""
+    """Return the state of one tree; scikit-learn marks with -1 for no child and -2 for no feature."""
     part = slice(begin, end)
     leaf = forest.feature[part] < 0
     nodes = np.zeros(end - begin, dtype=empty["nodes"].dtype)

@@ -1,4 +1,4 @@
-"""Whoever is measured estimates what the estimator does; a window, what a fresh network makes of the last samples."""
+"""Peers estimate what the estimator does; a window, the output of a fresh network on the last samples."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from latency_peers import WINDOW, LugreInNumpy, MachineTail, OnnxWindow, TorchWindow
+from training_framework import scikit_learn_forest
 
-from cylinder_friction.deployment.latency.lugre_numpy import LugreInNumpy
-from cylinder_friction.deployment.latency.rebuilt import scikit_learn_forest
-from cylinder_friction.deployment.latency.window import WINDOW, OnnxWindow, TorchWindow
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import forest_input
 from cylinder_friction.estimators.lugre import PressureLugreEstimator
 from cylinder_friction.realtime.lstm import Lstm
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.realtime.model import StepModel
@@ -43,8 +44,8 @@ def windowed(hybrid: HybridEstimator, model: StepModel, samples: np.ndarray) -> 
 def test_a_window_estimates_what_a_fresh_network_does(
     kind: type[TorchWindow | OnnxWindow], hybrid: HybridEstimator, model: StepModel, samples: np.ndarray
 ) -> None:
-    contender = kind(model)
-    newtons = [contender.step(*sample) for sample in samples[:60].tolist()]
+    peer = kind(model)
+    newtons = [peer.step(*sample) for sample in samples[:60].tolist()]
     np.testing.assert_allclose(newtons, windowed(hybrid, model, samples[:60]), rtol=0.0, atol=0.05)
 
 
@@ -96,3 +97,29 @@ def test_it_scales_with_pressure_where_the_model_does(lugre: LugreEstimator, sam
     stream = LugreInNumpy(scaled)
     newtons = [stream.step(*sample) for sample in samples.tolist()]
     np.testing.assert_allclose(newtons, scaled.advance(scaled.new_state(), samples), rtol=1e-9, atol=1e-9)
+
+
+class Steady:
+    """Reports the time it was given."""
+
+    name, title, group, timer_ns = "steady", "steady", "step", 0.0
+
+    def __init__(self, step_ns: int) -> None:
+        self.step_ns = step_ns
+
+    def run(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(len(samples)), np.full(len(samples), self.step_ns)
+
+
+def test_the_machines_own_tail_is_measured_on_steps_of_the_length_asked_for(
+    samples: np.ndarray, tmp_path: Path
+) -> None:
+    folders = [tmp_path / "short", tmp_path / "long"]
+    for folder in folders:
+        folder.mkdir()
+    short, long = (
+        MachineTail(Steady(step_ns), samples, folder) for step_ns, folder in zip((1_000, 100_000), folders, strict=True)
+    )
+    friction, times = long.run(samples)
+    assert len(times) == len(friction) == len(samples)
+    assert long._links > 20 * short._links > 0

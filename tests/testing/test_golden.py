@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.commands import cli
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.golden import read_trajectories, trace, write_trajectory
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace, write_trajectory
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 
@@ -29,7 +27,8 @@ def test_every_flag_is_raised_somewhere() -> None:
     assert raised == sum(Flag)
 
 
-def test_what_is_written_is_read(model: StepModel, tmp_path: Path) -> None:
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    model = step_model(load_estimator(GOLDEN / MODEL_FOLDER))
     samples = np.array([[np.nan, 1e6, 0.1], [1e6, 1e6, 0.1], [1e6, np.inf, 0.1]])
     trajectory = trace(model, samples)
     for folder in ("one", "other"):

@@ -1,18 +1,29 @@
-"""What no implementation on this core can beat: bytes over cache bandwidth, multiply-adds over their peak."""
+"""The lower bound of a step on this core: bytes over cache bandwidth, multiply-adds over their peak; and instructions.
+
+Instructions of the exported C are counted by Valgrind: the same on a quiet machine and on a busy one.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import platform
+import re
+import shutil
+import subprocess
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.deployment.latency.native import compile_shared
+from cylinder_friction.deployment.c_export.compiled import compile_shared, find_compiler
+from cylinder_friction.deployment.c_export.literals import filled, number
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
+    from cylinder_friction.deployment.c_export.export import ExportedC
     from cylinder_friction.realtime.model import StepModel
 
 OPTIONS = ("-std=gnu99", "-O3", "-march=native", "-ffp-contract=fast")
@@ -89,7 +100,7 @@ double multiply_add_rate(int64_t repeats, float *sink)
 
 @dataclass(frozen=True)
 class Work:
-    """What one step must at least do.
+    """The least work of one step.
 
     Attributes:
         network_bytes, filter_bytes: Of all their weights.
@@ -108,11 +119,11 @@ class Work:
 
 
 @dataclass(frozen=True)
-class Floor:
+class LowerBound:
     """The least time of a step on this core.
 
     Attributes:
-        work: What was counted.
+        work: Counted from the model.
         bytes_per_s: Best reading rate from a buffer of as many bytes.
         multiply_adds_per_s: Best rate in registers.
     """
@@ -130,7 +141,7 @@ class Floor:
         return 1e6 * self.work.multiply_adds / self.multiply_adds_per_s
 
 
-class FloorKernels:
+class LowerBoundKernels:
     """The two measuring loops, compiled.
 
     Raises:
@@ -138,7 +149,7 @@ class FloorKernels:
     """
 
     def __init__(self, folder: Path) -> None:
-        source = folder / "floor.c"
+        source = folder / "lower_bound.c"
         source.write_text(KERNELS, encoding="utf-8")
         compile_shared((source,), source.with_suffix(".so"), OPTIONS)
         loaded = ctypes.CDLL(str(source.with_suffix(".so")))
@@ -147,7 +158,7 @@ class FloorKernels:
         self._multiply.argtypes = [ctypes.c_int64, ctypes.c_void_p]
         self._read.restype = self._multiply.restype = ctypes.c_double
 
-    def floor(self, work: Work) -> Floor:
+    def measure(self, work: Work) -> LowerBound:
         """Measure both rates for this work: the best of many tries, so that what disturbs them does not count."""
         sink, size = _aligned(64), 512 * -(-work.bytes // 512)
         repeats = max(1, TRY_BYTES // size)
@@ -157,11 +168,11 @@ class FloorKernels:
         ]
         sink[:] = 0.5
         adding = [self._multiply(TRY_MULTIPLY_ADDS, sink.ctypes.data) for _ in range(TRIES)]
-        return Floor(work, max(reading), max(adding))
+        return LowerBound(work, max(reading), max(adding))
 
 
 def work_of(model: StepModel) -> Work:
-    """Return what one step of a model must at least do."""
+    """Return the least work of one step of a model."""
     taps = sum(int(np.count_nonzero(bank)) for bank in (model.feature_taps, model.base_taps, model.velocity_taps))
     network = multiply_adds = 0
     if model.network is not None:
@@ -177,3 +188,67 @@ def _aligned(size: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
     raw = np.ones(size // 4 + 16, dtype=np.float32)
     skip = -raw.ctypes.data % 64 // 4
     return raw[skip : skip + size // 4]
+
+
+FEW, MORE = 100, 300
+X86_OPTIONS = ("-march=x86-64-v3",)
+"""The widest instructions that Valgrind knows."""
+
+MAIN = """\
+#include "@name@.h"
+
+#include <stdlib.h>
+
+static const double SAMPLES[][3] = {
+@samples@
+};
+
+int main(int count, char **words)
+{
+    static @name@_state state;
+    @name@_output output = {0};
+    const int steps = count > 1 ? atoi(words[1]) : 0;
+    int row;
+    @name@_init(&state);
+    for (row = 0; row < steps; ++row) {
+        const double *sample = SAMPLES[row];
+        @name@_step(&state, (@name@_real)sample[0], (@name@_real)sample[1], (@name@_real)sample[2], &output);
+    }
+    return output.flags > 255u;
+}
+"""
+
+
+def instructions_per_step(exported: ExportedC, samples: NDArray[np.float64]) -> float | None:
+    """Return the mean number of instructions of a step under ``-O3``; None where Valgrind is not there.
+
+    Args:
+        exported: Return value of ``export_c``.
+        samples: Raw, shape ``(n, 3)``, at least ``MORE`` rows; fewer give None.
+
+    Raises:
+        NoCompilerError: There is no compiler.
+    """
+    valgrind = shutil.which("valgrind")
+    if valgrind is None or len(samples) < MORE:
+        return None
+    rows = ",\n".join("    {" + ", ".join(number(value, "double") for value in row) + "}" for row in samples[:MORE])
+    main = exported.source.with_name("counted.c")
+    main.write_text(filled(MAIN, {"samples": rows, "name": exported.name}), encoding="utf-8")
+    program = main.with_suffix("")
+    wide = X86_OPTIONS if platform.machine() in ("x86_64", "AMD64") else ()
+    sources = (str(exported.source), str(main))
+    command = [find_compiler(), "-std=c99", "-O3", *wide, "-ffp-contract=off", *sources, "-o", str(program), "-lm"]
+    if subprocess.run(command, capture_output=True, check=False).returncode != 0:
+        return None
+    counts = []
+    for steps in (FEW, MORE):
+        counting = [valgrind, "--tool=callgrind", f"--callgrind-out-file={main.with_suffix('.out')}"]
+        done = subprocess.run(
+            [*counting, str(program), str(steps)], capture_output=True, text=True, check=False
+        )
+        found = re.search(r"Collected : (\d+)", done.stderr)
+        if found is None:
+            return None
+        counts.append(int(found[1]))
+    return (counts[1] - counts[0]) / (MORE - FEW)

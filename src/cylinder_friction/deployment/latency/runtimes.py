@@ -1,0 +1,214 @@
+"""The runtimes that are compared: each takes raw samples one at a time and times every step."""
+
+from __future__ import annotations
+
+import ctypes
+from time import perf_counter_ns
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from cylinder_friction.deployment.c_export.compiled import OPTIMISED, WARNINGS, compile_shared
+from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.deployment.c_export.literals import filled
+from cylinder_friction.deployment.onnx_graphs.step import step_graph
+from cylinder_friction.deployment.onnx_graphs.stream import open_step
+from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.realtime.from_hybrid import step_model
+from cylinder_friction.realtime.stream import RealTimeStream
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.deployment.c_export.export import ExportedC
+    from cylinder_friction.estimators.base import FrictionEstimator
+
+    Array = NDArray[np.float64]
+    Times = NDArray[np.int64]
+
+COMPILER_OPTIONS = {"c": OPTIMISED, "c_o2": ("-O2", "-ffp-contract=off"), "c_float": OPTIMISED}
+"""Compiler options of the runtimes that are C; ratios are to ``c``."""
+
+
+class Runtime(Protocol):
+    """One running estimate that times its own steps.
+
+    Attributes:
+        name, title: For the table.
+        group: Runtimes of one group must give the same friction; those of ``estimator`` that of the estimator itself.
+        timer_ns: Time between two readings of its clock with nothing between them.
+    """
+
+    name: str
+    title: str
+    group: str
+    timer_ns: float
+
+    def run(self, samples: Array) -> tuple[Array, Times]:
+        """Take the next samples, shape ``(n, inputs)``; returns friction [N] and the time of each step [ns]."""
+
+
+class PythonRuntime:
+    """A function of one sample, called and timed in Python.
+
+    Args:
+        name, title, group: See ``Runtime``.
+        step: Takes one number per input, by default P1 [Pa], P2 [Pa] and position [m]; returns friction [N].
+    """
+
+    def __init__(self, name: str, title: str, step: Callable[..., float], group: str = "estimator") -> None:
+        self.name, self.title, self.group = name, title, group
+        self._step = step
+        self.timer_ns = float(np.median([-(perf_counter_ns() - perf_counter_ns()) for _ in range(2000)]))
+
+    def run(self, samples: Array) -> tuple[Array, Times]:
+        friction, times = np.empty(len(samples)), np.empty(len(samples), dtype=np.int64)
+        step = self._step
+        for row, sample in enumerate(samples.tolist()):
+            before = perf_counter_ns()
+            value = step(*sample)
+            times[row] = perf_counter_ns() - before
+            friction[row] = value
+        return friction, times
+
+
+CLOCK = """\
+#define _POSIX_C_SOURCE 199309L
+#include <stdint.h>
+#include <time.h>
+
+static int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + (int64_t)now.tv_nsec;
+}
+
+"""
+
+TIMED = (
+    CLOCK
+    + """\
+#include "@name@.h"
+
+void timed_start(@name@_state *state);
+void timed_run(@name@_state *state, const double *samples, int64_t rows, double *friction_n, int64_t *times_ns);
+void timed_nothing(int64_t rows, int64_t *times_ns);
+
+void timed_start(@name@_state *state)
+{
+    @name@_init(state);
+}
+
+void timed_run(@name@_state *state, const double *samples, int64_t rows, double *friction_n, int64_t *times_ns)
+{
+    int64_t row;
+    for (row = 0; row < rows; ++row, samples += @inputs@) {
+        @name@_output output;
+        const int64_t before = now_ns();
+        @name@_step(state, @sample@, &output);
+        times_ns[row] = now_ns() - before;
+        friction_n[row] = (double)output.friction_n;
+    }
+}
+
+void timed_nothing(int64_t rows, int64_t *times_ns)
+{
+    int64_t row;
+    for (row = 0; row < rows; ++row) {
+        const int64_t before = now_ns();
+        times_ns[row] = now_ns() - before;
+    }
+}
+"""
+)
+
+
+class CompiledRuntime:
+    """An exported estimator with the loop and the clock around its step in C too: Python is not part of the time.
+
+    Args:
+        name, title: See ``Runtime``.
+        exported: Return value of ``export_c``.
+        options: Of the compiler.
+
+    Raises:
+        NoCompilerError: There is no compiler, or it refused the source.
+    """
+
+    group = "estimator"
+
+    def __init__(self, name: str, title: str, exported: ExportedC, options: Sequence[str]) -> None:
+        self.name, self.title, self.exported = name, title, exported
+        driver = exported.source.with_name(f"{exported.name}_timed.c")
+        sample = ", ".join(f"({exported.name}_real)samples[{index}]" for index in range(len(exported.inputs)))
+        values = {"name": exported.name, "inputs": len(exported.inputs), "sample": sample}
+        driver.write_text(filled(TIMED, values), encoding="utf-8")
+        library = exported.source.with_name(f"{name}.so")
+        compile_shared((exported.source, driver), library, ("-std=c99", *WARNINGS, *options))
+        self._c = ctypes.CDLL(str(library))
+        self._state = np.zeros(-(-exported.state_bytes // 8), dtype=np.float64)  # doubles: C wants their alignment
+        self.restart()
+        times = np.zeros(10_000, dtype=np.int64)
+        self._c.timed_nothing(ctypes.c_int64(len(times)), _address(times))
+        self.timer_ns = float(np.median(times))
+
+    def restart(self) -> None:
+        """Forget every sample."""
+        self._c.timed_start(_address(self._state))
+
+    def run(self, samples: Array) -> tuple[Array, Times]:
+        samples = np.ascontiguousarray(samples, dtype=np.float64)
+        friction, times = np.zeros(len(samples)), np.zeros(len(samples), dtype=np.int64)
+        rows = ctypes.c_int64(len(samples))
+        self._c.timed_run(_address(self._state), _address(samples), rows, _address(friction), _address(times))
+        return friction, times
+
+
+def _address(array: NDArray[np.generic]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def runtimes_of(estimator: FrictionEstimator, folder: Path) -> tuple[Runtime, ...]:
+    """Return every runtime of an estimator, each in a fresh state; the C in double precision is ``c``.
+
+    Args:
+        estimator: A fitted estimator that can be exported.
+        folder: For compiled files.
+
+    Raises:
+        NoCompilerError: There is no C compiler.
+        ValueError: The estimator cannot be exported.
+    """
+    single = export_c(estimator, folder / "float", precision="float")
+    double = export_c(estimator, folder / "double")
+    compiled = (
+        CompiledRuntime("c", "C, double filters, -O3 -march=native", double, COMPILER_OPTIONS["c"]),
+        CompiledRuntime("c_o2", "C, double filters, -O2", double, COMPILER_OPTIONS["c_o2"]),
+        CompiledRuntime("c_float", "C, all single precision, -O3 -march=native", single, COMPILER_OPTIONS["c_float"]),
+    )
+    if isinstance(estimator, LugreEstimator):
+        return (PythonRuntime("python", "Python, estimator.stream()", estimator.stream().step), *compiled)
+    model = step_model(estimator)
+    onnx, python = open_step(step_graph(model)), RealTimeStream(model)
+    return (
+        PythonRuntime("onnx_step", "ONNX Runtime, step graph", lambda *sample: onnx.step(*sample)[0]),
+        PythonRuntime("python", "Python, estimator.real_time()", lambda *sample: python.step(*sample)[0]),
+        *compiled,
+    )
+
+
+def size_of(estimator: FrictionEstimator) -> str:
+    """Return the size of an estimator's network and forest in words, or its kind where it has neither."""
+    if isinstance(estimator, LugreEstimator):
+        return "LuGre, pressure-scaled" if estimator.pressure_scaled else "LuGre"
+    model = step_model(estimator)
+    parts = []
+    if model.network is not None:
+        parts.append(f"{model.network.layers}x{model.network.nodes} LSTM")
+    if model.forest is not None:
+        parts.append(f"{len(model.forest.roots)} trees of depth {model.forest.depth}")
+    return ", ".join(parts) or estimator.kind.replace("_", " ")

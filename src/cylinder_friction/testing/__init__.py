@@ -1,0 +1,1 @@
+"""Contract suites and golden trajectories that any estimator can be tested with."""

@@ -1,0 +1,177 @@
+"""Golden trajectories: raw samples and the reference's outputs, recorded once and kept, which every runtime must meet.
+
+They are cut from recordings, and some are then corrupted as sensors and loggers corrupt them. All figures below count
+rows of a recording at 200 Hz.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
+
+    Array = NDArray[np.float64]
+
+MODEL_FOLDER = "model"
+"""Folder of the model beside the trajectories."""
+ROWS = 1000
+REST_M_S = 1e-3
+SATURATED_PA = 9e6
+END_STOP_PA = 6e6
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Inputs and expected outputs.
+
+    Attributes:
+        samples: One column per input of the model, by default pressure 1 [Pa], pressure 2 [Pa] and position [m], shape
+            ``(n, inputs)``; NaN and infinity occur.
+        newtons: Friction, lower and upper bound [N], shape ``(n, 3)``.
+        flags: Shape ``(n,)``.
+    """
+
+    samples: Array
+    newtons: Array
+    flags: NDArray[np.int64]
+
+
+def trace(model: StepModel, samples: Array) -> Trajectory:
+    """Return the reference's outputs for samples, shape ``(n, inputs)``."""
+    stream = ReferenceStream(model)
+    outputs = [stream.step(*sample) for sample in samples]
+    return Trajectory(
+        samples,
+        np.array([output[:3] for output in outputs]).reshape(-1, 3),
+        np.array([output.flags for output in outputs], dtype=np.int64),
+    )
+
+
+def write_trajectory(folder: Path, name: str, trajectory: Trajectory) -> None:
+    """Write ``<name>.npz``; equal trajectories make equal bytes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(
+        folder / f"{name}.npz",
+        samples=trajectory.samples,
+        newtons=trajectory.newtons,
+        flags=trajectory.flags.astype(np.uint32),
+    )
+
+
+def read_trajectories(folder: Path) -> dict[str, Trajectory]:
+    """Return the trajectories of a folder by name.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    found = {}
+    for path in sorted(folder.glob("*.npz")):
+        with np.load(path, allow_pickle=False) as stored:
+            found[path.stem] = Trajectory(stored["samples"], stored["newtons"], stored["flags"].astype(np.int64))
+    if not found:
+        raise FileNotFoundError(f"{folder}: holds no golden trajectory (.npz); run `cylinder-friction golden record`")
+    return found
+
+
+def golden_samples(recordings: list[Recording]) -> dict[str, Array]:
+    """Return the raw samples of every trajectory by name, each of shape ``(n, 3)``.
+
+    Raises:
+        RecordingError: The recordings are too short.
+    """
+    if not recordings or max(map(len, recordings)) < 2 * ROWS:
+        raise RecordingError(f"golden trajectories are cut from recordings of at least {2 * ROWS} rows; got none")
+    moving = [np.abs(recording.column("velocity_m_s")) > REST_M_S for recording in recordings]
+    turns = [_turns(recording, moves) for recording, moves in zip(recordings, moving, strict=True)]
+    speeds = [np.abs(recording.column("velocity_m_s")) for recording in recordings]
+    rests = [(~moves).astype(np.float64) for moves in moving]
+    fast, resting = _busiest(recordings, speeds, 2 * ROWS), _busiest(recordings, rests, ROWS)
+    return {
+        "stick_slip_reversals": _busiest(recordings, turns, 3 * ROWS // 2),
+        "long_hold": np.concatenate([fast[:300], np.tile(fast[299], (3 * ROWS // 2, 1))]),
+        "pressure_steps": _stepped(resting),
+        "saturation": _saturated(fast[:ROWS]),
+        "end_stop": _stopped(recordings),
+        "bad_samples": _corrupted(fast),
+        "frozen": _frozen(fast),
+    }
+
+
+def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
+    """Return 1 where the piston first moves against its last motion, else 0."""
+    rows = np.flatnonzero(moving)
+    direction = np.sign(recording.column("velocity_m_s")[rows])
+    result = np.zeros(len(moving))
+    result[rows[1:][direction[1:] != direction[:-1]]] = 1.0
+    return result
+
+
+def _busiest(recordings: list[Recording], measures: list[Array], rows: int) -> Array:
+    """Return the samples of the window in which a measure, one value per row, has the largest sum."""
+    best, chosen = -1.0, np.empty((0, 3))
+    for recording, measure in zip(recordings, measures, strict=True):
+        sums = np.convolve(measure, np.ones(rows), "valid")
+        if len(recording) >= rows and sums.max() > best:
+            start = int(sums.argmax())
+            best, chosen = float(sums.max()), recording.samples()[start : start + rows]
+    return chosen
+
+
+def _stepped(samples: Array) -> Array:
+    """Return pressure steps on a resting piston: one chamber, then both."""
+    result = samples.copy()
+    result[700:760, 0] += 2e6
+    result[800:900, :2] += 1e6
+    return result
+
+
+def _saturated(samples: Array) -> Array:
+    """Return pressure transducers at the end of their range while the piston moves."""
+    result = samples.copy()
+    result[:, :2] = np.minimum(4.0 * result[:, :2], SATURATED_PA)
+    return result
+
+
+def _stopped(recordings: list[Recording]) -> Array:
+    """Return a motion up to the largest position, then a pressure that rises while the position cannot change."""
+    recording = max(recordings[:4], key=lambda each: float(each.samples()[ROWS // 2 : -1, 2].max()))
+    samples = recording.samples()
+    end = ROWS // 2 + int(samples[ROWS // 2 : -1, 2].argmax())
+    stop = np.tile(samples[end], (700, 1))
+    stop[:100, 0] = np.linspace(samples[end, 0], END_STOP_PA, 100)
+    stop[100:, 0] = END_STOP_PA
+    return np.concatenate([samples[end - 300 : end], stop, samples[end : end - 100 : -1]])
+
+
+def _corrupted(samples: Array) -> Array:
+    """Return invalid values from the first row on: in one channel, in two, in all."""
+    result = samples.copy()
+    result[0, 0], result[1, 2], result[2:4] = np.nan, -np.inf, np.nan
+    result[650, 0] = np.nan
+    result[700:720, 1] = np.inf
+    result[760:800, 2] = 1e3
+    result[850:900] = np.nan
+    result[900:905, :2] = -1e12
+    result[1200:1203, 1] = 5e7
+    return result
+
+
+def _frozen(samples: Array) -> Array:
+    """Return a pressure that stays constant while the piston moves, then the other, then both."""
+    result = samples.copy()
+    result[200:400, 0] = result[200, 0]
+    result[500:600, 1] = result[500, 1]
+    result[700:1000, :2] = result[700, :2]
+    return result
