@@ -20,9 +20,9 @@ from cylinder_friction.stages._stage import (
     hash_of,
 )
 from cylinder_friction.tracking.run_record import BENCHMARK, RunRecord
+from friction_benchmark.conclusions import findings_of
 from friction_benchmark.conducting import run_benchmark
 from friction_benchmark.data import Sizes, Sources
-from friction_benchmark.findings import findings_of
 from friction_benchmark.programme import Programme
 from friction_benchmark.report.write import write_report
 from friction_benchmark.running import Bench

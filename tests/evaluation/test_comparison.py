@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare, with_gaps
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, with_gaps
 from cylinder_friction.evaluation.metric_tree import flat_metrics, metric_tree
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -74,15 +74,9 @@ def test_with_gaps_puts_unusable_zeros_between_parts():
     assert usable.tolist() == [True, False, False, False, True, False, False]
 
 
-def settings() -> ComparisonSettings:
-    from cylinder_friction.evaluation.strata import StrataLimits
-
-    return ComparisonSettings(StrataLimits(0.001, 0.008, 0.1), 0.05, 10, 0.5, 0)
-
-
 def test_nothing_to_compare_is_refused(strokes):
     with pytest.raises(RecordingError, match="got 0 estimators and 8 held-out recordings"):
-        compare({}, strokes, {}, settings(), progress=False)
+        compare({}, strokes, progress=False)
 
 
 def test_truth_of_another_length_is_refused(compared, strokes):
@@ -91,5 +85,19 @@ def test_truth_of_another_length_is_refused(compared, strokes):
 
 
 def test_an_estimate_that_is_not_finite_is_refused_by_name(compared):
-    with pytest.raises(RecordingError, match="test 1, hybrid against the label: estimate is nan at row 10"):
+    with pytest.raises(RecordingError, match="condition 1, hybrid against the label: estimate is nan at row 10"):
         compared(hybrid=float("nan"), lugre=1.0)
+
+
+def test_it_prints_as_a_table_with_the_denominator_in_the_head(compared, strokes):
+    truth = {recording.name: recording.column("friction_n") + 5.0 for recording in strokes}
+    comparison = compared(truth, hybrid=3.0, **{"<LuGre>": -30.0})
+    words = repr(comparison)
+    assert words.startswith("Mean absolute error against the label:\n")
+    assert "condition 1 [% of mean |label| = 300 N]" in words
+    assert "condition 4 [% of mean |truth| = " in words
+    assert "1.00 % (3.0 N)" in words
+    html = comparison._repr_html_()
+    assert html.count("<table") == 2
+    assert "&lt;LuGre&gt;" in html
+    assert "true friction" not in repr(compared(hybrid=3.0))

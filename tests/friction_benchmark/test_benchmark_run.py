@@ -10,9 +10,9 @@ import pytest
 
 from cylinder_friction.evaluation.strata import StrataLimits
 from friction_benchmark import running
+from friction_benchmark.conclusions import findings_of
 from friction_benchmark.conducting import run_benchmark
 from friction_benchmark.data import Sources
-from friction_benchmark.findings import findings_of
 from friction_benchmark.programme import Programme
 from friction_benchmark.running import Bench
 from friction_benchmark.scoring import ScoreSettings

@@ -9,15 +9,15 @@ import plotly.graph_objects as go
 import pytest
 from plotly.offline import get_plotlyjs
 
-from cylinder_friction.evaluation.findings import look_into
+from cylinder_friction.evaluation.analysis import analyse
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve, agreement, excerpt, histogram, velocity_profile
-from cylinder_friction.reporting.figures.all_figures import all_figures
-from cylinder_friction.reporting.figures.style import png_bytes
+from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.plot_data import plot_tables
 from cylinder_friction.reporting.report.audit import audit_table
 from cylinder_friction.reporting.report.page import Page
 from cylinder_friction.reporting.report.report import ReportInputs, report_html
+from cylinder_friction.reporting.style import png_bytes
 
 AUDIT = {
     "rts": {"all": {"steady": {"mae_n": 6.5}, "events": {"mae_n": 24.0}}, "1": {"steady": {"mae_n": 77.25}}},
@@ -26,21 +26,21 @@ AUDIT = {
 
 
 @pytest.fixture(scope="module")
-def findings(compared, curves, strokes):
+def analysis(compared, curves, strokes):
     truth = {recording.name: recording.column("friction_n") + 1.0 for recording in strokes}
     comparison = compared(truth, lugre=(30.0, 9.0), ridge=(1.0, 1.0), paper_hybrid=(9.0, 4.0), hybrid=(3.0, 2.0))
-    return look_into(comparison, "hybrid", "lugre", curves, 4.0, 50)
+    return analyse(comparison, "hybrid", "lugre", curves, 4.0, 50)
 
 
 @pytest.fixture(scope="module")
-def page(findings):
+def page(analysis):
     times = {"hybrid": StepTime(10, 2e-6, 5e-6, 9e-6)}
-    return report_html(findings, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT))
+    return report_html(analysis, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT))
 
 
 @pytest.mark.slow
-def test_every_figure_is_there_and_equal_data_are_equal_bytes(findings):
-    figures = all_figures(findings)
+def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
+    figures = all_figures(analysis)
     assert set(figures) == {
         "figure5_learning_curve",
         "figure6_friction_over_time",
@@ -55,7 +55,7 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(findings):
         "friction_against_velocity",
     }
     first = {name: png_bytes(figure) for name, figure in figures.items()}
-    second = {name: png_bytes(figure) for name, figure in all_figures(findings).items()}
+    second = {name: png_bytes(figure) for name, figure in all_figures(analysis).items()}
     assert first == second
     for content in first.values():
         assert content.startswith(b"\x89PNG")
@@ -63,7 +63,7 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(findings):
 
 
 def test_without_truth_there_is_no_truth_figure_and_the_report_says_so(compared, curves):
-    bare = look_into(compared(hybrid=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
+    bare = analyse(compared(hybrid=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
     assert "errors_by_condition_truth" not in all_figures(bare)
     page = report_html(bare, ReportInputs({}, {}, {}, None))
     assert "True friction is not known for these recordings." in page
@@ -97,7 +97,7 @@ def test_every_link_of_the_contents_leads_to_a_section(page):
     assert all(f'id="{link}"' in page for link in links)
 
 
-def test_the_report_holds_its_tables_figures_and_words(page, findings):
+def test_the_report_holds_its_tables_figures_and_words(page, analysis):
     own = page.replace(get_plotlyjs(), "")
     for words in ("Table I:", "Table II:", "Table II, against true friction", "Table III", "Label audit", "Ljung–Box"):
         assert words in own
@@ -107,15 +107,15 @@ def test_the_report_holds_its_tables_figures_and_words(page, findings):
     assert own.count("draw(&quot;") == 0
     assert own.count('<script>draw("figure-') == 9
     assert "ridge on lagged samples is better in tests 1, 2, 3 and 4" in own
-    percent = findings.comparison.percent("hybrid", "1")
+    percent = analysis.comparison.percent("hybrid", "1")
     assert f"{percent:.2f} %" in own
 
 
 def test_text_from_recordings_cannot_break_the_page(compared, curves, strokes):
     comparison = compared(**{"hybrid": 1.0, "lugre": 2.0, "</script><b>": 3.0})
-    page = report_html(
-        look_into(comparison, "hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, None)
-    ).replace(get_plotlyjs(), "")
+    page = report_html(analyse(comparison, "hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, None)).replace(
+        get_plotlyjs(), ""
+    )
     assert "</script><b>" not in page
 
 
@@ -137,13 +137,13 @@ def test_the_audit_shows_all_tests_at_once_first_and_each_in_a_fold(page):
     assert audit.index("9.00") < audit.index("<details>") < audit.index("77.25")
 
 
-def test_an_audit_without_truth_says_its_note(findings):
-    page = report_html(findings, ReportInputs({}, {}, {}, {"note": "true friction is unknown here"}))
+def test_an_audit_without_truth_says_its_note(analysis):
+    page = report_html(analysis, ReportInputs({}, {}, {}, {"note": "true friction is unknown here"}))
     assert "true friction is unknown here" in page
 
 
-def test_plot_tables_have_equal_columns_in_every_row(findings):
-    tables = plot_tables(findings)
+def test_plot_tables_have_equal_columns_in_every_row(analysis):
+    tables = plot_tables(analysis)
     assert {"learning_curve_hybrid.csv", "errors_by_condition.csv", "residuals_lugre.csv"} <= set(tables)
     for text in tables.values():
         assert len({line.count(",") for line in text.splitlines()}) == 1
@@ -182,7 +182,7 @@ def test_a_learning_curve_that_is_not_one_is_refused():
 
 def test_an_unknown_main_estimator_is_refused_by_name(compared, curves):
     with pytest.raises(KeyError, match="'hybrid' was not compared"):
-        look_into(compared(ridge=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
+        analyse(compared(ridge=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
 
 
 def test_steps_are_timed_one_at_a_time_and_a_slow_estimator_is_cut_short(strokes, labelled_recordings, cylinder):

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from cylinder_friction.evaluation.timing import StepTime
-from cylinder_friction.reporting.summary import summary, winner
-from cylinder_friction.reporting.tables import (
+from cylinder_friction.reporting.comparison_tables import (
     cost_table,
     data_table,
     error_table,
     hyperparameter_table,
     markdown_tables,
 )
+from cylinder_friction.reporting.summary import summary, winner
 
 
 def test_a_hybrid_that_wins_everywhere_is_said_to(compared):
@@ -28,7 +28,9 @@ def test_a_ridge_that_wins_is_said_to(compared):
     words = summary(comparison, "hybrid")
     assert [winner(comparison.label, condition) for condition in comparison.conditions] == ["ridge"] * 4
     assert words[0].endswith("in 0 of 4 tests: ridge on lagged samples is better in tests 1, 2, 3 and 4.")
-    assert any(s.startswith("Test 1: ridge on lagged samples has the smallest error, 0.33 % (1.0 N)") for s in words)
+    assert any(
+        s.startswith("condition 1: ridge on lagged samples has the smallest error, 0.33 % (1.0 N)") for s in words
+    )
     expected = "The hybrid does not beat ridge on lagged samples in any test: it is behind by 0.33 to 0.67 percentage"
     assert any(sentence.startswith(expected) for sentence in words)
     assert any(sentence.startswith("The hybrid beats LuGre in every test") for sentence in words)
@@ -62,7 +64,7 @@ def test_the_error_table_states_its_denominator_and_marks_the_smallest(compared,
     table = error_table((comparison := compared(hybrid=1.0, lugre=40.0)).label, comparison.conditions, "label", True)
     labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.condition == "1"])
     denominator = np.abs(labels).mean()
-    assert table.head[1] == f"Test 1 [% of mean |label| = {denominator:.0f} N]"
+    assert table.head[1] == f"condition 1 [% of mean |label| = {denominator:.0f} N]"
     assert table.rows[0][1] == f"{100 / denominator:.2f} % (1.0 N)"
     assert table.rows[1][1] == f"{4000 / denominator:.2f} % (40.0 N)"
     assert table.best == {(0, 1), (0, 2), (0, 3), (0, 4)}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from tqdm import tqdm
 
 from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 LABEL_ITSELF = "label"
-"""In the scores against truth: the off-line label, which looks ahead, judged like an estimate."""
+"""In the scores against truth: the off-line label, which looks ahead, scored like an estimate."""
 
 
 @dataclass(frozen=True)
@@ -33,26 +34,26 @@ class ComparisonSettings:
     """How estimators are compared.
 
     Attributes:
-        limits: Where the strata end.
+        limits: Limits of the strata.
         maximum_lag_s: Shifts tried when looking for an estimate's lag [s].
         bootstrap_repeats: Draws of the block bootstrap.
-        bootstrap_block_s: Length of a block [s]; longer than the residuals remember.
-        seed: Seed of the draws.
+        bootstrap_block_s: Length of a block [s]; longer than the memory of the residuals.
+        seed: Seeds the draws.
     """
 
-    limits: StrataLimits
-    maximum_lag_s: float
-    bootstrap_repeats: int
-    bootstrap_block_s: float
-    seed: int
+    limits: StrataLimits = field(default_factory=StrataLimits)
+    maximum_lag_s: float = 0.2
+    bootstrap_repeats: int = 1000
+    bootstrap_block_s: float = 2.0
+    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One held-out recording and what every estimator said about it; all arrays have shape ``(n,)``.
+    """One held-out recording and every estimate of it; all arrays have shape ``(n,)``.
 
     Attributes:
-        name, test, sample_time_s: Of the recording.
+        name, condition, sample_time_s: Of the recording.
         time_s, velocity_m_s, pressure_1_pa, pressure_2_pa: Of the recording, the velocity from the off-line filter.
         label_n: Friction from the equation of motion [N]; may be NaN where not usable.
         usable: Rows that count.
@@ -75,12 +76,12 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """One estimator in one test against one reference.
+    """One estimator in one condition against one reference.
 
     Attributes:
-        errors: Over all usable rows of the test.
+        errors: Over all usable rows of the condition.
         interval_percent: 95 % interval of ``errors.percent`` by block bootstrap.
-        draws_percent: The draws behind it; those of two estimators in one test are paired.
+        draws_percent: The draws behind it; those of two estimators in one condition are paired.
         lag_s: How late the estimate is [s].
         strata: Errors within each stratum that has a usable row.
     """
@@ -93,21 +94,21 @@ class Score:
 
 
 Scores = dict[str, dict[str, Score]]
-"""By estimator, then by test."""
+"""By estimator, then by condition."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What a comparison found.
+    """Every estimator's errors on the same recordings; prints as a table.
 
     Attributes:
         estimators: Names in the order given.
-        tests: Names of the tests, sorted.
+        conditions: Names of the operating conditions, sorted.
         label: Scores against the label.
         truth: Scores against true friction, with ``LABEL_ITSELF`` as one more name; only of recordings whose truth
-            is known, so a test may be missing, or all.
+            is known, so a condition may be missing, or all.
         multiply_adds: Operations of one step by estimator.
-        traces: Every recording with every estimate; 8 bytes a sample and estimator.
+        traces: Every recording with every estimate; 8 bytes per sample and estimator.
     """
 
     estimators: tuple[str, ...]
@@ -116,6 +117,19 @@ class Comparison:
     truth: Scores
     multiply_adds: dict[str, int]
     traces: tuple[Trace, ...]
+
+    def __repr__(self) -> str:
+        return "\n\n".join(f"{words}:\n{table.to_string()}" for words, table in self._tables())
+
+    def _repr_html_(self) -> str:
+        return "".join(f"<p>{words}</p>{table.to_html(border=0)}" for words, table in self._tables())
+
+    def _tables(self) -> list[tuple[str, pd.DataFrame]]:
+        tables = [("Mean absolute error against the label", error_frame(self.label, self.conditions, "label"))]
+        if self.truth:
+            known = [condition for condition in self.conditions if condition in self.truth[LABEL_ITSELF]]
+            tables.append(("Mean absolute error against true friction", error_frame(self.truth, known, "truth")))
+        return tables
 
     def of_condition(self, condition: str) -> list[Trace]:
         return [trace for trace in self.traces if trace.condition == condition]
@@ -133,32 +147,50 @@ class Comparison:
         )
 
 
+def error_frame(scores: Scores, conditions: Sequence[str], reference: str) -> pd.DataFrame:
+    """Return one row per estimator and one column per condition: percent and newtons, the denominator in the head."""
+    columns = {}
+    for condition in conditions:
+        found = {name: by_condition[condition].errors for name, by_condition in scores.items()}
+        denominator_n = next(iter(found.values())).mean_abs_friction_n
+        columns[f"condition {condition} [% of mean |{reference}| = {denominator_n:.0f} N]"] = {
+            name: f"{each.percent:.2f} % ({each.mae_n:.1f} N)" for name, each in found.items()
+        }
+    return pd.DataFrame(columns)
+
+
 def compare(
     estimators: Mapping[str, FrictionEstimator],
     recordings: Sequence[Recording],
-    truth_n: Mapping[str, Array],
-    settings: ComparisonSettings,
-    progress: bool = True,
+    settings: ComparisonSettings | None = None,
+    truth_n: Mapping[str, Array] | None = None,
+    progress: bool | None = None,
 ) -> Comparison:
-    """Run every estimator over every recording and scores it, one test at a time.
+    """Run every estimator over every recording and score it, one operating condition at a time.
 
     Args:
         estimators: Fitted estimators by name.
         recordings: Held-out recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
-        truth_n: True friction [N] by recording name, shape ``(n,)``; empty where it is not known.
-        settings: How they are compared.
-        progress: Whether a progress bar is shown.
+        settings: How they are compared; None for the defaults.
+        truth_n: True friction [N] by recording name, shape ``(n,)``, as far as it is known.
+        progress: Whether a progress bar is shown; None for a terminal only.
 
     Raises:
-        RecordingError: Nothing to compare on; a test without usable rows or without friction; an estimate or label
-            that is not finite; truth of another length than its recording.
+        RecordingError: Nothing to compare on; a condition without usable rows or without friction; an estimate or
+            label that is not finite; truth of another length than its recording.
     """
+    settings, truth_n = settings or ComparisonSettings(), truth_n or {}
     if not recordings or not estimators:
         raise RecordingError(
             f"nothing to compare: got {len(estimators)} estimators and {len(recordings)} held-out recordings; "
-            "expected at least one of each; check label.split, which holds sessions out"
+            "expected at least one of each; hold at least one session out of training"
         )
-    with tqdm(total=len(recordings) * len(estimators), desc="compare", unit="estimate", disable=not progress) as bar:
+    with tqdm(
+        total=len(recordings) * len(estimators),
+        desc="compare",
+        unit="estimate",
+        disable=None if progress is None else not progress,
+    ) as bar:
         traces = tuple(_trace(estimators, recording, truth_n.get(recording.name), bar) for recording in recordings)
     conditions = tuple(sorted({trace.condition for trace in traces}))
     label: Scores = {name: {} for name in estimators}
@@ -174,9 +206,9 @@ def compare(
         known = [trace for trace in labelled if trace.truth_n is not None and trace.usable.any()]
         truths = [trace.truth_n for trace in known if trace.truth_n is not None]
         for name in (*estimators, LABEL_ITSELF) if known else ():
-            judged = [trace.label_n if name == LABEL_ITSELF else trace.estimates_n[name] for trace in known]
+            estimates = [trace.label_n if name == LABEL_ITSELF else trace.estimates_n[name] for trace in known]
             where = f"condition {condition}, {name} against the truth"
-            truth.setdefault(name, {})[condition] = _score(where, known, truths, judged, settings)
+            truth.setdefault(name, {})[condition] = _score(where, known, truths, estimates, settings)
     costs = {name: estimator.multiply_adds() for name, estimator in estimators.items()}
     return Comparison(tuple(estimators), conditions, label, truth, costs, traces)
 
@@ -195,7 +227,7 @@ def _trace(
     if truth_n is not None and truth_n.shape != (len(recording),):
         raise RecordingError(
             f"recording {recording.name!r}: true friction has shape {truth_n.shape}, expected ({len(recording)},), "
-            "one value a row; make both again with the record and ingest stages"
+            "one value per row; make both again with the record and ingest stages"
         )
     estimates: dict[str, Array] = {}
     for name, estimator in estimators.items():

@@ -31,15 +31,15 @@ class StrataLimits:
         reversal_window_s: How long after a change of direction a row counts as just after it [s].
     """
 
-    standstill_velocity_m_s: float
-    stribeck_velocity_m_s: float
-    reversal_window_s: float
+    standstill_velocity_m_s: float = 0.001
+    stribeck_velocity_m_s: float = 0.008
+    reversal_window_s: float = 0.1
 
 
 def strata_masks(
     velocity_m_s: NDArray[np.float64], sample_time_s: float, limits: StrataLimits
 ) -> dict[str, NDArray[np.bool_]]:
-    """Return one mask a stratum, each of shape ``(n,)``.
+    """Return one mask per stratum, each of shape ``(n,)``.
 
     A reversal is the first row that moves against the direction of the last row that moved, however long the
     rest between them; its window starts at that row.
@@ -47,7 +47,7 @@ def strata_masks(
     Args:
         velocity_m_s: Velocity from the zero-phase filter [m/s, extension positive], shape ``(n,)``.
         sample_time_s: Time between two rows [s].
-        limits: Where the strata end.
+        limits: Limits of the strata.
     """
     speed = np.abs(velocity_m_s)
     rest = speed <= limits.standstill_velocity_m_s

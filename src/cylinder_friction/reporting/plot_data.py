@@ -13,17 +13,17 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from cylinder_friction.evaluation.findings import Findings
+    from cylinder_friction.evaluation.analysis import Analysis
 
 
-def plot_tables(findings: Findings) -> dict[str, str]:
+def plot_tables(analysis: Analysis) -> dict[str, str]:
     """Return CSV text by file name: learning curves, friction over time, errors by test, residual histograms."""
-    tables = {f"learning_curve_{name}.csv": _learning_curve(findings, name) for name in findings.curves}
-    for index, part in enumerate(findings.excerpts):
+    tables = {f"learning_curve_{name}.csv": _learning_curve(analysis, name) for name in analysis.curves}
+    for index, part in enumerate(analysis.excerpts):
         in_a_file_name = re.sub(r"[^A-Za-z0-9.-]+", "_", part.condition)
-        tables[f"friction_over_time_test_{in_a_file_name}.csv"] = _excerpt(findings, index)
-    tables["errors_by_condition.csv"] = _errors(findings)
-    for name, counted in findings.histograms.items():
+        tables[f"friction_over_time_test_{in_a_file_name}.csv"] = _excerpt(analysis, index)
+    tables["errors_by_condition.csv"] = _errors(analysis)
+    for name, counted in analysis.histograms.items():
         tables[f"residuals_{name}.csv"] = _csv(
             ("residual_n", "density_per_n", "normal_density_per_n"),
             zip(counted.centres_n, counted.density, counted.normal_density, strict=True),
@@ -31,20 +31,20 @@ def plot_tables(findings: Findings) -> dict[str, str]:
     return tables
 
 
-def _learning_curve(findings: Findings, name: str) -> str:
-    curve = findings.curves[name]
+def _learning_curve(analysis: Analysis, name: str) -> str:
+    curve = analysis.curves[name]
     rows = zip(curve.epoch, curve.train_mae_n, curve.validation_mae_n, strict=True)
     return _csv(("epoch", "train_mae_n", "validation_mae_n"), rows)
 
 
-def _excerpt(findings: Findings, index: int) -> str:
-    part = findings.excerpts[index]
+def _excerpt(analysis: Analysis, index: int) -> str:
+    part = analysis.excerpts[index]
     columns = np.column_stack([part.time_s, *part.lines_n.values()])
     return _csv(("time_s", *(f"{name}_n" for name in part.lines_n)), columns[np.isfinite(columns).all(axis=1)])
 
 
-def _errors(findings: Findings) -> str:
-    comparison = findings.comparison
+def _errors(analysis: Analysis) -> str:
+    comparison = analysis.comparison
     rows = []
     for name in comparison.estimators:
         for condition in comparison.conditions:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from cylinder_friction.evaluation.bootstrap import interval
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF
-from cylinder_friction.evaluation.names import phrase, sentence_start
+from cylinder_friction.reporting.estimator_titles import phrase, sentence_start
 from cylinder_friction.reporting.published import PERCENT_BY_TEST, best_percent
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from tqdm import tqdm
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
 from cylinder_friction.estimators.base import DESCRIPTION_FILE, FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
-from cylinder_friction.evaluation.findings import Findings, look_into
 from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.evaluation.timing import StepTime, time_steps
@@ -20,12 +20,12 @@ from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import read_truth
-from cylinder_friction.reporting.figures.all_figures import all_figures
-from cylinder_friction.reporting.figures.style import png_bytes
+from cylinder_friction.reporting.comparison_tables import markdown_tables
+from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.plot_data import plot_tables
 from cylinder_friction.reporting.report.report import ReportInputs, report_html
+from cylinder_friction.reporting.style import png_bytes
 from cylinder_friction.reporting.summary import summary
-from cylinder_friction.reporting.tables import markdown_tables
 from cylinder_friction.stages._stage import (
     AUDIT_FOLDER,
     BASELINES_FOLDER,
@@ -72,19 +72,19 @@ def run(params: Params) -> RunRecord:
     recordings = read_recordings(PROCESSED_FOLDERS["test"])
     estimators = load_estimators()
     truth_n = known_truth(params.ingest.truth, recordings)
-    comparison = compare(estimators, recordings, truth_n, comparison_settings(settings))
+    comparison = compare(estimators, recordings, comparison_settings(settings), truth_n)
     curves = {
         folder.name: LearningCurve.from_dict(read_json(path), path.as_posix())
         for folder in (HYBRID_FOLDER, PAPER_HYBRID_FOLDER)
         for path in (folder / LEARNING_CURVE_FILE,)
     }
-    findings = look_into(comparison, MAIN, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
+    analysis = analyse(comparison, MAIN, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
     times = {
         name: time_steps(estimator, recordings[0], settings.timing_repeats)
         for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator")
     }
     tree = metric_tree(comparison)
-    _write(params, findings, times, tree)
+    _write(params, analysis, times, tree)
     return RunRecord(
         name="compare",
         params=flat(settings),
@@ -142,18 +142,18 @@ def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArr
     return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}
 
 
-def _write(params: Params, findings: Findings, times: dict[str, StepTime], tree: MetricTree) -> None:
+def _write(params: Params, analysis: Analysis, times: dict[str, StepTime], tree: MetricTree) -> None:
     chosen = chosen_hybrid(params)[1].model_dump()
     audit: dict[str, Any] | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
     inputs = ReportInputs(times, params.search.space.model_dump(), chosen, audit)
-    report = report_html(findings, inputs)
+    report = report_html(analysis, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:
-        for name, figure in tqdm(all_figures(findings).items(), desc="figures", unit="figure"):
+        for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure"):
             (folder / f"{name}.png").write_bytes(png_bytes(figure))
     with whole_folder(PLOTS_FOLDER) as folder:
-        for name, text in plot_tables(findings).items():
+        for name, text in plot_tables(analysis).items():
             write_text(folder / name, text)
     write_text(REPORT_FILE, report)
-    write_text(TABLE_FILE, markdown_tables(findings.comparison))
+    write_text(TABLE_FILE, markdown_tables(analysis.comparison))
     write_json(TIMINGS_FILE, {name: time.to_dict() for name, time in times.items()})
     write_json(METRICS_FILE, tree)

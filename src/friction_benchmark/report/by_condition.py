@@ -12,7 +12,7 @@ from friction_benchmark.report.words import capital, of_size, share, split_words
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from friction_benchmark.report.names import Names
+    from friction_benchmark.report.model_titles import Names
     from friction_benchmark.results import TaskResult
 
 COVERED = (0.87, 0.93)

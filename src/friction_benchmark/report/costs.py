@@ -13,7 +13,7 @@ from friction_benchmark.report.words import capital, counted, denominator, of_si
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from friction_benchmark.report.names import Names
+    from friction_benchmark.report.model_titles import Names
     from friction_benchmark.results import Entry, TaskResult
 
 HEIGHT = 400.0

@@ -9,7 +9,7 @@ from friction_benchmark.report.rows import ROW, begun
 from friction_benchmark.report.words import capital, denominator, of_size, split_words, within
 
 if TYPE_CHECKING:
-    from friction_benchmark.report.names import Names
+    from friction_benchmark.report.model_titles import Names
     from friction_benchmark.results import TaskResult
 
 

@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from friction_benchmark.report.grid import Cell, shade, table
-from friction_benchmark.report.tables import EMPTY, against_floor, margin_cell
+from friction_benchmark.report.task_tables import EMPTY, against_floor, margin_cell
 from friction_benchmark.report.words import (
     SPLITS,
     capital,
@@ -20,7 +20,7 @@ from friction_benchmark.report.words import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from friction_benchmark.report.names import Names
+    from friction_benchmark.report.model_titles import Names
     from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
 
 

@@ -10,7 +10,7 @@ from friction_benchmark.report.drawing import WIDTH, Drawing, text_width
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from friction_benchmark.report.names import Names
+    from friction_benchmark.report.model_titles import Names
     from friction_benchmark.results import Entry
 
 ROW = 22.0

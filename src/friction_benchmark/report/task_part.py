@@ -8,7 +8,7 @@ from friction_benchmark.report.by_condition import coverage, errors_by_condition
 from friction_benchmark.report.costs import error_against_cost
 from friction_benchmark.report.leaderboard import label_line, leaderboard
 from friction_benchmark.report.overview import anchor
-from friction_benchmark.report.tables import (
+from friction_benchmark.report.task_tables import (
     cost_table,
     error_table,
     motion_table,
@@ -20,7 +20,7 @@ from friction_benchmark.report.words import REFERENCES, capital, of_size, split_
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from friction_benchmark.report.names import Names
+    from friction_benchmark.report.model_titles import Names
     from friction_benchmark.report.page import BenchmarkPage
     from friction_benchmark.results import TaskResult
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cylinder_friction.recordings.files import write_text
 from friction_benchmark.report.drawing import Drawing
 from friction_benchmark.report.grid import Cell, table
-from friction_benchmark.report.names import Names
+from friction_benchmark.report.model_titles import Names
 from friction_benchmark.report.overview import heat_key, heat_map, main_split, winners
 from friction_benchmark.report.page import BenchmarkPage
 from friction_benchmark.report.task_part import task_part

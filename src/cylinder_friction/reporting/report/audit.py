@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cylinder_friction.reporting.tables import Table
+from cylinder_friction.reporting.comparison_tables import Table
 
 HEADS = {
     "bias_n": "Bias [N]",

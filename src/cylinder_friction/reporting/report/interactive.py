@@ -9,19 +9,20 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from cylinder_friction.evaluation.names import colour, naming, title
 from cylinder_friction.evaluation.strata import STRATA
-from cylinder_friction.reporting.figures.scores import STRATA_SHADES, STRATA_SHOWN
-from cylinder_friction.reporting.figures.traces import line_colour, line_title
+from cylinder_friction.reporting.estimator_titles import colour, naming, title
+from cylinder_friction.reporting.figures import STRATA_SHADES as SHADES
+from cylinder_friction.reporting.figures import line_colour, line_title
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Comparison, Scores
-    from cylinder_friction.evaluation.findings import Findings
 
+STRATA_SHOWN, STRATA_SHADES = tuple(SHADES), tuple(SHADES.values())
 _TICKS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 _COLUMNS = 2
 
@@ -89,9 +90,9 @@ def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str)
     return figure.update_xaxes(type="log", tickvals=_TICKS, ticktext=[f"{tick:g}" for tick in _TICKS])
 
 
-def friction_over_time(findings: Findings) -> go.Figure:
+def friction_over_time(analysis: Analysis) -> go.Figure:
     """Return Figure 6: two panels a test (friction, and label minus estimate), one legend for all."""
-    parts = findings.excerpts
+    parts = analysis.excerpts
     titles = [words for part in parts for words in (f"condition {part.condition} ({part.recording})", "")]
     figure = make_subplots(
         rows=2 * len(parts),
@@ -123,9 +124,9 @@ def friction_over_time(findings: Findings) -> go.Figure:
     return figure.update_layout(height=360 * len(parts) + 80, hovermode="x")
 
 
-def learning_curves(findings: Findings) -> go.Figure:
+def learning_curves(analysis: Analysis) -> go.Figure:
     """Return Figure 5: training and validation error an epoch, one panel a hybrid."""
-    curves = findings.curves
+    curves = analysis.curves
     figure = _grid(len(curves), [title(name) for name in curves], 320, horizontal_spacing=0.1)
     for index, curve in enumerate(curves.values()):
         cell = _cell(index, len(curves))
@@ -148,10 +149,10 @@ def learning_curves(findings: Findings) -> go.Figure:
     return figure
 
 
-def residual_histograms(findings: Findings) -> go.Figure:
+def residual_histograms(analysis: Analysis) -> go.Figure:
     """Return Figures 7 and 9: residuals of both, each with its normal curve and quartiles."""
-    figure = _grid(2, [title(name) for name in findings.histograms], 360, horizontal_spacing=0.1)
-    for index, (name, counted) in enumerate(findings.histograms.items()):
+    figure = _grid(2, [title(name) for name in analysis.histograms], 360, horizontal_spacing=0.1)
+    for index, (name, counted) in enumerate(analysis.histograms.items()):
         cell = _cell(index, 2)
         figure.add_trace(
             go.Bar(x=counted.centres_n, y=counted.density, marker_color=colour(name), opacity=0.6, showlegend=False),
@@ -175,10 +176,10 @@ def residual_histograms(findings: Findings) -> go.Figure:
     return figure.update_layout(bargap=0.0)
 
 
-def quantiles_and_memory(findings: Findings) -> go.Figure:
+def quantiles_and_memory(analysis: Analysis) -> go.Figure:
     """Return the Q-Q plot and the autocorrelation of the residuals of both."""
     figure = _grid(2, ["Quantiles against normal", "Autocorrelation"], 360, horizontal_spacing=0.1)
-    for name, (normal, found) in findings.quantiles.items():
+    for name, (normal, found) in analysis.quantiles.items():
         figure.add_trace(
             go.Scatter(
                 x=normal,
@@ -197,14 +198,14 @@ def quantiles_and_memory(findings: Findings) -> go.Figure:
             row=1,
             col=1,
         )
-    for name, (memory, _) in findings.memories.items():
-        lags_ms = 1e3 * findings.sample_time_s * np.arange(len(memory))
+    for name, (memory, _) in analysis.memories.items():
+        lags_ms = 1e3 * analysis.sample_time_s * np.arange(len(memory))
         figure.add_trace(
             go.Scatter(x=lags_ms, y=memory, legendgroup=name, showlegend=False, line={"color": colour(name)}),
             row=1,
             col=2,
         )
-    band = next(iter(findings.memories.values()))[1]
+    band = next(iter(analysis.memories.values()))[1]
     figure.add_hrect(y0=-band, y1=band, fillcolor="#888888", opacity=0.4, line_width=0, row=1, col=2)
     figure.update_xaxes(title_text="normal quantile [N]", row=1, col=1)
     figure.update_yaxes(title_text="residual quantile [N]", row=1, col=1)
@@ -212,9 +213,9 @@ def quantiles_and_memory(findings: Findings) -> go.Figure:
     return figure.update_yaxes(title_text="autocorrelation", row=1, col=2)
 
 
-def estimated_against_calculated(findings: Findings) -> go.Figure:
+def estimated_against_calculated(analysis: Analysis) -> go.Figure:
     """Return Figure 8: one panel a test, with y = x and R²."""
-    conditions = findings.agreements
+    conditions = analysis.agreements
     titles = [
         f"condition {condition}: R² = {points.r_squared:.4f}, slope {points.slope:.3f}"
         for condition, points in conditions.items()
@@ -228,7 +229,7 @@ def estimated_against_calculated(findings: Findings) -> go.Figure:
                 y=_thin(points.estimate_n),
                 mode="markers",
                 showlegend=False,
-                marker={"color": colour(findings.main), "size": 3, "opacity": 0.45},
+                marker={"color": colour(analysis.main), "size": 3, "opacity": 0.45},
             ),
             **cell,
         )
@@ -244,9 +245,9 @@ def estimated_against_calculated(findings: Findings) -> go.Figure:
     return figure
 
 
-def friction_against_velocity(findings: Findings) -> go.Figure:
+def friction_against_velocity(analysis: Analysis) -> go.Figure:
     """Return the Stribeck map: median friction at each velocity, one panel a test."""
-    profiles = findings.profiles
+    profiles = analysis.profiles
     figure = _grid(
         len(profiles),
         [f"condition {condition}" for condition in profiles],

@@ -11,7 +11,7 @@ from plotly.offline import get_plotlyjs
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-    from cylinder_friction.reporting.tables import Table
+    from cylinder_friction.reporting.comparison_tables import Table
 
 _CSS = """
 :root { --ink: #1d2733; --quiet: #5b6876; --line: #dfe4ea; --accent: #0072B2; --paper: #ffffff; --wash: #f5f7f9; }

@@ -5,12 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.evaluation.names import phrase
-from cylinder_friction.reporting.report import interactive
-from cylinder_friction.reporting.report.audit import audit_table
-from cylinder_friction.reporting.report.page import Page
-from cylinder_friction.reporting.summary import summary
-from cylinder_friction.reporting.tables import (
+from cylinder_friction.reporting.comparison_tables import (
     cost_table,
     data_table,
     detail_table,
@@ -19,12 +14,17 @@ from cylinder_friction.reporting.tables import (
     residual_memory_table,
     residual_shape_table,
 )
+from cylinder_friction.reporting.estimator_titles import phrase
+from cylinder_friction.reporting.report import interactive
+from cylinder_friction.reporting.report.audit import audit_table
+from cylinder_friction.reporting.report.page import Page
+from cylinder_friction.reporting.summary import summary
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Scores
-    from cylinder_friction.evaluation.findings import Findings
     from cylinder_friction.evaluation.timing import StepTime
 
 
@@ -34,7 +34,7 @@ ALL_TESTS = "all"
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """What the report says beside the findings.
+    """What the report says beside the analysis.
 
     Attributes:
         times: Measured seconds a step by estimator.
@@ -49,9 +49,9 @@ class ReportInputs:
     audit: dict[str, Any] | None
 
 
-def report_html(findings: Findings, inputs: ReportInputs) -> str:
+def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
     """Return the whole page; it loads nothing from outside."""
-    comparison = findings.comparison
+    comparison = analysis.comparison
     recordings = len(comparison.traces)
     minutes = sum(len(trace.time_s) * trace.sample_time_s for trace in comparison.traces) / 60.0
     page = Page(
@@ -60,31 +60,31 @@ def report_html(findings: Findings, inputs: ReportInputs) -> str:
         "No estimator has seen them in training or tuning.",
     )
     page.section("Summary")
-    page.points(summary(comparison, findings.main), "summary")
-    _data(page, findings)
-    _label_errors(page, findings)
-    _truth_errors(page, findings)
-    _over_time(page, findings)
-    _motion(page, findings)
-    _residuals(page, findings)
-    _training(page, findings, inputs)
-    _cost(page, findings, inputs)
+    page.points(summary(comparison, analysis.main), "summary")
+    _data(page, analysis)
+    _label_errors(page, analysis)
+    _truth_errors(page, analysis)
+    _over_time(page, analysis)
+    _motion(page, analysis)
+    _residuals(page, analysis)
+    _training(page, analysis, inputs)
+    _cost(page, analysis, inputs)
     _label_audit(page, inputs)
     _definitions(page)
     return page.html()
 
 
-def _data(page: Page, findings: Findings) -> None:
+def _data(page: Page, analysis: Analysis) -> None:
     page.section("The data")
     page.text(
         "Recordings are held out by session. Rows near the end stops are not usable: there, the equation of motion "
         "gives the wall's reaction."
     )
-    page.table(data_table(findings.comparison))
+    page.table(data_table(analysis.comparison))
 
 
-def _label_errors(page: Page, findings: Findings) -> None:
-    comparison = findings.comparison
+def _label_errors(page: Page, analysis: Analysis) -> None:
+    comparison = analysis.comparison
     page.section("Errors against the label")
     page.heading("Table II: mean absolute error by test")
     page.text(
@@ -99,8 +99,8 @@ def _label_errors(page: Page, findings: Findings) -> None:
     _details(page, comparison.label, comparison.conditions)
 
 
-def _truth_errors(page: Page, findings: Findings) -> None:
-    truth = findings.comparison.truth
+def _truth_errors(page: Page, analysis: Analysis) -> None:
+    truth = analysis.comparison.truth
     page.section("Errors against true friction")
     if not truth:
         page.text("True friction is not known for these recordings. Only a simulated rig can know it.")
@@ -124,71 +124,71 @@ def _details(page: Page, scores: Scores, conditions: tuple[str, ...]) -> None:
         page.folded(f"All measures, condition {condition}", detail_table(scores, condition))
 
 
-def _over_time(page: Page, findings: Findings) -> None:
+def _over_time(page: Page, analysis: Analysis) -> None:
     page.section("Friction over time")
     page.figure(
-        interactive.friction_over_time(findings),
+        interactive.friction_over_time(analysis),
         "Figure 6: the stretch of each test with most motion, and below it label minus estimate. Gaps are rows that "
         "are not usable. Click a name to hide it.",
     )
     page.figure(
-        interactive.estimated_against_calculated(findings),
-        f"Figure 8: {phrase(findings.main)} against the label. R² is that of the line y = x; the slope is fitted.",
+        interactive.estimated_against_calculated(analysis),
+        f"Figure 8: {phrase(analysis.main)} against the label. R² is that of the line y = x; the slope is fitted.",
     )
 
 
-def _motion(page: Page, findings: Findings) -> None:
+def _motion(page: Page, analysis: Analysis) -> None:
     page.section("Where in the motion")
     page.figure(
-        interactive.friction_against_velocity(findings),
+        interactive.friction_against_velocity(analysis),
         "Friction against velocity (Stribeck map): medians in bins of velocity.",
     )
     page.figure(
-        interactive.errors_by_stratum(findings.comparison),
+        interactive.errors_by_stratum(analysis.comparison),
         "Mean absolute error against the label at rest, near zero velocity, sliding, just after a reversal, and by "
         "direction. Click a name to hide it.",
     )
 
 
-def _residuals(page: Page, findings: Findings) -> None:
+def _residuals(page: Page, analysis: Analysis) -> None:
     page.section("Residuals")
     page.figure(
-        interactive.residual_histograms(findings),
+        interactive.residual_histograms(analysis),
         "Figures 7 and 9: residuals over all tests; vertical lines are the quartiles.",
     )
-    main = findings.residuals[findings.main]
+    main = analysis.residuals[analysis.main]
     page.text(
         "A bell-shaped histogram does not show that residuals are independent; the autocorrelation does or does not. "
-        f"The {main.rows:,} residuals of {phrase(findings.main)} carry as much information about their mean as "
+        f"The {main.rows:,} residuals of {phrase(analysis.main)} carry as much information about their mean as "
         f"{main.effective_rows:,.0f} independent ones would. With so many rows every test of normality or independence "
         "rejects: judge the size of skewness, kurtosis and autocorrelation."
     )
-    page.figure(interactive.quantiles_and_memory(findings), "Quantiles and autocorrelation of the residuals.")
+    page.figure(interactive.quantiles_and_memory(analysis), "Quantiles and autocorrelation of the residuals.")
     page.heading("Distribution")
-    page.table(residual_shape_table(findings))
+    page.table(residual_shape_table(analysis))
     page.heading("Memory, and what is left to explain")
-    page.table(residual_memory_table(findings))
+    page.table(residual_memory_table(analysis))
 
 
-def _training(page: Page, findings: Findings, inputs: ReportInputs) -> None:
+def _training(page: Page, analysis: Analysis, inputs: ReportInputs) -> None:
     page.section("Training")
     page.heading("Table I: hyperparameters")
     page.table(hyperparameter_table(inputs.searched, inputs.chosen))
-    if findings.curves:
+    if analysis.curves:
         page.figure(
-            interactive.learning_curves(findings),
+            interactive.learning_curves(analysis),
             "Figure 5: mean absolute error after each epoch.",
         )
 
 
-def _cost(page: Page, findings: Findings, inputs: ReportInputs) -> None:
+def _cost(page: Page, analysis: Analysis, inputs: ReportInputs) -> None:
     page.section("Cost of an estimate")
     page.heading("Table III")
     page.text(
         "Multiply-adds are counted (for a forest: comparisons). Times are measured here, one sample at a time through "
         "Python on one machine; they differ from run to run. The published times come from another machine."
     )
-    page.table(cost_table(findings.comparison, inputs.times))
+    page.table(cost_table(analysis.comparison, inputs.times))
 
 
 def _label_audit(page: Page, inputs: ReportInputs) -> None:

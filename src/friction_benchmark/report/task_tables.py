@@ -22,7 +22,7 @@ from friction_benchmark.report.words import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from friction_benchmark.report.names import Names
+    from friction_benchmark.report.model_titles import Names
     from friction_benchmark.results import Entry, Interval, TaskResult
 
 EMPTY = Cell(NOTHING, style="none")

@@ -39,18 +39,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
-    """A comparison looked at from every side.
+class Analysis:
+    """A comparison with everything that is derived from it.
 
     Attributes:
-        comparison: What it is all computed from.
+        comparison: The source of all the rest.
         main: The estimator in question (the hybrid).
-        rival: The model it is measured against (LuGre).
+        rival: The model beside it (LuGre).
         curves: Learning curve of each hybrid.
-        excerpts: Friction over time, one a test.
-        agreements: Estimated against calculated friction of ``main``, by test.
-        profiles: Friction against velocity, by test.
-        residuals: Figures of every estimator's residuals over all tests.
+        excerpts: Friction over time, one per condition.
+        agreements: Estimated against calculated friction of ``main``, by condition.
+        profiles: Friction against velocity, by condition.
+        residuals: Figures of every estimator's residuals over all conditions.
         dependences: Correlation of every estimator's residuals with each input.
         histograms, quantiles, memories: Of ``main`` and ``rival``; a memory is an autocorrelation and the half width
             of the 95 % band that independent residuals would keep to.
@@ -74,13 +74,13 @@ class Findings:
         return self.comparison.traces[0].sample_time_s
 
 
-def look_into(
+def analyse(
     comparison: Comparison, main: str, rival: str, curves: Mapping[str, LearningCurve], duration_s: float, lags: int
-) -> Findings:
-    """Return the findings.
+) -> Analysis:
+    """Return the analysis of a comparison.
 
     Args:
-        comparison: What was found.
+        comparison: Scores and estimates.
         main: Name of the estimator in question.
         rival: Name of the model beside it.
         curves: Learning curves by estimator.
@@ -96,7 +96,7 @@ def look_into(
     pair = (rival, main)
     series = {name: comparison.residuals(name) for name in comparison.estimators}
     inputs = _inputs(comparison)
-    return Findings(
+    return Analysis(
         comparison=comparison,
         main=main,
         rival=rival,

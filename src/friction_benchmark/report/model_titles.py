@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cylinder_friction.evaluation import names as known
+from cylinder_friction.reporting import estimator_titles as known
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF
-from cylinder_friction.evaluation.names import title
+from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
 from cylinder_friction.reporting.summary import winner
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Comparison, Scores
-    from cylinder_friction.evaluation.findings import Findings
     from cylinder_friction.evaluation.timing import StepTime
 
 
@@ -149,7 +149,7 @@ def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:
     return Table(head, tuple(rows))
 
 
-def residual_shape_table(findings: Findings) -> Table:
+def residual_shape_table(analysis: Analysis) -> Table:
     """How the residuals of every estimator are distributed, over all tests."""
     head = (
         "Estimator",
@@ -170,14 +170,14 @@ def residual_shape_table(findings: Findings) -> Table:
             f"{found.excess_kurtosis:+.1f}",
             f"{found.jarque_bera:.3g} ({_p_value(found.jarque_bera_p)})",
         )
-        for name, found in findings.residuals.items()
+        for name, found in analysis.residuals.items()
     )
     return Table(head, rows)
 
 
-def residual_memory_table(findings: Findings) -> Table:
+def residual_memory_table(analysis: Analysis) -> Table:
     """What the residuals of every estimator remember, and what they still depend on, over all tests."""
-    inputs = list(findings.dependences[findings.main])
+    inputs = list(analysis.dependences[analysis.main])
     head = (
         "Estimator",
         "autocorrelation, 1 sample",
@@ -193,9 +193,9 @@ def residual_memory_table(findings: Findings) -> Table:
             f"{found.ljung_box:.3g} ({_p_value(found.ljung_box_p)})",
             f"{found.rows:,}",
             f"{found.effective_rows:,.0f}",
-            *(f"{findings.dependences[name][key]:+.2f}" for key in inputs),
+            *(f"{analysis.dependences[name][key]:+.2f}" for key in inputs),
         )
-        for name, found in findings.residuals.items()
+        for name, found in analysis.residuals.items()
     )
     return Table(head, rows)
 

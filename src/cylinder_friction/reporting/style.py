@@ -1,0 +1,159 @@
+"""One look for every figure and page: colours, marks, fonts, and output that depends on nothing but the data."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import plotly.graph_objects as go
+    from matplotlib.axes import Axes
+
+BLUE, ORANGE, GREEN, PINK, BROWN = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#7A5A00"
+SKY, YELLOW = "#56B4E9", "#E69F00"
+"""The colour-blind-safe palette of Okabe and Ito (2008)."""
+BLACK, INK, QUIET, GRID, PALE = "#000000", "#1d2733", "#5b6876", "#E3E8ED", "#A6ADB4"
+SERIES = (BLUE, ORANGE, GREEN, PINK, BROWN, SKY, YELLOW, INK)
+
+CONDITION_MARKS = (
+    (BLUE, "o", "circle"),
+    (ORANGE, "s", "square"),
+    (GREEN, "^", "triangle-up"),
+    (PINK, "D", "diamond"),
+    (BROWN, "v", "triangle-down"),
+    (SKY, "P", "cross"),
+)
+"""Colour, Matplotlib marker and Plotly symbol of each operating condition, in order; they repeat if there are more."""
+
+STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": QUIET,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": PALE,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "xtick.color": PALE,
+    "ytick.color": PALE,
+    "xtick.labelcolor": QUIET,
+    "ytick.labelcolor": QUIET,
+    "grid.color": GRID,
+    "grid.linewidth": 0.8,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.2,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.5,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cylinder-friction",
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 150,
+}
+FONT = 'system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif'
+
+
+class StyledFigure(Figure):
+    """A figure without pyplot's global state, which notebooks show as it stands."""
+
+    def _repr_png_(self) -> bytes:
+        return png_bytes(self)
+
+
+def draw(build: Callable[..., Figure], *arguments: Any, **options: Any) -> Figure:
+    """Return ``build(*arguments, **options)`` in the shared style, whatever style the caller's Matplotlib has."""
+    with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):
+        return build(*arguments, **options)
+
+
+def panels(
+    rows: int, columns: int, width: float, height: float, heights: Sequence[float] | None = None
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of ``width`` by ``height`` inches and its axes row by row.
+
+    ``heights`` gives each row's share of the height; equal where it is None.
+    """
+    figure = StyledFigure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, squeeze=False, height_ratios=heights)
+    return figure, list(axes.ravel())
+
+
+def grid_of(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure with ``count`` panels of ``width`` by ``height`` inches, two side by side."""
+    columns = min(2, max(1, count))
+    rows = -(-max(1, count) // columns)
+    figure, axes = panels(rows, columns, width * columns, height * rows)
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    return figure, axes[:count]
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """Return the figure as PNG; equal data give equal bytes."""
+    return _saved(figure, format="png", metadata={"Software": None})
+
+
+def svg_text(figure: Figure, name: str, words: str) -> str:
+    """Return the figure as an SVG element that fills the width it is given; equal data give equal text.
+
+    Args:
+        figure: A figure.
+        name: Makes the identifiers within the element unique in the page.
+        words: What the figure shows, for screen readers.
+    """
+    text = _saved(figure, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}).decode()
+    text = re.sub(r"(?s)^.*?<svg\b", "<svg", text)
+    text = re.sub(r"(?s)\s*<metadata>.*?</metadata>", "", text)
+    text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
+    text = re.sub(r' (xmlns(:\w+)?|version)="[^"]*"', "", text)
+    text = text.replace("xlink:href", "href")
+    text = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{name}-", text)
+    text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)
+    escaped = words.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    return text.replace("<svg", f'<svg role="img" aria-label="{escaped}"', 1)
+
+
+def _saved(figure: Figure, **options: Any) -> bytes:
+    buffer = io.BytesIO()
+    with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):
+        figure.savefig(buffer, **options)
+    return buffer.getvalue()
+
+
+def interactive(figure: go.Figure, height: int, legend_rows: int = 1) -> go.Figure:
+    """Return a Plotly figure in the shared style; ``legend_rows`` are kept free above it."""
+    figure.update_layout(
+        template="none",
+        height=height,
+        font={"family": FONT, "size": 13, "color": INK},
+        margin={"l": 62, "r": 16, "t": 22 + 20 * legend_rows, "b": 48},
+        legend={
+            "orientation": "h",
+            "yref": "container",
+            "y": 1.0,
+            "yanchor": "top",
+            "x": 0.0,
+            "itemsizing": "constant",
+        },
+        hoverlabel={"font": {"family": FONT}},
+        plot_bgcolor="rgba(0,0,0,0)",
+        paper_bgcolor="rgba(0,0,0,0)",
+        colorway=SERIES,
+    )
+    figure.update_annotations(font_size=13)
+    axes = {"gridcolor": GRID, "linecolor": PALE, "showline": True, "zeroline": False, "automargin": True}
+    figure.update_xaxes(ticks="outside", tickcolor=PALE, **axes)
+    return figure.update_yaxes(**axes)

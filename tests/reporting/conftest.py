@@ -1,0 +1,3 @@
+from made_comparison import compared, curves, strokes
+
+__all__ = ["compared", "curves", "strokes"]
