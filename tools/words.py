@@ -29,7 +29,7 @@ WORDS: dict[str, str] = {
     r"spoilt|spoils?|nought|what (it|they|the \w+) leaves": "corrupted, zero, residual",
     rf"(one|two|three|\d+|number|value|figure|line|row|column|module|file|estimate|plot|run|entry)s? (a|an) {THING}":
         "one value per sample",
-    r"Of (weights|everything|all|the|a|dropout|order|rows|noise)\b(?=[^.]{0,80}(seed|random|order|bootstrap))":
+    r"(?-i:Of) (weights|everything|all|the|a|dropout|order|rows|noise)\b(?=[^.]{0,80}(seed|random|order|bootstrap))":
         "Seeds weights, dropout and batch order",
     r"conducting|conducted": "runner",
     r"told|tells?|says?|said": "given, determines, states",
