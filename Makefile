@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce test lint format params ui serve track bench readme seeds lock
+.PHONY: help install install-dev reproduce benchmark test lint format params ui serve track bench readme seeds lock
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -30,9 +30,13 @@ $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
 
 reproduce: install ## run the whole pipeline, then print the result and what to do next
 	cylinder-friction check
-	dvc repro register
+	dvc repro
 	cylinder-friction track
 	cylinder-friction summary
+
+benchmark: install ## run the comparison of the literature, then print where its page is
+	cd benchmark && dvc repro
+	friction-benchmark summary
 
 test: install-dev ## run the tests
 	pytest -n 2 --dist loadgroup

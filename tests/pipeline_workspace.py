@@ -46,7 +46,8 @@ def new_repository(folder: Path) -> Path:
         if (PROJECT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(PROJECT / name, folder / name)
-    (folder / "dvc.lock").unlink(missing_ok=True)
+    for lock in ("dvc.lock", "benchmark/dvc.lock"):
+        (folder / lock).unlink(missing_ok=True)
     run(folder, "git", "init", "--quiet")
     run(folder, "cylinder-friction", "params", "experiment=smoke")
     commit(folder, "smoke")

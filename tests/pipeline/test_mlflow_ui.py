@@ -11,8 +11,7 @@ import pytest
 from mlflow import MlflowClient
 
 from cylinder_friction.deployment.serve import runs_page, served_ui
-from cylinder_friction.tracking.run_record import BENCHMARK
-from cylinder_friction.tracking.store import EXPERIMENT, experiment_name, tracking_uri
+from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -88,14 +87,6 @@ def test_the_experiment_shows_every_stage_and_the_trials_below_the_search(
     trials = page.get_by_role("link", name=re.compile(r"^trial \d+$"))
     trials.first.wait_for()
     assert trials.count() >= 2
-
-
-def test_the_benchmark_shows_its_runs_in_an_experiment_of_its_own(page: Page, ui: str, finished_pipeline: Path) -> None:
-    page.goto(runs_page(ui, finished_pipeline, BENCHMARK))
-    sees(page, experiment_name(BENCHMARK))
-    row = page.get_by_role("row").filter(has_text="benchmark").first
-    row.get_by_role("button").first.click()
-    page.get_by_role("link", name=re.compile(r"^identity held_out_sessions \w+$")).first.wait_for()
 
 
 def test_the_comparison_shows_its_metrics(page: Page, ui: str, finished_pipeline: Path) -> None:

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
 
-BENCHMARK = "cylinder-friction-benchmark"
-STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register", "benchmark")
+STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
 
 
 def client_of(folder: Path) -> mlflow.MlflowClient:
@@ -91,22 +90,11 @@ def test_nothing_that_is_stored_is_a_pickle(finished_pipeline: Path) -> None:
 def test_every_stage_has_its_run_and_every_trial_its_child_run(finished_pipeline: Path) -> None:
     runs = runs_of(finished_pipeline)
     named = {run.info.run_name: run for run in runs}
-    assert set(STAGES) - {"benchmark"} <= set(named)
-    assert not [name for name in named if "benchmark" in name]
+    assert set(STAGES) <= set(named)
     assert all(run.info.status == "FINISHED" for run in runs)
     parent = named["search"].info.run_id
     children = [run for run in runs if run.data.tags.get("mlflow.parentRunId") == parent]
     assert len(children) == 3
-
-
-def test_the_benchmark_has_its_runs_in_an_experiment_of_its_own(finished_pipeline: Path) -> None:
-    runs = runs_of(finished_pipeline, BENCHMARK)
-    (parent,) = (run for run in runs if run.info.run_name == "benchmark")
-    results = json.loads((finished_pipeline / "reports/benchmark.json").read_text(encoding="utf-8"))
-    children = [run for run in runs if run.data.tags.get("mlflow.parentRunId") == parent.info.run_id]
-    assert len(children) == len(runs) - 1 == sum(len(found["entries"]) for found in results["tasks"])
-    (search,) = (run for run in runs_of(finished_pipeline) if run.info.run_name == "search")
-    assert parent.data.tags["git_commit"] == search.data.tags["git_commit"]
 
 
 def test_the_champion_is_registered_with_its_way_back(finished_pipeline: Path) -> None:
@@ -142,8 +130,7 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     run(clone, "dvc", "pull")
     for _ in range(2):
         run(clone, "cylinder-friction", "track")
-        for experiment in ("cylinder-friction", BENCHMARK):
-            assert len(runs_of(clone, experiment)) == len(runs_of(finished_pipeline, experiment))
+        assert len(runs_of(clone)) == len(runs_of(finished_pipeline))
         versions = client_of(clone).search_model_versions("name='friction-estimator'")
         assert len(versions) == 1
     assert client_of(clone).get_model_version_by_alias("friction-estimator", "champion").version == versions[0].version

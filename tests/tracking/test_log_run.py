@@ -17,7 +17,7 @@ from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.resources import RESOURCES_FOLDER, sampled_resources
-from cylinder_friction.tracking.run_record import BENCHMARK, RunRecord
+from cylinder_friction.tracking.run_record import RunRecord
 from cylinder_friction.tracking.store import EXPERIMENT, experiment_name, tracking_uri
 
 if TYPE_CHECKING:
@@ -107,11 +107,11 @@ def test_what_a_kill_left_half_written_is_done_again(
 
 
 def test_a_record_may_lie_in_another_experiment_with_its_children(root: Path, record: RunRecord) -> None:
-    of_benchmark = replace(record, name="benchmark", experiment=BENCHMARK)
+    of_benchmark = replace(record, name="benchmark", experiment="benchmark")
     run_id = log_run(of_benchmark, root)
     assert log_run(RunRecord.from_dict(json.loads(json.dumps(of_benchmark.to_dict()))), root) == run_id
     assert runs_of(root) == [], "the main experiment's first page stays as it was"
-    name = experiment_name(BENCHMARK)
+    name = experiment_name("benchmark")
     assert name == "cylinder-friction-benchmark"
     runs = runs_of(root, experiment_name=name)
     assert sorted(run.info.run_name for run in runs) == ["benchmark", "trial 0", "trial 1", "trial 2"]
@@ -123,7 +123,7 @@ def test_a_record_may_lie_in_another_experiment_with_its_children(root: Path, re
 def test_a_half_written_run_of_another_experiment_is_done_again(
     root: Path, record: RunRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    of_benchmark = replace(record, experiment=BENCHMARK)
+    of_benchmark = replace(record, experiment="benchmark")
 
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
@@ -133,7 +133,7 @@ def test_a_half_written_run_of_another_experiment_is_done_again(
         with pytest.raises(KeyboardInterrupt):
             log_run(of_benchmark, root)
     log_run(of_benchmark, root)
-    runs = runs_of(root, experiment_name=experiment_name(BENCHMARK))
+    runs = runs_of(root, experiment_name=experiment_name("benchmark"))
     assert [run.info.status for run in runs] == ["FINISHED"] * 4
 
 

@@ -27,13 +27,23 @@ def compose_params(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     Raises:
         ParamsError: Hydra knows no such group or key, or the result is refused.
     """
+    content = composed(conf, overrides)
+    check_params(content, f"{conf} with {list(overrides)}" if overrides else str(conf))
+    return content
+
+
+def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what ``conf`` and Hydra overrides make, not yet checked.
+
+    Raises:
+        ParamsError: Hydra knows no such group or key.
+    """
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base="1.3"):
             content = OmegaConf.to_container(compose("config", list(overrides)), resolve=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise ParamsError(f"{conf}: {error}") from error
-    check_params(content, f"{conf} with {list(overrides)}" if overrides else str(conf))
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}
 

@@ -40,12 +40,9 @@ def run_server(model: str, root: Path) -> int:
 
 def run_ui(root: Path) -> int:
     """Open the MLflow UI on the repository's runs until interrupted."""
-    from cylinder_friction.tracking.run_record import BENCHMARK
-
     with served_ui(root) as url:
         sys.stdout.write(
             f"MLflow UI (stop with Ctrl-C)\n  runs of the pipeline   {runs_page(url, root)}\n"
-            f"  runs of the benchmark  {runs_page(url, root, BENCHMARK)}\n"
             f"  registered models      {url}/#/models\n"
         )
         sys.stdout.flush()
@@ -81,12 +78,12 @@ def served_ui(root: Path) -> Iterator[str]:
         yield url
 
 
-def runs_page(url: str, root: Path, experiment: str = "") -> str:
-    """Return the address, within the UI at ``url``, of the pipeline's runs, or of those in another experiment."""
+def runs_page(url: str, root: Path) -> str:
+    """Return the address of the pipeline's runs within the UI at ``url``."""
     from cylinder_friction.tracking.store import open_store
 
     with open_store(root) as store:
-        return f"{url}/#/experiments/{store.experiment(experiment)}/runs?workflowType=machine_learning"
+        return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning"
 
 
 def curl(url: str, rows: dict[str, Any]) -> str:

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams
 from cylinder_friction.params.ingest import IngestParams
-from cylinder_friction.params.learning import (
-    BenchmarkParams,
-    CompareParams,
-    LugreParams,
-    RegisterParams,
-    SearchParams,
-    TrainParams,
-)
+from cylinder_friction.params.learning import CompareParams, LugreParams, RegisterParams, SearchParams, TrainParams
 from cylinder_friction.params.section import Section
 
 PARAMS_FILE = Path("params.yaml")
+Kind = TypeVar("Kind", bound=Section)
 
 
 class ParamsError(ValueError):
@@ -40,7 +34,6 @@ class Params(Section):
     lugre: LugreParams
     compare: CompareParams
     register_: RegisterParams = Field(alias="register")
-    benchmark: BenchmarkParams
 
     @model_validator(mode="after")
     def _end_stop_margin_leaves_room(self) -> Params:
@@ -53,9 +46,15 @@ class Params(Section):
 
 
 def check_params(content: Any, where: str) -> Params:
-    """Return the typed parameters, or refuses with every offending key named.
+    """Return the typed parameters; see ``checked``."""
+    return checked(Params, content, where)
+
+
+def checked(kind: type[Kind], content: Any, where: str) -> Kind:
+    """Return typed parameters, or refuse them with every offending key named.
 
     Args:
+        kind: What they are checked against.
         content: What the YAML file or Hydra gave.
         where: Name of the source, for the message.
 
@@ -63,7 +62,7 @@ def check_params(content: Any, where: str) -> Params:
         ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
     """
     try:
-        return Params.model_validate(content)
+        return kind.model_validate(content)
     except ValidationError as error:
         lines = [_explain(dict(problem)) for problem in error.errors()]
         raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None

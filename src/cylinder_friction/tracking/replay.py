@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 RUNS_FOLDER = "reports/runs"
-PIPELINE_ORDER = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register", "benchmark")
+PIPELINE_ORDER = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
 
 
 @dataclass(frozen=True)

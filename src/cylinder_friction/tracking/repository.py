@@ -6,8 +6,10 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-RESULT_SHAPING_PATHS = ("src", "conf", "params.yaml", "dvc.yaml", "pyproject.toml")
-"""What decides a result besides the data; ``dvc.lock`` is written by every run and says nothing about the code."""
+RESULT_SHAPING_PATHS = (":/src", "conf", "params.yaml", "dvc.yaml", ":/pyproject.toml")
+"""What decides a result besides the data: the code, from the repository's root, and the configuration of a pipeline.
+
+``dvc.lock`` is written by every run and does not describe the code."""
 
 _DVC_TEMPORARY = (".dvc", "tmp", "exps")
 
@@ -26,14 +28,15 @@ class Commit:
 def repository_root(start: Path) -> Path:
     """Return the absolute root of the repository that holds ``start``; ``start`` itself where there is none.
 
-    An experiment that DVC runs in ``.dvc/tmp/exps`` belongs to the repository around it, not to the throw-away copy.
+    An experiment that DVC runs in ``.dvc/tmp/exps`` belongs to the repository around it, not to the throw-away copy,
+    and a pipeline in a DVC repository of its own, one folder below, to the repository above it.
     """
     start = start.resolve()
     for index in range(len(start.parts) - len(_DVC_TEMPORARY) + 1):
         if start.parts[index : index + len(_DVC_TEMPORARY)] == _DVC_TEMPORARY:
             return Path(*start.parts[:index])
     for folder in (start, *start.parents):
-        if (folder / ".git").exists() or (folder / ".dvc").is_dir():
+        if (folder / ".git").exists() or ((folder / ".dvc").is_dir() and not (folder.parent / ".dvc").is_dir()):
             return folder
     return start
 

@@ -9,9 +9,6 @@ from typing import Any, Self
 
 Scalar = str | int | float | bool
 
-BENCHMARK = "benchmark"
-"""The benchmark's hundreds of runs have an experiment of their own, so that the pipeline's few stay in sight."""
-
 
 @dataclass(frozen=True)
 class RunRecord:

@@ -17,7 +17,6 @@ from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.repository import repository_root
-from cylinder_friction.tracking.run_record import BENCHMARK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,11 +26,7 @@ EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"
 """What belongs to this machine and is neither versioned nor shared."""
 
-_NOTES = {
-    EXPERIMENT: "One run a stage of the pipeline; the trials of the search lie below its run. "
-    f"The benchmark's runs are in {EXPERIMENT}-{BENCHMARK}.",
-    f"{EXPERIMENT}-{BENCHMARK}": "One run a benchmark (`dvc repro benchmark`); below it one a task, split and model.",
-}
+_NOTE = "One run per stage of the pipeline; the trials of the search lie below its run."
 _CONNECT_TIMEOUT_S = 3.0
 
 
@@ -98,8 +93,8 @@ def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:
         return str(found.experiment_id)
     location = artifact_folder(root).as_uri() if uri.startswith("sqlite:") else None
     tags = {"mlflow.experimentKind": "custom_model_development"}  # the UI opens on the runs, not on traces of agents
-    if name in _NOTES:
-        tags["mlflow.note.content"] = _NOTES[name]
+    if name == EXPERIMENT:
+        tags["mlflow.note.content"] = _NOTE
     try:
         return str(client.create_experiment(name, artifact_location=location, tags=tags))
     except MlflowException:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 LOCK_FILE = "dvc.lock"
 PARAMS_FILE = "params.yaml"
-JUDGING_SECTIONS = ("lugre", "compare", "register", "benchmark")
+JUDGING_SECTIONS = ("lugre", "compare", "register")
 """Sections of the parameters that judge a model but do not shape it; all others belong to where it came from."""
 
 

@@ -1,0 +1,63 @@
+"""The command line of the comparison of the literature: ``friction-benchmark COMMAND``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.tracking.errors import TrackingError
+from friction_benchmark.params import CONF, FOLDER
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+COMMANDS = {
+    "run": "evaluate every model on every task and write the page; what is in the cache is not computed again",
+    "inputs": "write the hashes of the code and the recordings that the benchmark uses (dvc.yaml calls this)",
+    "track": "log the finished benchmark to MLflow, without duplicates",
+    "summary": "print who leads each task, and where the page is",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command in ``benchmark/``; returns 0, or 1 with a message where the user can do something about it."""
+    options = _parser().parse_args(arguments)
+    if (FOLDER / CONF).is_dir():
+        os.chdir(FOLDER)
+    try:
+        _run(options)
+    except (ParamsError, RecordingError, TrackingError, ValueError, FileNotFoundError) as error:
+        print(f"friction-benchmark {options.command}: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="friction-benchmark", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    params = commands.add_parser("params", help="compose benchmark/conf into benchmark/params.yaml")
+    params.add_argument("overrides", nargs="*", help="for example experiment=full plan.models=[low_pass,gru]")
+    for name, text in COMMANDS.items():
+        commands.add_parser(name, help=text)
+    return parser
+
+
+def _run(options: argparse.Namespace) -> None:
+    from friction_benchmark import params, run
+
+    if options.command == "params":
+        params.write_benchmark_params(options.overrides)
+    elif options.command == "inputs":
+        run.write_inputs(params.load_benchmark_params())
+    elif options.command == "run":
+        run.run(params.load_benchmark_params())
+    else:
+        print(run.track() if options.command == "track" else run.summary())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

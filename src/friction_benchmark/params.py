@@ -1,0 +1,136 @@
+"""The benchmark's configuration: ``benchmark/conf`` composed into ``benchmark/params.yaml``, and its types."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import yaml
+from pydantic import Field, model_validator
+
+from cylinder_friction.commands.params import composed
+from cylinder_friction.params.checking import ParamsError, checked
+from cylinder_friction.params.data import CylinderParams
+from cylinder_friction.params.section import Count, Positive, Section, Seed
+from cylinder_friction.recordings.files import write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+FOLDER = Path("benchmark")
+PARAMS_FILE = Path("params.yaml")
+CONF = Path("conf")
+HEADER = "# Composed from conf/ by `friction-benchmark params`; change it there, or here for one run.\n"
+RIG = "rig"
+
+TaskName = Literal[
+    "identity",
+    "pressure_free",
+    "pressure_level",
+    "forecast_25ms",
+    "forecast_50ms",
+    "forecast_100ms",
+    "forecast_250ms",
+    "sensor_drift",
+    "external_load",
+]
+SplitName = Literal["unseen_rig", "leave_one_load_out", "leave_one_temperature_out"]
+
+
+class CampaignParams(Section):
+    """The simulated campaigns; see ``friction_benchmark.data.Sizes``."""
+
+    sessions_per_condition: Count
+    recordings_per_session: Count
+    duration_s: Positive
+    test_sessions: Count
+    validation_sessions: Count
+    unseen_sessions: Count
+    twin_rigs: Count
+
+    @model_validator(mode="after")
+    def _some_sessions_train(self) -> CampaignParams:
+        if self.test_sessions + self.validation_sessions >= self.sessions_per_condition:
+            raise ValueError(
+                f"sessions_per_condition is {self.sessions_per_condition}, of which test_sessions and "
+                "validation_sessions leave none to train on; expected at least one more than both together"
+            )
+        return self
+
+
+class PlanParams(Section):
+    """Which models are evaluated on which tasks and splits."""
+
+    seeds: Annotated[list[Seed], Field(min_length=1)]
+    tasks: Annotated[list[TaskName], Field(min_length=1)]
+    splits: dict[SplitName, list[TaskName]]
+    models: list[str]
+
+    @model_validator(mode="after")
+    def _splits_have_known_tasks(self) -> PlanParams:
+        for split, names in self.splits.items():
+            for name in names:
+                if name not in self.tasks:
+                    raise ValueError(f"splits.{split}: task {name!r} is not among tasks; add it there or leave it out")
+        return self
+
+
+class BudgetParams(Section):
+    """What every model may spend."""
+
+    effort: Annotated[float, Field(gt=0.0, le=1.0)]
+    trials: Count
+
+
+class ScoringParams(Section):
+    """How predictions are scored; see ``friction_benchmark.scoring.ScoreSettings``."""
+
+    maximum_lag_s: Positive
+    standstill_velocity_m_s: Positive
+    stribeck_velocity_m_s: Positive
+    reversal_window_s: Positive
+    bootstrap_repeats: Count
+    bootstrap_block_s: Positive
+
+
+class BenchmarkParams(Section):
+    """The whole configuration of the benchmark."""
+
+    cylinder: CylinderParams
+    source: str
+    campaign: CampaignParams
+    plan: PlanParams
+    budget: BudgetParams
+    scoring: ScoringParams
+    workers: Count
+
+
+def compose_benchmark(overrides: Sequence[str] = (), conf: Path = CONF) -> BenchmarkParams:
+    """Return what ``conf`` and Hydra overrides (``experiment=full``, ``budget.trials=5``) make.
+
+    Cylinders are those of the product's ``conf/cylinder``, two folders above.
+
+    Raises:
+        ParamsError: Hydra knows no such group or key, or the result is refused.
+    """
+    product = conf.resolve().parents[1] / "conf"
+    found_in = f"hydra.searchpath=['file://{product}']"
+    where = f"{conf} with {list(overrides)}" if overrides else str(conf)
+    return checked(BenchmarkParams, composed(conf, [found_in, *overrides]), where)
+
+
+def write_benchmark_params(overrides: Sequence[str] = ()) -> None:
+    """Compose, check and write ``params.yaml``; a refused configuration leaves the file as it was."""
+    content = compose_benchmark(overrides).model_dump()
+    write_text(PARAMS_FILE, HEADER + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+
+
+def load_benchmark_params() -> BenchmarkParams:
+    """Read and check ``params.yaml``.
+
+    Raises:
+        ParamsError: It is not there, or refused.
+    """
+    if not PARAMS_FILE.is_file():
+        raise ParamsError(f"{PARAMS_FILE.resolve()}: not there; run `friction-benchmark params`")
+    return checked(BenchmarkParams, yaml.safe_load(PARAMS_FILE.read_text(encoding="utf-8")), str(PARAMS_FILE))

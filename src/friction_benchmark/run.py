@@ -1,0 +1,216 @@
+"""One benchmark from configuration to page: results, report and MLflow runs, below the folder ``benchmark/``."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.evaluation.strata import StrataLimits
+from cylinder_friction.import_graph import SOURCE, code_key, used_files
+from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.stages._stage import artifacts, cylinder_from, flat, hash_of
+from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.log_run import log_run, track_or_warn
+from cylinder_friction.tracking.repository import repository_root
+from cylinder_friction.tracking.resources import sampled_resources
+from cylinder_friction.tracking.run_record import RunRecord
+from friction_benchmark.conclusions import findings_of
+from friction_benchmark.conducting import run_benchmark
+from friction_benchmark.data import Sizes, Sources
+from friction_benchmark.params import RIG
+from friction_benchmark.programme import Programme
+from friction_benchmark.report.write import write_report
+from friction_benchmark.roster import MODULES
+from friction_benchmark.running import Bench
+from friction_benchmark.scoring import ScoreSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.tracking.run_record import Scalar
+    from friction_benchmark.params import BenchmarkParams
+    from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
+
+EXPERIMENT = "benchmark"
+"""The hundreds of runs have an MLflow experiment of their own, ``cylinder-friction-benchmark``."""
+RESULTS_FILE = Path("reports/benchmark.json")
+REPORT_FILE = Path("reports/benchmark.html")
+RECORD_FILE = Path("reports/runs/benchmark.json")
+INPUTS_FILE = Path("inputs.json")
+CACHE = Path(".cylinder-friction/benchmark-cache")
+ROLES = ("train", "validation", "test")
+
+
+def run(params: BenchmarkParams) -> None:
+    """Write results, report and the record of the run, and log it; a killed benchmark goes on where it was."""
+    root = Path.cwd()
+    with sampled_resources("benchmark", root):
+        record = evaluate(params)
+    write_json(RECORD_FILE, record.to_dict())
+    track_or_warn(record, root)
+
+
+def evaluate(params: BenchmarkParams) -> RunRecord:
+    """Write ``reports/benchmark.json`` and ``reports/benchmark.html``; return what MLflow is to show.
+
+    Raises:
+        FileNotFoundError: Your own recordings are to be used, but are not there.
+        ValueError: A model is not in the registry.
+        RecordingError: There are too few sessions to split.
+    """
+    results = run_benchmark(bench_from(params), programme_from(params), score_settings(params), params.workers)
+    findings = findings_of(results)
+    write_json(RESULTS_FILE, {**asdict(results), "findings": findings})
+    write_report(results, findings, REPORT_FILE)
+    return run_record(params, results, findings)
+
+
+def write_inputs(params: BenchmarkParams) -> None:
+    """Write the hash of every module that the benchmark imports, and of your own recordings, if they are used."""
+    code = {file.relative_to(SOURCE).as_posix(): hash_of(file) for file in used_files(__name__, *MODULES)}
+    write_json(INPUTS_FILE, {"code": code, "recordings": _recordings(params)})
+
+
+def track() -> str:
+    """Log the finished benchmark to MLflow, unless it is there; return the run's id.
+
+    Raises:
+        TrackingError: The store cannot be reached, or there is no finished benchmark.
+    """
+    if not RECORD_FILE.is_file():
+        raise TrackingError(f"{RECORD_FILE.resolve()}: not there; run `make benchmark` or `dvc pull` in benchmark/")
+    return log_run(RunRecord.from_dict(read_json(RECORD_FILE)), Path.cwd())
+
+
+def summary() -> str:
+    """Return what was found, one paragraph per task, and where the page is.
+
+    Raises:
+        FileNotFoundError: There is no finished benchmark.
+    """
+    findings = read_json(RESULTS_FILE)["findings"]
+    return "\n\n".join([*(f"{task}: {words}" for task, words in findings.items()), f"page     {REPORT_FILE.resolve()}"])
+
+
+def bench_from(params: BenchmarkParams) -> Bench:
+    """Return what every worker needs to know."""
+    sizes = Sizes(**params.campaign.model_dump())
+    cylinder = cylinder_from(params.cylinder)
+    own = tuple((role, folder) for role, folder in _own_folders(params).items())
+    code = code_key(__name__, *MODULES)
+    settings = [params.model_dump(exclude={"workers", "scoring"}), _recordings(params)]
+    return Bench(
+        cylinder=cylinder,
+        sources=Sources(_folder("data", [asdict(sizes), asdict(cylinder), code]), sizes, own),
+        store=_folder("work", [*settings, code]),
+        seeds=tuple(params.plan.seeds),
+        effort=params.budget.effort,
+        trials=params.budget.trials,
+    )
+
+
+def programme_from(params: BenchmarkParams) -> Programme:
+    plan = params.plan
+    return Programme(
+        tasks=tuple(plan.tasks),
+        splits={split: tuple(tasks) for split, tasks in plan.splits.items()},
+        models=tuple(plan.models),
+    )
+
+
+def score_settings(params: BenchmarkParams) -> ScoreSettings:
+    settings = params.scoring
+    return ScoreSettings(
+        limits=StrataLimits(
+            settings.standstill_velocity_m_s, settings.stribeck_velocity_m_s, settings.reversal_window_s
+        ),
+        maximum_lag_s=settings.maximum_lag_s,
+        bootstrap_repeats=settings.bootstrap_repeats,
+        bootstrap_block_s=settings.bootstrap_block_s,
+    )
+
+
+def _own_folders(params: BenchmarkParams) -> dict[str, Path]:
+    return {} if params.source == RIG else {role: Path(params.source) / role for role in ROLES}
+
+
+def _recordings(params: BenchmarkParams) -> dict[str, str]:
+    return {role: hash_of(folder) for role, folder in _own_folders(params).items()}
+
+
+def run_record(params: BenchmarkParams, results: BenchmarkResults, findings: dict[str, str]) -> RunRecord:
+    """Return the stage's run, and below it one run a task, split and model, to be compared with each other."""
+    budget = params.budget
+    told: dict[str, Scalar] = {"effort": budget.effort, "trials": budget.trials, "seeds": len(params.plan.seeds)}
+    children = [_run_of(found, entry, told, results) for found in results.tasks for entry in found.entries]
+    best = {
+        f"{found.task}.{found.split}.best_percent": found.entries[0].score.percent.value
+        for found in results.tasks
+        if found.entries
+    }
+    return RunRecord(
+        name="benchmark",
+        params=flat(params),
+        metrics=best,
+        tags={f"finding.{task}": words for task, words in findings.items()},
+        artifacts=artifacts(RESULTS_FILE, REPORT_FILE),
+        datasets=_recordings(params),
+        children=tuple(children),
+        experiment=EXPERIMENT,
+    )
+
+
+def _run_of(found: TaskResult, entry: Entry, told: dict[str, Scalar], results: BenchmarkResults) -> RunRecord:
+    who = results.participants[entry.model]
+    return RunRecord(
+        name=f"{found.task} {found.split} {entry.model}",
+        params={"task": found.task, "split": found.split, "model": entry.model, **told}
+        | {f"tuned.{name}": value for name, value in entry.tuning.items() if name != "validation_percent"},
+        metrics=_metrics(entry),
+        tags={"family": who.family, "source": who.source, "reference": found.reference, "floor": found.floor},
+    )
+
+
+def _metrics(entry: Entry) -> dict[str, float]:
+    score = entry.score
+    metrics: dict[str, float] = {
+        "percent": score.percent.value,
+        "percent_low": score.percent.low,
+        "percent_high": score.percent.high,
+        "mae_n": score.mae_n,
+        "rmse_n": score.rmse_n,
+        "p95_n": score.p95_n,
+        "bias_n": score.bias_n,
+        "lag_ms": 1e3 * score.lag_s,
+        "multiply_adds": float(entry.multiply_adds),
+        "step_us": entry.step_us,
+        "training_s": entry.training_s,
+    }
+    metrics |= {f"condition_{test}.percent": value for test, value in entry.by_condition.items()}
+    metrics |= {f"seed_{seed}.percent": value for seed, value in entry.seeds.items()}
+    metrics |= {f"{stratum}.mae_n": mae_n for stratum, (_, mae_n) in entry.strata.items()}
+    metrics |= dict(entry.extras)
+    if "validation_percent" in entry.tuning:
+        metrics["validation_percent"] = float(entry.tuning["validation_percent"])
+    if entry.below_floor is not None:
+        ahead = entry.below_floor
+        metrics |= {"below_floor": ahead.value, "below_floor_low": ahead.low, "below_floor_high": ahead.high}
+    if entry.trust is not None:
+        metrics |= {f"coverage.condition_{test}" if test else "coverage": v for test, v in entry.trust.coverage.items()}
+        metrics |= {
+            "coverage.after_reversal": entry.trust.coverage_after_reversal,
+            "bounds_width_n": entry.trust.width_n,
+            "flagged": entry.trust.flagged,
+        }
+        if entry.trust.coverage_of_truth is not None:
+            metrics["coverage.of_truth"] = entry.trust.coverage_of_truth
+    return metrics
+
+
+def _folder(name: str, content: Sequence[Any]) -> Path:
+    """Return where finished work lies, by a hash of all it depends on, the code included."""
+    key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+    return repository_root(Path.cwd()) / CACHE / f"{name}-{key}"
