@@ -94,5 +94,5 @@ def test_what_cannot_be_split_is_refused(metadata: list[RecordingMetadata], mess
 
 
 def test_nothing_held_out_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least 1 test and 1 validation session, but got 0 and 1"):
+    with pytest.raises(ValueError, match="at least 1 test and 0 validation sessions, but got 0 and 1"):
         split_sessions(campaign({"1": 4}), 0, 1, 1)

@@ -1,4 +1,4 @@
-"""Which sessions teach, which choose and which judge: whole sessions, in every test, drawn by a hash."""
+"""Which sessions are for training, validation and test: whole sessions, in every condition, drawn by a hash."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cylinder_friction.recordings.recording import RecordingMetadata
+    from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 ROLES = ("train", "validation", "test")
 
@@ -19,27 +19,27 @@ ROLES = ("train", "validation", "test")
 def split_sessions(
     metadata: Sequence[RecordingMetadata], test_sessions: int, validation_sessions: int, seed: int
 ) -> dict[str, tuple[str, ...]]:
-    """Return the names of the recordings of each role, sorted; every test is in every role.
+    """Return the names of the recordings of each role, sorted; every condition is in every role.
 
-    In each test sessions are put in the order of a hash of seed, test and session; the first ``test_sessions`` are
-    held out for the comparison, the next ``validation_sessions`` for choosing, the rest teach. The draw looks at
-    nothing but these names, so a recording more in a session moves no other one.
+    In each condition sessions are put in the order of a hash of seed, condition and session; the first
+    ``test_sessions`` are held out for the comparison, the next ``validation_sessions`` for choosing, the rest is for
+    training. Nothing but these names decides, so that another recording of a session moves no other one.
 
     Args:
         metadata: Of every recording, in any order.
-        test_sessions: Sessions held out in each test, at least 1.
-        validation_sessions: Sessions for validation in each test, at least 1.
+        test_sessions: Sessions held out in each condition, at least 1.
+        validation_sessions: Sessions for validation in each condition; may be 0.
         seed: Another seed draws other sessions.
 
     Raises:
-        RecordingError: There is no recording, a name occurs twice, a session spans two tests, or a test has too few
-            sessions.
+        RecordingError: There is no recording, a name occurs twice, a session spans two conditions, or a condition has
+            too few sessions.
     """
-    if test_sessions < 1 or validation_sessions < 1:
+    if test_sessions < 1 or validation_sessions < 0:
         raise ValueError(
-            f"expected at least 1 test and 1 validation session, but got {test_sessions} and {validation_sessions}"
+            f"expected at least 1 test and 0 validation sessions, but got {test_sessions} and {validation_sessions}"
         )
-    sessions = _sessions_of_tests(metadata)
+    sessions = _sessions_by_condition(metadata)
     roles: dict[str, str] = {}
     for condition, names in sessions.items():
         needed = test_sessions + validation_sessions + 1
@@ -58,9 +58,27 @@ def split_sessions(
     return {role: tuple(sorted(entry.name for entry in metadata if roles[entry.session] == role)) for role in ROLES}
 
 
-def _sessions_of_tests(metadata: Sequence[RecordingMetadata]) -> dict[str, set[str]]:
+def split(
+    recordings: Sequence[Recording], test_sessions: int = 1, seed: int = 1
+) -> tuple[list[Recording], list[Recording]]:
+    """Return the recordings for training and those held out, in the given order; no session is in both.
+
+    Args:
+        recordings: Of at least two sessions in every condition.
+        test_sessions: Sessions held out in each condition.
+        seed: Another seed holds out other sessions.
+
+    Raises:
+        RecordingError: As ``split_sessions``.
+    """
+    held_out = set(split_sessions([recording.metadata for recording in recordings], test_sessions, 0, seed)["test"])
+    train = [recording for recording in recordings if recording.name not in held_out]
+    return train, [recording for recording in recordings if recording.name in held_out]
+
+
+def _sessions_by_condition(metadata: Sequence[RecordingMetadata]) -> dict[str, set[str]]:
     if not metadata:
-        raise RecordingError("nothing to split, got no recording; expected at least one session a role and test")
+        raise RecordingError("nothing to split, got no recording; expected at least one session per role and condition")
     twice = [name for name, count in Counter(entry.name for entry in metadata).items() if count > 1]
     if twice:
         raise RecordingError(f"recording {min(twice)!r} occurs twice; expected unique names")
