@@ -13,7 +13,7 @@ from public_data import labelled, recordings_of
 
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.signals.smooth_signals import smooth_columns
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:

@@ -219,13 +219,13 @@ class LugreInNumpy:
         smooth, rate = self._taps @ self._history
         if first:
             self._centre_m = smooth
-        if smooth > self._centre_m + sense.play_m:
-            self._centre_m, self._push, self._pushed = smooth - sense.play_m, 1.0, sense.window
-        elif smooth < self._centre_m - sense.play_m:
-            self._centre_m, self._push, self._pushed = smooth + sense.play_m, -1.0, sense.window
+        if smooth > self._centre_m + sense.backlash_m:
+            self._centre_m, self._push, self._pushed = smooth - sense.backlash_m, 1.0, sense.window
+        elif smooth < self._centre_m - sense.backlash_m:
+            self._centre_m, self._push, self._pushed = smooth + sense.backlash_m, -1.0, sense.window
         elif self._pushed > 0:
             self._pushed -= 1
-        lets_through = sense.play_m == 0.0 or (self._pushed > 0 and rate * self._push > 0.0)
+        lets_through = sense.backlash_m == 0.0 or (self._pushed > 0 and rate * self._push > 0.0)
         return float(rate) if np.abs(rate) >= sense.dead_band_m_s and lets_through else 0.0
 
 

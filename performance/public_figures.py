@@ -18,7 +18,7 @@ from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.motion import MotionIdentification, MotionPlan, motion_points
-from cylinder_friction.signals.recorded import signals_of
+from cylinder_friction.signals.smooth_signals import signals_of
 
 if TYPE_CHECKING:
     from pathlib import Path

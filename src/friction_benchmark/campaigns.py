@@ -25,7 +25,7 @@ from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.channels import NAME_PATTERN, logger_channels
 from cylinder_friction.rig.sensors import as_written
-from cylinder_friction.signals.recorded import filtered
+from cylinder_friction.signals.smooth_signals import filtered
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:

@@ -11,11 +11,10 @@ from cylinder_friction.labelling.equation_of_motion import (
     Stiffness,
     StiffnessMode,
     friction_label,
-    last_direction,
     paper_stiffness,
     trapped_oil_stiffness,
 )
-from cylinder_friction.signals.smooth import SmoothSignals
+from cylinder_friction.signals.smooth_signals import SmoothSignals
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -105,11 +104,6 @@ def test_stiffness_is_bounded_at_the_ends(cylinder: Cylinder) -> None:
     assert np.isfinite(ends).all()
     assert ends[0] == ends[1]
     assert ends[2] == ends[3]
-
-
-def test_direction_holds_at_standstill() -> None:
-    velocity = np.array([0.0, 0.0, -1.0, 0.0, 0.0, 2.0, 0.0])
-    np.testing.assert_array_equal(last_direction(velocity), [1, 1, -1, -1, -1, 1, 1])
 
 
 def test_unknown_mode_is_refused() -> None:

@@ -13,7 +13,7 @@ from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller, label
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
-from cylinder_friction.signals.recorded import smooth_columns
+from cylinder_friction.signals.smooth_signals import smooth_columns
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
 
 if TYPE_CHECKING:

@@ -1,18 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 
-from cylinder_friction.labelling.masks import spread, usable_rows
-from cylinder_friction.signals.smooth import Support
-
-
-@given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(0, 70), st.integers(0, 70))
-def test_spread_equals_its_definition(mask: list[bool], before: int, after: int) -> None:
-    hits = np.flatnonzero(mask)
-    expected = [any(hit - before <= row <= hit + after for hit in hits) for row in range(len(mask))]
-    np.testing.assert_array_equal(spread(np.array(mask), before, after), expected)
+from cylinder_friction.labelling.masks import usable_rows
+from cylinder_friction.signals.smooth_signals import Support
 
 
 def test_end_stops_are_masked_as_far_as_the_filter_saw_them() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.estimators.features import FeatureBlock, fit_features
-from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_play, push
+from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
 from friction_benchmark.models.source_columns import last_motion
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ HALF_WIDTH, STEP_S = 4e-5, 0.005
 
 def pushed_through(positions: np.ndarray, centring: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return whether each position pushed, and the play after the last."""
-    play = new_play()
+    play = new_backlash()
     return np.array([push(at, play, HALF_WIDTH, centring, STEP_S) for at in positions], dtype=bool), play
 
 
@@ -67,7 +67,7 @@ def test_a_play_that_closes_up_loses_creep_below_its_half_width_in_that_time(cen
 def test_the_position_is_always_in_the_gap_and_the_last_push_tells_the_direction(
     positions: list[float], centring: float
 ) -> None:
-    play, direction = new_play(), 0.0
+    play, direction = new_backlash(), 0.0
     for at in positions:
         before = play[CENTRE]
         if push(at, play, HALF_WIDTH, centring, STEP_S):
@@ -85,7 +85,7 @@ def test_the_direction_among_the_features_is_that_of_the_play(
     found, _ = block.advance(block.new_state(), recording.samples(("position_m",)))
     place = features.front_end.names.index("position_m_20")
     smooth_m = found[:, place] * features.front_end.scale[place] + features.front_end.mean[place]
-    play, expected = new_play(), []
+    play, expected = new_backlash(), []
     for at in smooth_m:
         push(at, play, HALF_WIDTH, 0.0, STEP_S)
         expected.append(play[DIRECTION])

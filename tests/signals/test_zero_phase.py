@@ -13,7 +13,7 @@ from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
 
 if TYPE_CHECKING:
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 STEP_S = 0.005
 ZERO_PHASE = [CentredMovingAverage(), SavitzkyGolay(), RtsSmoother()]
@@ -82,7 +82,7 @@ def test_reach_tells_which_rows_an_input_touches(zero_phase: SignalFilter) -> No
     changed = samples.copy()
     changed[200] *= 2.0
     support = zero_phase.support(STEP_S)
-    before, after = (zero_phase.smooth(each, STEP_S).columns() for each in (samples, changed))
+    before, after = (vars(zero_phase.smooth(each, STEP_S)) for each in (samples, changed))
     for name, values in before.items():
         difference = np.abs(after[name] - values)
         outside = np.ones(len(values), dtype=bool)

@@ -13,7 +13,7 @@ from cylinder_friction.reporting.inspection.files import inspect_files
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.signals.recorded import filtered
+from cylinder_friction.signals.smooth_signals import filtered
 from cylinder_friction.stages._stage import cylinder_from
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cylinder_friction.labelling.label import Labeller
     from cylinder_friction.params.checking import Params
     from cylinder_friction.reporting.inspection.subject import Inspected
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:

@@ -14,7 +14,7 @@ from cylinder_friction.friction_models.identification.intervals import INTERVAL_
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.signals.causal_velocity import MotionBlock, MotionSense, MotionState
+from cylinder_friction.signals.causal_velocity import CausalVelocity, VelocityBlock, VelocityState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
 """One-sided Savitzky-Golay differentiators on offer, window in samples and order."""
 
-PLAYS_M = (0.0, 8e-5)
+BACKLASHES_M = (0.0, 8e-5)
 """Half-widths of the play on offer [m]: none, and about six times the noise of a smoothed potentiometer."""
 
 PRESSURE_PAIRS = (("pressure_1_pa", "pressure_2_pa"), ("pressure_1_level_pa", "pressure_2_level_pa"))
@@ -42,7 +42,7 @@ PRESSURE_PAIRS = (("pressure_1_pa", "pressure_2_pa"), ("pressure_1_level_pa", "p
 class AnalyticalState:
     """The state of the velocity, and the friction model's."""
 
-    motion: MotionState
+    motion: VelocityState
     friction: Array
 
 
@@ -90,10 +90,10 @@ class AnalyticalEstimator(FrictionEstimator):
         self.confidence = confidence
         self.parameters: ModelParameters | None = None
         self.intervals: dict[str, tuple[float, float]] = {}
-        self.sense: MotionSense | None = None
+        self.sense: CausalVelocity | None = None
         self.identification: Identification | None = None
         self._position, self._pressures = _columns_of(model, self.inputs)
-        self._motion: MotionBlock | None = None
+        self._motion: VelocityBlock | None = None
         self._values = np.zeros(0)
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
@@ -161,15 +161,15 @@ class AnalyticalEstimator(FrictionEstimator):
         samples = recording.samples(tuple(self.inputs[column] for column in self._pressures))
         return np.ascontiguousarray(samples[:, 0] + samples[:, 1])
 
-    def _senses(self) -> dict[str, MotionSense]:
+    def _senses(self) -> dict[str, CausalVelocity]:
         senses = [
-            MotionSense(window, order, play_m, 0.0 if play_m else self.velocity_dead_band_m_s)
+            CausalVelocity(window, order, backlash_m, 0.0 if backlash_m else self.velocity_dead_band_m_s)
             for window, order in VELOCITY_FILTERS
-            for play_m in PLAYS_M
+            for backlash_m in BACKLASHES_M
         ]
         return {repr(sense): sense for sense in senses}
 
-    def _use(self, parameters: ModelParameters, sense: MotionSense) -> None:
+    def _use(self, parameters: ModelParameters, sense: CausalVelocity) -> None:
         assert self.sample_time_s is not None
         self.parameters, self._values = parameters, parameters.packed()
         self.sense, self._motion = sense, sense.block(self.sample_time_s)
@@ -220,7 +220,7 @@ class AnalyticalEstimator(FrictionEstimator):
         }
         self.sample_time_s = content["sample_time_s"]
         numbers = {name: entry["value"] for name, entry in model.items()}
-        self._use(self.model.parameter_class(**numbers), MotionSense(**content["velocity"]))
+        self._use(self.model.parameter_class(**numbers), CausalVelocity(**content["velocity"]))
 
 
 def scaled_effort(effort: float, seed: int = 0) -> SearchEffort:
@@ -259,7 +259,7 @@ def _columns_of(model: FrictionModel, inputs: tuple[str, ...]) -> tuple[int, tup
     )
 
 
-def _velocity_by(sense: MotionSense) -> Callable[[Recording], Array]:
+def _velocity_by(sense: CausalVelocity) -> Callable[[Recording], Array]:
     def velocity(recording: Recording) -> Array:
         block = sense.block(recording.sample_time_s)
         return block.advance(block.new_state(), recording.samples(("position_m",)))

@@ -22,7 +22,7 @@ from cylinder_friction.estimators.front_end import (
     unscaled_front_end,
 )
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.signals.backlash import AGE, DIRECTION, new_play, push
+from cylinder_friction.signals.backlash import AGE, DIRECTION, new_backlash, push
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -155,7 +155,7 @@ def fit_features(inputs: Sequence[str], cylinder: Cylinder, recordings: Sequence
 def _new_history() -> Array:
     """Return the state before the first position, shape ``(7,)``: dwell [s], dwell before [s], place of the last
     reversal or start [m], NaN before the first position, time of motion [s]; then the play [m], its age in seconds."""
-    return np.concatenate([[0.0, 0.0, np.nan, 0.0], new_play()])
+    return np.concatenate([[0.0, 0.0, np.nan, 0.0], new_backlash()])
 
 
 @numba.njit(cache=True)

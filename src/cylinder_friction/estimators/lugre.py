@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.friction_models.parameters import ModelParameters
-    from cylinder_friction.signals.causal_velocity import MotionSense
+    from cylinder_friction.signals.causal_velocity import CausalVelocity
 
     Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class LugreEstimator(AnalyticalEstimator):
             confidence=confidence,
         )
 
-    def _use(self, parameters: ModelParameters, sense: MotionSense) -> None:
+    def _use(self, parameters: ModelParameters, sense: CausalVelocity) -> None:
         assert isinstance(parameters, LugreParameters)
         super()._use(parameters, sense)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cylinder_friction.labelling.events import EVENTS, event_masks
+from cylinder_friction.signals.motion import EVENTS, event_masks
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

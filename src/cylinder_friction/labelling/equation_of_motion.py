@@ -36,13 +36,14 @@ import numpy as np
 
 from cylinder_friction.recordings.columns import DRIVE_FORCE
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.signals.smooth import SmoothDrive
+from cylinder_friction.signals.motion import last_direction
+from cylinder_friction.signals.smooth_signals import SmoothDrive
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.signals.smooth import SmoothSignals
+    from cylinder_friction.signals.smooth_signals import SmoothSignals
 
     Array = NDArray[np.float64]
 
@@ -143,11 +144,3 @@ def paper_stiffness(position_m: Array, cylinder: Cylinder, stiffness: Stiffness)
     length_1 = inside + stiffness.dead_volume_m3 / area_1
     length_2 = cylinder.stroke_m - inside + stiffness.dead_volume_m3 / area_2
     return stiffness.bulk_modulus_pa * (area_1 / length_1 + area_2 / length_2)
-
-
-def last_direction(velocity_m_s: Array) -> Array:
-    """Return +1 or -1, shape ``(n,)``: the sign of velocity, at standstill the last one, +1 before any motion."""
-    signs = np.sign(velocity_m_s)
-    rows = np.where(signs != 0.0, np.arange(len(signs)), -1)
-    latest = np.maximum.accumulate(rows)
-    return np.where(latest >= 0, signs[np.maximum(latest, 0)], 1.0)

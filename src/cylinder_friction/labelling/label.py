@@ -16,9 +16,9 @@ from cylinder_friction.labelling.session import SessionIdentification, identify_
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty
 from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.signals.recorded import (
-    LOAD_FORCE,
+from cylinder_friction.signals.smooth_signals import (
     SMOOTH_LOAD,
     filtered,
     signals_of,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.labelling.audit import Audit
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth import SignalFilter, SmoothDrive, SmoothSignals, Support
+    from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothDrive, SmoothSignals, Support
 
     Array = NDArray[np.float64]
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
+from cylinder_friction.signals.motion import widened
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
-    from cylinder_friction.signals.smooth import Support
+    from cylinder_friction.signals.smooth_signals import Support
 
 
 def usable_rows(
@@ -28,18 +29,7 @@ def usable_rows(
         support: Support of the filter.
     """
     stopped = (position_m <= margin_m) | (position_m >= stroke_m - margin_m)
-    usable = ~spread(stopped, before=support.after, after=support.before)
+    usable = ~widened(stopped, before=support.after, after=support.before)
     usable[: support.before] = False
     usable[len(usable) - min(support.after, len(usable)) :] = False
     return usable
-
-
-def spread(mask: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
-    """Return a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
-    rows = len(mask)
-    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
-    starts, ends = edges[::2], edges[1::2]
-    change = np.zeros(rows + 1, dtype=np.int32)
-    np.add.at(change, np.maximum(starts - before, 0), 1)
-    np.add.at(change, np.minimum(ends + after, rows), -1)
-    return np.asarray(np.cumsum(change[:rows], dtype=np.int32) > 0)

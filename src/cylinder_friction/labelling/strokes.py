@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from cylinder_friction.signals.motion import direction_of_motion
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -82,7 +84,7 @@ def stroke_points(
         slowest_m_s: Slower rows belong to no stroke [m/s].
         settling_travel_m: Travel after a start or reversal that does not count [m].
     """
-    way = np.where(usable & (np.abs(velocity_m_s) >= slowest_m_s), np.sign(velocity_m_s), 0.0)
+    way = np.where(usable, direction_of_motion(velocity_m_s, slowest_m_s), 0.0)
     run = np.concatenate([[0], np.cumsum(way[1:] != way[:-1])]) if len(way) else np.zeros(0, dtype=np.int64)
     path = np.cumsum(np.abs(velocity_m_s)) * sample_time_s
     starts = np.flatnonzero(np.diff(run, prepend=-1))

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.columns import DRIVE_FORCE
-from cylinder_friction.signals.recorded import LOAD_FORCE, has_pressures
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE
+from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

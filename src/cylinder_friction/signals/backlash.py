@@ -1,7 +1,7 @@
-"""The play: a gap that the position must cross before it counts as motion, as between a pin and its slotted hole.
+"""The backlash operator: a gap that the position must cross before it counts as motion.
 
-A velocity threshold takes the noise of a potentiometer for motion and misses creep. A play does neither: creep adds up
-until it pushes the edge of the gap, and noise narrower than the gap never does.
+A velocity threshold takes the noise of a potentiometer for motion and misses creep. Backlash does neither: creep adds
+up until it pushes the edge of the gap, and noise narrower than the gap never does.
 """
 
 from __future__ import annotations
@@ -17,36 +17,51 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 CENTRE, DIRECTION, AGE = 0, 1, 2
-"""Places in the state of a play."""
+"""Elements of the operator's state."""
 
 
-def new_play() -> Array:
-    """Return the play before the first position, shape ``(3,)``: its centre, the direction of the last push (-1, 1, or
-    0 before the first) and the age of that push. The first position becomes the centre."""
+def new_backlash() -> Array:
+    """Return the state before the first position, shape ``(3,)``: centre of the gap, direction of the last push (-1 or
+    1; 0 before the first) and its age. The first position becomes the centre."""
     return np.array([np.nan, 0.0, np.inf])
 
 
 @numba.njit(cache=True)
-def push(position: float, play: Array, half_width: float, centring: float, elapsed: float) -> bool:
-    """Move the play with the next position; returns whether that pushed it.
+def push(position: float, state: Array, half_width: float, centring: float, elapsed: float) -> bool:
+    """Advance the operator by one position; return whether that pushed the gap.
 
     Args:
         position: In any unit.
-        play: From ``new_play``, changed in place.
-        half_width: Of the gap, in the position's unit.
-        centring: Share of its distance from the position by which the gap closes up first: at its edge the least noise
-            pushes, in its middle none does. 0: it stays where it was pushed.
+        state: From ``new_backlash``, changed in place.
+        half_width: Half the width of the gap, in the position's unit.
+        centring: Fraction of its distance from the position by which the gap recentres first: at its edge the least
+            noise pushes, in its middle none does. 0: it stays where it was pushed.
         elapsed: Since the last position, in the unit of the age.
     """
-    if np.isnan(play[CENTRE]):
-        play[CENTRE] = position
+    if np.isnan(state[CENTRE]):
+        state[CENTRE] = position
     if centring > 0.0:
-        play[CENTRE] += centring * (position - play[CENTRE])
-    if position > play[CENTRE] + half_width:
-        play[CENTRE], play[DIRECTION], play[AGE] = position - half_width, 1.0, 0.0
-    elif position < play[CENTRE] - half_width:
-        play[CENTRE], play[DIRECTION], play[AGE] = position + half_width, -1.0, 0.0
+        state[CENTRE] += centring * (position - state[CENTRE])
+    if position > state[CENTRE] + half_width:
+        state[CENTRE], state[DIRECTION], state[AGE] = position - half_width, 1.0, 0.0
+    elif position < state[CENTRE] - half_width:
+        state[CENTRE], state[DIRECTION], state[AGE] = position + half_width, -1.0, 0.0
     else:
-        play[AGE] += elapsed
+        state[AGE] += elapsed
         return False
     return True
+
+
+@numba.njit(cache=True)
+def pushing_velocity(
+    velocity: float, position: float, state: Array, half_width: float, lasting: float, centring: float, elapsed: float
+) -> float:
+    """Return the velocity while the position has lately pushed the gap in its direction, else 0.
+
+    Args:
+        velocity: Filtered.
+        position: Filtered; the other arguments as in ``push``, which this calls.
+        lasting: Age of the last push from which the velocity counts as zero.
+    """
+    push(position, state, half_width, centring, elapsed)
+    return velocity if state[AGE] < lasting and velocity * state[DIRECTION] > 0.0 else 0.0

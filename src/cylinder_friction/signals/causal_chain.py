@@ -20,7 +20,7 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
     one_sided_savitzky_golay_taps,
 )
-from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, SmoothSignals, Support
+from cylinder_friction.signals.smooth_signals import P1, P2, SmoothSignals, Support, X
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -112,10 +112,10 @@ class OneSidedSavitzkyGolay:
 def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:
     """Return taps of shape ``(4, 3, lags)`` from those of one pressure, and of velocity and acceleration."""
     taps = np.zeros((4, 3, max(len(pressure), len(velocity), len(acceleration))))
-    taps[0, PRESSURE_1, : len(pressure)] = pressure
-    taps[1, PRESSURE_2, : len(pressure)] = pressure
-    taps[2, POSITION, : len(velocity)] = velocity
-    taps[3, POSITION, : len(acceleration)] = acceleration
+    taps[0, P1, : len(pressure)] = pressure
+    taps[1, P2, : len(pressure)] = pressure
+    taps[2, X, : len(velocity)] = velocity
+    taps[3, X, : len(acceleration)] = acceleration
     return taps
 
 

@@ -11,7 +11,7 @@ from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyG
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 
 def filters_by_method(

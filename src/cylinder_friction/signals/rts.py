@@ -10,7 +10,7 @@ import numpy as np
 
 from cylinder_friction.signals.causal_chain import SteadyKalman
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
-from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, SmoothSignals, Support
+from cylinder_friction.signals.smooth_signals import P1, P2, SmoothSignals, Support, X
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,9 +50,9 @@ class RtsSmoother:
             smooth_states(self._pressure_model(quantisation_step(samples[:, side]), sample_time_s), samples[:, side])[
                 :, 0
             ]
-            for side in (PRESSURE_1, PRESSURE_2)
+            for side in (P1, P2)
         ]
-        velocity, acceleration = self.motion(samples[:, POSITION], sample_time_s)
+        velocity, acceleration = self.motion(samples[:, X], sample_time_s)
         return SmoothSignals(pressures[0], pressures[1], velocity, acceleration)
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:

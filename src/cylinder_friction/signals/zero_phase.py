@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from cylinder_friction.signals.causal import cascade_taps
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
-from cylinder_friction.signals.savitzky_golay import savitzky_golay
-from cylinder_friction.signals.smooth import POSITION, PRESSURE_1, PRESSURE_2, SmoothSignals, Support
+from cylinder_friction.signals.smooth_signals import P1, P2, SmoothSignals, Support, X
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,10 +36,10 @@ class CentredMovingAverage:
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         pressure, velocity, acceleration = self._taps(sample_time_s)
         return SmoothSignals(
-            run_centred(pressure, samples[:, PRESSURE_1]),
-            run_centred(pressure, samples[:, PRESSURE_2]),
-            run_centred(velocity, samples[:, POSITION]),
-            run_centred(acceleration, samples[:, POSITION]),
+            run_centred(pressure, samples[:, P1]),
+            run_centred(pressure, samples[:, P2]),
+            run_centred(velocity, samples[:, X]),
+            run_centred(acceleration, samples[:, X]),
         )
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
@@ -90,26 +90,28 @@ class SavitzkyGolay:
         return OneSidedSavitzkyGolay(**vars(self))
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        velocity, acceleration = self.motion(samples[:, POSITION], sample_time_s)
-        pressures = [self.smooth_force(samples[:, side], sample_time_s) for side in (PRESSURE_1, PRESSURE_2)]
+        velocity, acceleration = self.motion(samples[:, X], sample_time_s)
+        pressures = [self.smooth_force(samples[:, side], sample_time_s) for side in (P1, P2)]
         return SmoothSignals(pressures[0], pressures[1], velocity, acceleration)
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:  # noqa: ARG002 - windows are in samples
-        return savitzky_golay(force_n, self.pressure_window, self.pressure_order)
+        _refuse_short(force_n, self.pressure_window)
+        return savgol_filter(force_n, self.pressure_window, self.pressure_order)
 
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        longest = max(self.pressure_window, self.velocity_window, self.acceleration_window)
-        if len(position_m) < longest:
-            raise ValueError(
-                f"got {len(position_m)} samples, but Savitzky-Golay needs at least its window of {longest}"
-            )
-        velocity = savitzky_golay(position_m, self.velocity_window, self.velocity_order, 1, sample_time_s)
-        acceleration = savitzky_golay(position_m, self.acceleration_window, self.acceleration_order, 2, sample_time_s)
+        _refuse_short(position_m, max(self.velocity_window, self.acceleration_window))
+        velocity = savgol_filter(position_m, self.velocity_window, self.velocity_order, 1, sample_time_s)
+        acceleration = savgol_filter(position_m, self.acceleration_window, self.acceleration_order, 2, sample_time_s)
         return velocity, acceleration
 
     def support(self, sample_time_s: float) -> Support:  # noqa: ARG002 - windows are in samples
         half = max(self.pressure_window, self.velocity_window, self.acceleration_window) // 2
         return Support(half, half)
+
+
+def _refuse_short(values: Array, window: int) -> None:
+    if len(values) < window:
+        raise ValueError(f"got {len(values)} samples, but Savitzky-Golay needs at least its window of {window}")
 
 
 def centred_taps(taps: Array) -> Array:

@@ -9,7 +9,7 @@ from tqdm import tqdm
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.storage import iterate_recordings, recording_paths, write_recording
 from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.signals.recorded import filtered
+from cylinder_friction.signals.smooth_signals import filtered
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 

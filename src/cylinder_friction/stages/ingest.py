@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.screening import ScreenRules
+from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
@@ -18,7 +19,6 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.time_rules import TimeRules
-from cylinder_friction.signals.recorded import LOAD_FORCE
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 

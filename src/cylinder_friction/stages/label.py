@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import LabelParams
     from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 IDENTIFIED_FILE = Path("data/processed/identified.json")
 """Load and moving mass of each session."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
-from cylinder_friction.signals.backlash import AGE, DIRECTION, new_play, push
+from cylinder_friction.signals.backlash import DIRECTION, new_backlash, pushing_velocity
 from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class SteadyMotion:
         self._sample_time_s = sample_time_s
 
     def new_state(self) -> SteadyMotionState:
-        return SteadyMotionState(FirState(), new_play())
+        return SteadyMotionState(FirState(), new_backlash())
 
     def advance(self, state: SteadyMotionState, position_m: Array) -> Array:
         smooth = self._filter.advance(state.position, position_m)
@@ -66,8 +66,8 @@ class SteadyMotion:
 @numba.njit(cache=True)
 def _counted(velocity_m_s: float, averaged_m: float, play: Array, sample_time_s: float) -> float:
     """Return the velocity while the averaged position has lately pushed the play that way, else 0; moves the play."""
-    push(averaged_m, play, PLAY_M, sample_time_s / CENTRING_S, sample_time_s)
-    return velocity_m_s if play[AGE] < LASTING_S and velocity_m_s * play[DIRECTION] > 0.0 else 0.0
+    centring = sample_time_s / CENTRING_S
+    return pushing_velocity(velocity_m_s, averaged_m, play, PLAY_M, LASTING_S, centring, sample_time_s)
 
 
 @numba.njit(cache=True)
@@ -81,7 +81,7 @@ def _through_play(smooth: Array, play: Array, sample_time_s: float) -> Array:
 
 def new_sense() -> Array:
     """Return the state of ``sense`` before the first sample, shape ``(7,)``."""
-    return np.concatenate([np.full(4, np.nan), new_play()])
+    return np.concatenate([np.full(4, np.nan), new_backlash()])
 
 
 @numba.njit(cache=True)

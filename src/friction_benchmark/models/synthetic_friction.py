@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, passive_damping_velocity, simulate
-from cylinder_friction.signals.savitzky_golay import savitzky_golay
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,7 +75,7 @@ def drawn_parameters(centre: LugreParameters, spread: float, generator: np.rando
 def smooth_velocity(recording: Recording) -> Array:
     """Return a recording's velocity without delay [m/s], zero at rest, shape ``(n,)``; from its position alone."""
     position = recording.column("position_m")
-    velocity = savitzky_golay(position, MOTION_WINDOW, MOTION_ORDER, 1, recording.sample_time_s)
+    velocity = savgol_filter(position, MOTION_WINDOW, MOTION_ORDER, deriv=1, delta=recording.sample_time_s)
     return np.where(np.abs(velocity) < REST_M_S, 0.0, velocity)
 
 

@@ -13,7 +13,7 @@ from cylinder_friction.signals.methods import filters_by_method
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 SAMPLE_TIME_S = 0.005
 

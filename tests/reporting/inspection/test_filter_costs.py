@@ -13,7 +13,7 @@ from cylinder_friction.reporting.inspection.filter_costs import filter_costs, pu
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 

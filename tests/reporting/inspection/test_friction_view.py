@@ -15,7 +15,7 @@ from .conftest import made_strokes
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 

@@ -18,7 +18,7 @@ from .conftest import made_strokes
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 CHROMIUM = Path("/usr/bin/chromium")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cylinder_friction.reporting.inspection.spectra import spectrum
-from cylinder_friction.reporting.inspection.standstill import noise_rms, standstill_rows
 
 
 def test_the_floor_of_white_noise_is_its_density() -> None:
@@ -30,20 +29,3 @@ def test_a_tone_stands_where_it_is() -> None:
 
 def test_a_short_signal_has_a_spectrum_too() -> None:
     assert len(spectrum(np.arange(10.0) % 3.0, 0.005).frequency_hz) == 5
-
-
-def test_rest_is_found_between_motions_and_noise_is_about_its_mean() -> None:
-    generator = np.random.default_rng(0)
-    velocity = np.concatenate([np.zeros(1000), np.full(1000, 0.01), np.zeros(1000)])
-    position = np.cumsum(velocity) * 0.005 + generator.normal(0.0, 1e-5, 3000)
-    rest = standstill_rows(position, 0.005)
-    assert not rest[980:2020].any()
-    assert rest[100:800].all()
-    assert rest[2200:2900].all()
-    assert noise_rms(position, rest) == pytest.approx(1e-5, rel=0.05)
-    assert standstill_rows(position, 0.005, around_rows=200).sum() < rest.sum()
-
-
-def test_nothing_rests_in_a_recording_shorter_than_a_rest() -> None:
-    assert not standstill_rows(np.zeros(20), 0.005).any()
-    assert np.isnan(noise_rms(np.zeros(20), np.zeros(20, dtype=bool)))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.literals import Type
     from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.friction_models.lugre import LugreParameters
-    from cylinder_friction.signals.causal_velocity import MotionSense
+    from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 POSITION = 2
 
@@ -40,7 +40,7 @@ class LugreModel:
 
     step: StepModel
     parameters: LugreParameters
-    sense: MotionSense
+    sense: CausalVelocity
     pressure_scaled: bool
 
 
@@ -90,10 +90,10 @@ def lugre_block(model: LugreModel, bank: FilterBank, real: Type) -> EstimateBloc
         "retract": law.retract_ratio,
         "slope": law.pressure_slope_n_pa,
         "time": model.step.sample_time_s,
-        "play": sense.play_m,
+        "play": sense.backlash_m,
         "dead_band": sense.dead_band_m_s,
     }
-    gate = "1" if sense.play_m == 0.0 else f"state->pushed > 0u && rate * state->push > {number(0.0, real)}"
+    gate = "1" if sense.backlash_m == 0.0 else f"state->pushed > 0u && rate * state->push > {number(0.0, real)}"
     values = {name: number(value, real) for name, value in constants.items()}
     values |= {name: name + ("f" if real == "float" else "") for name in ("exp", "expm1", "log", "fabs")}
     values |= {

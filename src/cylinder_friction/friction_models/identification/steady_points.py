@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from cylinder_friction.friction_models.stribeck import CURVE_PARAMETERS
+from cylinder_friction.signals.motion import steady_rows, travel_since_stop
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,9 +18,6 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
-
-STEADY_DURATION_S = 0.2
-"""A stroke is steady where velocity stays alike for this long around a row."""
 
 PRESLIDING_TRAVEL_M = 1e-3
 """Travel since standstill or reversal after which bristles no longer bend; several times what seals bend."""
@@ -54,30 +50,9 @@ class SteadyPoint:
         return asdict(self)
 
 
-def steady_rows(recording: Recording, slowest_m_s: float, variation: float) -> NDArray[np.bool_]:
-    """Return the usable rows of a labelled recording that lie inside a stroke at constant velocity, shape ``(n,)``."""
-    velocity = recording.column("velocity_m_s")
-    window = max(3, round(STEADY_DURATION_S / recording.sample_time_s) | 1)
-    greatest = maximum_filter1d(velocity, window, mode="nearest")
-    least = minimum_filter1d(velocity, window, mode="nearest")
-    one_way = (least > slowest_m_s) | (greatest < -slowest_m_s)
-    alike = greatest - least <= variation * np.abs(0.5 * (greatest + least))
-    return np.asarray(recording.usable() & one_way & alike & _has_slid(recording, slowest_m_s))
-
-
 def _has_slid(recording: Recording, slowest_m_s: float) -> NDArray[np.bool_]:
-    travel_m = _travel_one_way(recording.column("velocity_m_s"), slowest_m_s) * recording.sample_time_s
-    return np.asarray(travel_m > PRESLIDING_TRAVEL_M)
-
-
-@numba.njit(cache=True)
-def _travel_one_way(velocity: Array, slowest: float) -> Array:
-    """Return the sum of speeds since the last row that was slow or went the other way, shape ``(n,)``."""
-    travel = np.zeros_like(velocity)
-    for row in range(1, velocity.shape[0]):
-        if abs(velocity[row]) > slowest and velocity[row] * velocity[row - 1] > 0.0:
-            travel[row] = travel[row - 1] + abs(velocity[row])
-    return travel
+    travel_m = travel_since_stop(recording.column("velocity_m_s"), slowest_m_s, recording.sample_time_s)
+    return np.asarray(recording.usable() & (travel_m > PRESLIDING_TRAVEL_M))
 
 
 def steady_points(
@@ -98,14 +73,17 @@ def steady_points(
     """
     slowest_m_s = max(slowest_m_s, LEAST_SPEED_M_S)
     points: list[SteadyPoint] = []
+    slid = [_has_slid(recording, slowest_m_s) for recording in recordings]
     for variation in STEADY_VARIATIONS:
-        masks = [steady_rows(recording, slowest_m_s, variation) for recording in recordings]
+        masks = [
+            mask & steady_rows(recording.column("velocity_m_s"), recording.sample_time_s, slowest_m_s, variation)
+            for recording, mask in zip(recordings, slid, strict=True)
+        ]
         points = _points(recordings, masks, slowest_m_s, bins, rows_a_point)
         if min(sum(point.velocity_m_s * way > 0.0 for point in points) for way in (-1.0, 1.0)) >= bins // 2:
             return points
     if len(points) < CURVE_PARAMETERS:
-        masks = [recording.usable() & _has_slid(recording, slowest_m_s) for recording in recordings]
-        points = _points(recordings, masks, slowest_m_s, bins, rows_a_point // 4)
+        points = _points(recordings, slid, slowest_m_s, bins, rows_a_point // 4)
     return points
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.reporting.inspection.spectra import spectrum
-from cylinder_friction.reporting.inspection.standstill import LEAST_STANDSTILL_S, noise_rms, standstill_rows
 from cylinder_friction.signals.causal_chain import (
     MovingAverage,
     SteadyKalman,
@@ -18,9 +17,9 @@ from cylinder_friction.signals.causal_chain import (
     run_causal_force,
     run_causal_motion,
 )
-from cylinder_friction.signals.recorded import has_pressures
+from cylinder_friction.signals.motion import LEAST_STANDSTILL_S, noise_rms, standstill_rows
 from cylinder_friction.signals.rts import RtsSmoother, quantisation_step
-from cylinder_friction.signals.smooth import POSITION, PRESSURE_1
+from cylinder_friction.signals.smooth_signals import P1, X, has_pressures
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth import SignalFilter, SmoothSignals, Support
+    from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothSignals, Support
 
     Array = NDArray[np.float64]
 
@@ -167,9 +166,9 @@ def pulse_responses(method: SignalFilter, recording: Recording) -> tuple[Array, 
     pulse[middle] = steps
     smooth = method.smooth(pulse, recording.sample_time_s)
     return (
-        smooth.pressure_1_smooth_pa / steps[PRESSURE_1],
-        smooth.velocity_m_s / steps[POSITION],
-        smooth.acceleration_m_s2 / steps[POSITION],
+        smooth.pressure_1_smooth_pa / steps[P1],
+        smooth.velocity_m_s / steps[X],
+        smooth.acceleration_m_s2 / steps[X],
     )
 
 

@@ -24,7 +24,7 @@ from cylinder_friction.reporting.inspection.drawing import (
     single,
 )
 from cylinder_friction.reporting.inspection.spectra import spectrum
-from cylinder_friction.signals.recorded import has_pressures
+from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

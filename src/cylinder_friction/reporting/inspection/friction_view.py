@@ -11,8 +11,8 @@ from cylinder_friction.friction_models.identification.steady_points import Stead
 from cylinder_friction.labelling.equation_of_motion import Stiffness, drive_force, friction_label
 from cylinder_friction.labelling.masks import usable_rows
 from cylinder_friction.reporting.inspection.known_curve import known_curve
-from cylinder_friction.reporting.inspection.standstill import noise_rms, standstill_rows
-from cylinder_friction.signals.recorded import has_pressures, smooth_load, smooth_recording
+from cylinder_friction.signals.motion import noise_rms, standstill_rows
+from cylinder_friction.signals.smooth_signals import has_pressures, smooth_load, smooth_recording
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.friction_models.stribeck import StribeckCurve
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth import SignalFilter, SmoothDrive, SmoothSignals
+    from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothDrive, SmoothSignals
 
     Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.reporting.inspection.subject import Inspected
-    from cylinder_friction.signals.smooth import SignalFilter
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 
 def write_page(

@@ -23,7 +23,7 @@ from cylinder_friction.reporting.inspection.drawing import (
     single,
 )
 from cylinder_friction.reporting.inspection.thinning import extremes
-from cylinder_friction.signals.recorded import has_pressures
+from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

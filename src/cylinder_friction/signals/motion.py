@@ -1,0 +1,146 @@
+"""Detection of motion in whole recordings: direction, travel, steady sliding, standstill, starts, stops, reversals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+MOVING_M_S = 1e-3
+"""A true, noise-free velocity below this counts as standstill."""
+EVENTS = ("start", "stop", "reversal")
+
+STEADY_DURATION_S = 0.2
+"""Sliding is steady where velocity varies little for this long around a row."""
+
+STANDSTILL_DURATION_S = 0.5
+"""A shorter rest is too short to distinguish noise from motion."""
+CREEP_M_S = 2e-4
+"""Slower than this over that time counts as standstill."""
+LEAST_STANDSTILL_S = 1.0
+"""Less standstill than this in total is too little to determine noise from."""
+
+
+def direction_of_motion(velocity_m_s: Array, slowest_m_s: float) -> Array:
+    """Return 1 while extending, -1 while retracting and 0 below ``slowest_m_s``, shape ``(n,)``."""
+    return np.where(np.abs(velocity_m_s) >= slowest_m_s, np.sign(velocity_m_s), 0.0)
+
+
+def last_direction(velocity_m_s: Array) -> Array:
+    """Return +1 or -1, shape ``(n,)``: the sign of velocity, at standstill the last one, +1 before any motion."""
+    signs = np.sign(velocity_m_s)
+    latest = np.maximum.accumulate(np.where(signs != 0.0, np.arange(len(signs)), -1))
+    return np.where(latest >= 0, signs[np.maximum(latest, 0)], 1.0)
+
+
+def travel_since_stop(velocity_m_s: Array, slowest_m_s: float, sample_time_s: float) -> Array:
+    """Return the travel since the last row that was slow or went the other way [m], shape ``(n,)``."""
+    return np.asarray(_speeds_since_stop(velocity_m_s, slowest_m_s) * sample_time_s)
+
+
+@numba.njit(cache=True)
+def _speeds_since_stop(velocity: Array, slowest: float) -> Array:
+    total = np.zeros_like(velocity)
+    for row in range(1, velocity.shape[0]):
+        if abs(velocity[row]) > slowest and velocity[row] * velocity[row - 1] > 0.0:
+            total[row] = total[row - 1] + abs(velocity[row])
+    return total
+
+
+def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, variation: float) -> Mask:
+    """Return the rows inside a stroke at constant velocity, shape ``(n,)``.
+
+    Args:
+        velocity_m_s: Shape ``(n,)``.
+        sample_time_s: Time between two rows [s].
+        slowest_m_s: Slower rows count as standstill [m/s].
+        variation: How much velocity may vary within ``STEADY_DURATION_S``, over its mean.
+    """
+    window = max(3, round(STEADY_DURATION_S / sample_time_s) | 1)
+    greatest = maximum_filter1d(velocity_m_s, window, mode="nearest")
+    least = minimum_filter1d(velocity_m_s, window, mode="nearest")
+    one_way = (least > slowest_m_s) | (greatest < -slowest_m_s)
+    return np.asarray(one_way & (greatest - least <= variation * np.abs(0.5 * (greatest + least))))
+
+
+def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 0) -> Mask:
+    """Return the rows at rest, shape ``(n,)``.
+
+    At rest are rows around which mean position, over half of ``STANDSTILL_DURATION_S`` before and after, differs by
+    less than ``CREEP_M_S`` would make it, for as long as that and ``around_rows`` to either side.
+
+    Args:
+        position_m: Raw position [m], shape ``(n,)``.
+        sample_time_s: Time between two rows [s].
+        around_rows: Support of a filter to either side: rows whose filter saw motion are not at rest for it.
+    """
+    half = max(2, round(0.5 * STANDSTILL_DURATION_S / sample_time_s))
+    if len(position_m) < 4 * half:
+        return np.zeros(len(position_m), dtype=np.bool_)
+    means = np.convolve(position_m - position_m[0], np.full(half, 1.0 / half), mode="valid")
+    slow = np.abs(means[half:] - means[:-half]) <= CREEP_M_S * half * sample_time_s
+    moving = np.ones(len(position_m), dtype=np.bool_)
+    moving[half : half + len(slow)] = ~slow
+    width = min(2 * (half + around_rows) + 1, 2 * len(moving) - 1)
+    return np.asarray(uniform_filter1d(moving.astype(np.float64), width, mode="nearest") <= 1e-9)
+
+
+def noise_rms(values: Array, rest: Mask) -> float:
+    """Return the root mean square of values about their own mean in each rest, NaN where nothing rests.
+
+    Args:
+        values: Shape ``(n,)``.
+        rest: Rows at rest, shape ``(n,)``.
+    """
+    if not rest.any():
+        return float("nan")
+    rows = np.flatnonzero(rest)
+    stretch = np.cumsum(np.diff(rows, prepend=rows[0]) > 1)
+    means = np.bincount(stretch, values[rows]) / np.bincount(stretch)
+    return float(np.sqrt(np.mean((values[rows] - means[stretch]) ** 2)))
+
+
+def event_masks(velocity_m_s: Array, window: int) -> dict[str, Mask]:
+    """Return the rows within ``window`` rows of each kind of event, each mask of shape ``(n,)``.
+
+    A reversal goes from one direction to the other with at most ``window`` rows of rest between; with a longer rest
+    it is a stop and a start.
+
+    Args:
+        velocity_m_s: True velocity [m/s], shape ``(n,)``: without noise.
+        window: Rows before and after an event.
+    """
+    direction = direction_of_motion(velocity_m_s, MOVING_M_S).astype(np.int64)
+    changes = np.flatnonzero(np.diff(direction)) + 1
+    marks = {kind: np.zeros(len(direction), dtype=np.bool_) for kind in EVENTS}
+    for index, row in enumerate(changes):
+        before, now = direction[row - 1], direction[row]
+        if now == 0:
+            following = changes[index + 1] if index + 1 < len(changes) else None
+            turns = following is not None and following - row <= window and direction[following] == -before
+            marks["reversal" if turns else "stop"][row] = True
+        elif before == 0:
+            previous = changes[index - 1] if index > 0 else None
+            turned = previous is not None and row - previous <= window and direction[previous - 1] == -now
+            marks["reversal" if turned else "start"][row] = True
+        else:
+            marks["reversal"][row] = True
+    return {kind: widened(mark, window, window) for kind, mark in marks.items()}
+
+
+def widened(mask: Mask, before: int, after: int) -> Mask:
+    """Return a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
+    rows = len(mask)
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    change = np.zeros(rows + 1, dtype=np.int32)
+    np.add.at(change, np.maximum(edges[::2] - before, 0), 1)
+    np.add.at(change, np.minimum(edges[1::2] + after, rows), -1)
+    return np.asarray(np.cumsum(change[:rows], dtype=np.int32) > 0)

@@ -1,0 +1,127 @@
+"""Smooth pressures, velocity and acceleration: what every off-line filter returns, and as columns of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.recording import Recording
+
+    Array = NDArray[np.float64]
+
+SMOOTH_LOAD = "load_force_smooth_n"
+"""The measured load, smoothed as pressures are [N]."""
+
+P1, P2, X = 0, 1, 2
+"""Columns of raw samples, shape ``(n, 3)``: pressures of piston and rod side, position."""
+
+
+@dataclass(frozen=True)
+class SmoothSignals:
+    """Smooth signals of one recording, each of shape ``(n,)``; extension positive.
+
+    Attributes:
+        pressure_1_smooth_pa: Piston side, gauge [Pa].
+        pressure_2_smooth_pa: Rod side, gauge [Pa].
+        velocity_m_s: [m/s].
+        acceleration_m_s2: [m/s²].
+    """
+
+    pressure_1_smooth_pa: Array
+    pressure_2_smooth_pa: Array
+    velocity_m_s: Array
+    acceleration_m_s2: Array
+
+
+@dataclass(frozen=True)
+class SmoothDrive:
+    """Smooth signals of a recording with a drive force in place of pressures, each of shape ``(n,)``.
+
+    Attributes:
+        drive_force_smooth_n: Force on the rod, smoothed as pressures are, positive towards extension [N].
+        velocity_m_s: [m/s].
+        acceleration_m_s2: [m/s²].
+    """
+
+    drive_force_smooth_n: Array
+    velocity_m_s: Array
+    acceleration_m_s2: Array
+
+
+@dataclass(frozen=True)
+class Support:
+    """Support of a filter in samples: output t depends on inputs ``t - before`` to ``t + after``."""
+
+    before: int
+    after: int
+
+
+class SignalFilter(Protocol):
+    """Smooths pressures and differentiates position, over a whole recording."""
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        """Return the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        """Return a force, shape ``(n,)``, smoothed as pressures are: with the same delay and bandwidth."""
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        """Return velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``, as ``smooth`` does."""
+
+    def support(self, sample_time_s: float) -> Support:
+        """Return the support of the filter, the longest of its four outputs."""
+
+
+def has_pressures(recording: Recording) -> bool:
+    """Return whether both pressures were measured; if so, a drive force beside them is ignored."""
+    return all(column in recording.table.columns for column in SAMPLE_COLUMNS)
+
+
+def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
+    """Return the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
+    if has_pressures(recording):
+        samples = np.stack([recording.column(column) for column in SAMPLE_COLUMNS]).T  # each signal contiguous
+        return signal_filter.smooth(samples, recording.sample_time_s)
+    force_n = signal_filter.smooth_force(recording.column(DRIVE_FORCE), recording.sample_time_s)
+    return SmoothDrive(force_n, *signal_filter.motion(recording.column(POSITION), recording.sample_time_s))
+
+
+def smooth_load(recording: Recording, signal_filter: SignalFilter) -> Array | None:
+    """Return the measured load [N], shape ``(n,)``, smoothed as pressures are; None where none was measured."""
+    if LOAD_FORCE not in recording.table.columns:
+        return None
+    return signal_filter.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)
+
+
+def smooth_columns(recording: Recording, signal_filter: SignalFilter) -> dict[str, Array]:
+    """Return every column that the filter adds to a recording, by name."""
+    columns: dict[str, Array] = dict(vars(smooth_recording(recording, signal_filter)))
+    load_n = smooth_load(recording, signal_filter)
+    return columns if load_n is None else columns | {SMOOTH_LOAD: load_n}
+
+
+def filtered(recording: Recording, signal_filter: SignalFilter) -> Recording:
+    """Return a recording with the filter's columns beside its raw ones.
+
+    They are in single precision, as they are stored: thousands of times finer than any sensor's resolution.
+    """
+    smooth = smooth_columns(recording, signal_filter)
+    return recording.with_columns(**{name: values.astype(np.float32) for name, values in smooth.items()})
+
+
+def signals_of(recording: Recording) -> SmoothSignals | SmoothDrive:
+    """Return the smooth signals of a recording that has been filtered.
+
+    Raises:
+        RecordingError: It has not.
+    """
+    if has_pressures(recording):
+        return SmoothSignals(*(recording.column(field.name) for field in fields(SmoothSignals)))
+    return SmoothDrive(*(recording.column(field.name) for field in fields(SmoothDrive)))
