@@ -152,8 +152,8 @@ def dies(making: Making) -> FrictionEstimator:
 
 
 ENTRIES = (
-    RosterEntry("low_pass", "Low-pass", "floor", "own", _low_pass, can=needs_raw_pressures),
-    RosterEntry("hold", "Hold", "floor", "own", _constant),
+    RosterEntry("low_pass", "Low-pass", "baseline", "own", _low_pass, can=needs_raw_pressures),
+    RosterEntry("hold", "Hold", "baseline", "own", _constant),
     RosterEntry("constant_by_direction", "Constant", "analytical", "own", _position),
     RosterEntry(
         "ridge",

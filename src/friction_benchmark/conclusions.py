@@ -9,7 +9,7 @@ from friction_benchmark.folds import HELD_OUT, SPLITS, UNSEEN_RIG
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from friction_benchmark.results import BenchmarkResults, Entry, Participant, TaskResult
+    from friction_benchmark.results import BenchmarkResults, Entry, ModelInfo, TaskResult
 
 AIM = (0.87, 0.93)
 """Between these the coverage of a 90 % interval should lie in every test."""
@@ -21,9 +21,9 @@ LEVEL = 0.99
 
 
 def findings_of(results: BenchmarkResults) -> dict[str, str]:
-    """Return the paragraph of each task, by its name: who wins, by how much, who does not beat the floor.
+    """Return the paragraph of each task, by its name: who wins, by how much, who does not beat the baseline.
 
-    A model counts as better than the floor where the paired 95 % block-bootstrap interval of the difference leaves out
+    A model counts as better than the baseline where the paired 95 % block-bootstrap interval of the difference excludes
     zero, and as tied with the best where its figure lies within the best one's interval.
     """
     tasks = list(dict.fromkeys(found.task for found in results.tasks))
@@ -31,7 +31,7 @@ def findings_of(results: BenchmarkResults) -> dict[str, str]:
 
 
 def _paragraph(splits: Sequence[TaskResult], results: BenchmarkResults) -> str:
-    titles = _Titles(results.participants)
+    titles = _Titles(results.models)
     sentences: list[str] = []
     for found in splits:
         if not found.entries:
@@ -53,14 +53,14 @@ def _paragraph(splits: Sequence[TaskResult], results: BenchmarkResults) -> str:
 
 
 class _Titles:
-    def __init__(self, participants: Mapping[str, Participant]) -> None:
-        self.participants = participants
+    def __init__(self, models: Mapping[str, ModelInfo]) -> None:
+        self.models = models
 
     def __call__(self, model: str) -> str:
-        return self.participants[model].title if model in self.participants else model
+        return self.models[model].title if model in self.models else model
 
     def family(self, model: str) -> str:
-        return self.participants[model].family if model in self.participants else ""
+        return self.models[model].family if model in self.models else ""
 
     def several(self, models: Sequence[str]) -> str:
         names = [self(model) for model in models[:MOST_NAMES]]
@@ -77,29 +77,29 @@ def _standing(found: TaskResult, titles: _Titles) -> list[str]:
     if tied:
         verb = "lies" if len(tied) == 1 else "lie"
         sentences.append(f"{titles.several(tied)} {verb} within its interval, so chance may decide between them.")
-    floor = next((entry for entry in found.entries if entry.model == found.floor), None)
-    if floor is None:
-        return [*sentences, f"The floor, {titles(found.floor)}, has no figure."]
-    return sentences + _against_floor(found, floor, titles)
+    baseline = next((entry for entry in found.entries if entry.model == found.baseline), None)
+    if baseline is None:
+        return [*sentences, f"The baseline, {titles(found.baseline)}, has no figure."]
+    return sentences + _against_baseline(found, baseline, titles)
 
 
-def _against_floor(found: TaskResult, floor: Entry, titles: _Titles) -> list[str]:
-    others = [entry for entry in found.entries if entry.model != floor.model]
-    better = [entry for entry in others if entry.below_floor is not None and entry.below_floor.low > 0.0]
+def _against_baseline(found: TaskResult, baseline: Entry, titles: _Titles) -> list[str]:
+    others = [entry for entry in found.entries if entry.model != baseline.model]
+    better = [entry for entry in others if entry.below_baseline is not None and entry.below_baseline.low > 0.0]
     worse = [entry for entry in others if entry not in better]
-    words = f"The floor, {titles(floor.model)}, has {floor.score.percent.value:.2f} %"
+    words = f"The baseline, {titles(baseline.model)}, has {baseline.score.percent.value:.2f} %"
     if not better:
         return [f"{words}, and no model beats it outside the bootstrap interval."]
     best = better[0]
-    assert best.below_floor is not None
-    ahead = best.below_floor
+    assert best.below_baseline is not None
+    ahead = best.below_baseline
     sentences = [
         f"{words}; {titles(best.model)} is {ahead.value:.2f} percentage points below it "
         f"({ahead.low:.2f} to {ahead.high:.2f}), as {_count(len(better))} of {len(others)} models are by some amount."
     ]
     if worse:
         verb = "does" if len(worse) == 1 else "do"
-        sentences.append(f"{titles.several([entry.model for entry in worse])} {verb} not beat the floor.")
+        sentences.append(f"{titles.several([entry.model for entry in worse])} {verb} not beat the baseline.")
     return sentences
 
 
@@ -174,10 +174,10 @@ def _elsewhere(found: TaskResult, base: TaskResult, titles: _Titles) -> list[str
         if same is not None:
             sentences[0] += f", where {titles(held.model)} has {same.score.percent.value:.2f} %"
     sentences[0] += "."
-    if best.below_floor is None or (best.model != found.floor and best.below_floor.low <= 0.0):
-        sentences.append("There it does not beat the floor outside the interval.")
-    elif best.model == found.floor:
-        sentences.append("That is the floor: nothing beats it there.")
+    if best.below_baseline is None or (best.model != found.baseline and best.below_baseline.low <= 0.0):
+        sentences.append("There it does not beat the baseline outside the interval.")
+    elif best.model == found.baseline:
+        sentences.append("That is the baseline: nothing beats it there.")
     if found.split == UNSEEN_RIG:
         sentences += _truth(found, titles)
         if best.trust is not None and best.trust.caught is not None:

@@ -13,7 +13,7 @@ from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UN
 from friction_benchmark.judging import denominators, judged
 from friction_benchmark.pool import Died, Workers
 from friction_benchmark.programme import Programme, problem_of
-from friction_benchmark.results import BenchmarkResults, Participant, TaskResult
+from friction_benchmark.results import BenchmarkResults, ModelInfo, TaskResult
 from friction_benchmark.roster import roster
 from friction_benchmark.running import Question, answer_questions, tune_model
 from friction_benchmark.tasks import inputs_of, task_named
@@ -73,8 +73,8 @@ def run_benchmark(
         lines = _judge(bench, course, entries, how, work)
     return BenchmarkResults(
         tasks=tuple(_task_result(bench, course, entries, how, *pair, lines) for pair in course.asked),
-        participants={
-            name: Participant(entry.title, entry.family, entry.source, entry.chosen) for name, entry in entries.items()
+        models={
+            name: ModelInfo(entry.title, entry.family, entry.source, entry.chosen) for name, entry in entries.items()
         },
         budget=_budget(bench),
         missing=course.missing,
@@ -193,7 +193,7 @@ def _judge(
             for model, entry in entries.items()
             if not _excuse(bench, course, entry, task) and not _failure(course, task, split, model, bench.seeds)
         ]
-        floor = task.floor if task.floor in good else None
+        floor = task.baseline if task.baseline in good else None
         for model in good:
             pieces.append(partial(judged, bench, task.name, split, model, floor, how))
             about.append((task.name, split))
@@ -227,7 +227,7 @@ def _task_result(
         title=task.title,
         inputs=_inputs(bench, task),
         reference=task.reference,
-        floor=task.floor,
+        baseline=task.baseline,
         mean_friction_n=mean_n,
         entries=tuple(best_first),
         missing=missing,

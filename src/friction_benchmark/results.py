@@ -78,12 +78,12 @@ class Entry:
     """One model on one task and split.
 
     Attributes:
-        model: Name in the roster.
+        model: Name in the registry.
         score: Over all seeds' test recordings together.
         seeds: Percent of each seed.
         by_condition: Percent, by the recordings' test.
         strata: Percent and MAE [N] by stratum (``evaluation.strata.STRATA``).
-        below_floor: Floor's percent minus this one's, paired bootstrap; positive means better than the floor.
+        below_baseline: Baseline's percent minus this one's, paired bootstrap; positive means better than the baseline.
         trust: None where no bounds were asked for.
         residuals: None where not asked for.
         tuning: What was chosen, and the validation percent that it reached; empty where there is nothing to tune.
@@ -95,7 +95,7 @@ class Entry:
     seeds: Mapping[str, float]
     by_condition: Mapping[str, float]
     strata: Mapping[str, tuple[float, float]]
-    below_floor: Interval | None
+    below_baseline: Interval | None
     trust: Trust | None
     residuals: Residuals | None
     multiply_adds: int
@@ -115,10 +115,10 @@ class TaskResult:
         title: In words.
         inputs: Columns that models see.
         reference: What errors are against.
-        floor: Name of the model to beat.
+        baseline: Name of the model to beat.
         mean_friction_n: The denominator of percentages: mean |reference| of the test recordings [N].
         entries: Best first.
-        missing: Models of the roster that cannot do the task, and why.
+        missing: Models of the registry that cannot do the task, and why.
         explanation: What is asked and why, in one sentence.
         label_truth_percent: How far the off-line label itself is from true friction, MAE / mean |truth| [%]; None where
             truth is not known.
@@ -129,7 +129,7 @@ class TaskResult:
     title: str
     inputs: tuple[str, ...]
     reference: Reference
-    floor: str
+    baseline: str
     mean_friction_n: float
     entries: tuple[Entry, ...]
     missing: Mapping[str, str] = field(default_factory=dict)
@@ -138,7 +138,7 @@ class TaskResult:
 
 
 @dataclass(frozen=True)
-class Participant:
+class ModelInfo:
     """Who a model is, for the report."""
 
     title: str
@@ -153,12 +153,12 @@ class BenchmarkResults:
 
     Attributes:
         tasks: One leaderboard a task and split.
-        participants: By name.
+        models: By name.
         budget: In words and numbers: trials, effort, seeds, recordings.
         missing: Tasks, or a task's splits, that could not be asked, and why.
     """
 
     tasks: tuple[TaskResult, ...]
-    participants: Mapping[str, Participant]
+    models: Mapping[str, ModelInfo]
     budget: Mapping[str, float | int | str]
     missing: Mapping[str, str] = field(default_factory=dict)

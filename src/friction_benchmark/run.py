@@ -164,13 +164,13 @@ def run_record(params: BenchmarkParams, results: BenchmarkResults, findings: dic
 
 
 def _run_of(found: TaskResult, entry: Entry, told: dict[str, Scalar], results: BenchmarkResults) -> RunRecord:
-    who = results.participants[entry.model]
+    who = results.models[entry.model]
     return RunRecord(
         name=f"{found.task} {found.split} {entry.model}",
         params={"task": found.task, "split": found.split, "model": entry.model, **told}
         | {f"tuned.{name}": value for name, value in entry.tuning.items() if name != "validation_percent"},
         metrics=_metrics(entry),
-        tags={"family": who.family, "source": who.source, "reference": found.reference, "floor": found.floor},
+        tags={"family": who.family, "source": who.source, "reference": found.reference, "baseline": found.baseline},
     )
 
 
@@ -195,9 +195,9 @@ def _metrics(entry: Entry) -> dict[str, float]:
     metrics |= dict(entry.extras)
     if "validation_percent" in entry.tuning:
         metrics["validation_percent"] = float(entry.tuning["validation_percent"])
-    if entry.below_floor is not None:
-        ahead = entry.below_floor
-        metrics |= {"below_floor": ahead.value, "below_floor_low": ahead.low, "below_floor_high": ahead.high}
+    if entry.below_baseline is not None:
+        ahead = entry.below_baseline
+        metrics |= {"below_baseline": ahead.value, "below_baseline_low": ahead.low, "below_baseline_high": ahead.high}
     if entry.trust is not None:
         metrics |= {f"coverage.condition_{test}" if test else "coverage": v for test, v in entry.trust.coverage.items()}
         metrics |= {

@@ -100,7 +100,7 @@ def entry_of(
             test: _percent([p for p in papers if p.exam.recording.metadata.condition == test]) for test in tests
         },
         strata=_strata(papers, settings.limits),
-        below_floor=_below_floor(papers, draws, rows_a_block, settings),
+        below_baseline=_below_floor(papers, draws, rows_a_block, settings),
         trust=_trust(papers, tests, settings.limits),
         residuals=_residuals(diagnosed, sample_time_s),
         multiply_adds=answers[0].multiply_adds,

@@ -43,7 +43,7 @@ class Task:
         title: In words.
         explanation: What is asked and why, in one sentence.
         inputs: Columns that estimators see; the oil's temperature only where it was measured.
-        floor: Name in the roster of the model to beat.
+        baseline: Name of the model to beat.
         reference: What errors are against.
         campaign: Where its recordings come from: the load tests, or those with an external load on the rod.
         ahead_s: How far ahead the target lies [s].
@@ -56,7 +56,7 @@ class Task:
     title: str
     explanation: str
     inputs: tuple[str, ...]
-    floor: str
+    baseline: str
     reference: Reference = "label"
     campaign: CampaignKind = "campaign"
     ahead_s: float = 0.0
@@ -95,11 +95,11 @@ _FORECASTS = tuple(
         name=f"forecast_{milliseconds}ms",
         title=f"Forecast {milliseconds} ms ahead",
         explanation=(
-            f"Friction {milliseconds} ms from now, from pressures and position until now; the floor says that it "
+            f"Friction {milliseconds} ms from now, from pressures and position until now; the baseline says that it "
             "stays as it is."
         ),
         inputs=SAMPLE_COLUMNS,
-        floor="hold",
+        baseline="hold",
         ahead_s=milliseconds / 1e3,
         tuned_as="forecast_100ms",
     )
@@ -113,7 +113,7 @@ TASKS: tuple[Task, ...] = (
         "Friction now, from both pressures and the position: algebra on the inputs gives nearly the label, so this "
         "measures filtering more than learning.",
         SAMPLE_COLUMNS,
-        floor="low_pass",
+        baseline="low_pass",
     ),
     Task(
         "pressure_free",
@@ -121,7 +121,7 @@ TASKS: tuple[Task, ...] = (
         "Friction now, from the position and the oil's temperature alone: no algebra leads to it, so that models of "
         "friction, given or learnt, are needed.",
         ("position_m", TEMPERATURE),
-        floor="constant_by_direction",
+        baseline="constant_by_direction",
     ),
     Task(
         "pressure_level",
@@ -129,7 +129,7 @@ TASKS: tuple[Task, ...] = (
         "As without pressures, but the level of both pressures over the last second is known, which tells how hard the "
         "seals are pressed.",
         ("position_m", TEMPERATURE, *LEVELS),
-        floor="constant_by_direction",
+        baseline="constant_by_direction",
     ),
     *_FORECASTS,
     Task(
@@ -138,7 +138,7 @@ TASKS: tuple[Task, ...] = (
         "Friction now, from pressure sensors that each have an unknown offset within their data sheet's ±1.25 bar and "
         "drift: plain algebra carries an error of the size of friction.",
         SAMPLE_COLUMNS,
-        floor="constant_by_direction",
+        baseline="constant_by_direction",
         reference="truth",
         drifts=True,
         needs_truth=True,
@@ -149,7 +149,7 @@ TASKS: tuple[Task, ...] = (
         "Friction now, while a load that nobody measures works on the rod, so that pressures give the sum of the two; "
         "a load cell was there for training alone.",
         SAMPLE_COLUMNS,
-        floor="constant_by_direction",
+        baseline="constant_by_direction",
         reference="truth",
         campaign="loaded",
         needs_truth=True,

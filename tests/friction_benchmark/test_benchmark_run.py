@@ -114,13 +114,13 @@ def test_only_what_has_a_space_is_tuned_and_says_what_was_chosen(results: Benchm
 
 def test_the_floor_is_level_with_itself_and_others_are_measured_against_it(results: BenchmarkResults) -> None:
     identity = found(results, "identity")
-    floor = next(entry for entry in identity.entries if entry.model == identity.floor)
-    assert floor.below_floor is not None
-    assert (floor.below_floor.low, floor.below_floor.high) == (0.0, 0.0)
+    floor = next(entry for entry in identity.entries if entry.model == identity.baseline)
+    assert floor.below_baseline is not None
+    assert (floor.below_baseline.low, floor.below_baseline.high) == (0.0, 0.0)
     hold = next(entry for entry in identity.entries if entry.model == "hold")
-    assert hold.below_floor is not None
-    assert hold.below_floor.value == pytest.approx(floor.score.percent.value - hold.score.percent.value)
-    assert hold.below_floor.high < 0.0
+    assert hold.below_baseline is not None
+    assert hold.below_baseline.value == pytest.approx(floor.score.percent.value - hold.score.percent.value)
+    assert hold.below_baseline.high < 0.0
 
 
 def test_truth_and_label_are_never_mixed(results: BenchmarkResults) -> None:
@@ -239,20 +239,20 @@ def test_the_paragraph_of_a_task_follows_from_its_numbers(results: BenchmarkResu
     assert set(findings) == {"identity", "pressure_free", "external_load"}
     identity = found(results, "identity")
     best = identity.entries[0]
-    title = results.participants[best.model].title
+    title = results.models[best.model].title
     assert findings["identity"].startswith(
         f"On other sessions of the rig that taught, {title} is nearest to the label: {best.score.percent.value:.2f} %"
     )
-    assert "do not beat the floor" in findings["identity"] or "does not beat the floor" in findings["identity"]
+    assert "do not beat the baseline" in findings["identity"] or "does not beat the baseline" in findings["identity"]
     assert "Without a figure, because they failed: Raises; and Nan." in findings["identity"]
     assert "As a virtual load cell" in findings["external_load"]
-    assert "The floor, Constant, has" in findings["pressure_free"]
+    assert "The baseline, Constant, has" in findings["pressure_free"]
 
 
 def test_where_nothing_beats_the_floor_the_paragraph_says_so(results: BenchmarkResults) -> None:
     identity = found(results, "identity")
-    only_floor = [entry for entry in identity.entries if entry.model == identity.floor]
-    worse = [entry for entry in identity.entries if entry.below_floor.high < 0.0]
+    only_floor = [entry for entry in identity.entries if entry.model == identity.baseline]
+    worse = [entry for entry in identity.entries if entry.below_baseline.high < 0.0]
     poor = replace(results, tasks=(replace(identity, entries=(*only_floor, *worse)),))
     assert "no model beats it outside the bootstrap interval" in findings_of(poor)["identity"]
 

@@ -7,8 +7,8 @@ import typing
 import numpy as np
 import pytest
 
-from cylinder_friction.params.learning import TaskName
 from friction_benchmark.data import Case
+from friction_benchmark.params import TaskName
 from friction_benchmark.tasks import (
     DRIFT_PA_S,
     LEVELS,

@@ -21,7 +21,7 @@ from friction_benchmark.results import (
     BenchmarkResults,
     Entry,
     Interval,
-    Participant,
+    ModelInfo,
     Residuals,
     Score,
     TaskResult,
@@ -31,8 +31,8 @@ from friction_benchmark.results import (
 CHROMIUM = Path("/usr/bin/chromium")
 
 MODELS = {
-    "low_pass": ("Tuned low-pass of the force balance", "floor", 2),
-    "hold": ("Hold the last value", "floor", 0),
+    "low_pass": ("Tuned low-pass of the force balance", "baseline", 2),
+    "hold": ("Hold the last value", "baseline", 0),
     "stribeck": ("Coulomb–viscous–Stribeck", "analytical", 9),
     "dahl": ("Dahl", "analytical", 8),
     "lugre": ("LuGre", "analytical", 24),
@@ -74,7 +74,7 @@ def random_results(seed: int, splits: tuple[str, ...] = SPLITS, tasks: int = len
             _result(draw, task, split) for split in (splits if task in ("identity", "pressure_free") else splits[:1])
         ]
     participants = {
-        name: Participant(title, family, "Author, A. and Other, B. 2017, Mechatronics 22", "Window of 64 samples. " * 3)
+        name: ModelInfo(title, family, "Author, A. and Other, B. 2017, Mechatronics 22", "Window of 64 samples. " * 3)
         for name, (title, family, _) in MODELS.items()
     }
     budget: dict[str, float | int | str] = {
@@ -88,17 +88,17 @@ def random_results(seed: int, splits: tuple[str, ...] = SPLITS, tasks: int = len
 
 
 def _result(draw: np.random.Generator, task: str, split: str) -> TaskResult:
-    title, floor = TASKS[task]
+    title, baseline = TASKS[task]
     missing = {"hold": "forecasts alone hold a value"} if "forecast" not in task else {"observer": "it looks at now"}
     scale = 4.0 * draw.uniform(1.0, 4.0) * (1.0 + SPLITS.index(split))
-    entries = [_entry(draw, name, scale, floor) for name in MODELS if name not in missing]
+    entries = [_entry(draw, name, scale, baseline) for name in MODELS if name not in missing]
     return TaskResult(
         task=task,
         split=split,
         title=title,
         inputs=("pressure_1_pa", "pressure_2_pa", "position_m"),
         reference="truth" if task == "sensor_drift" else "label",
-        floor=floor,
+        baseline=baseline,
         mean_friction_n=float(draw.uniform(300.0, 900.0)),
         entries=tuple(sorted(entries, key=lambda entry: entry.score.percent.value)),
         missing=missing,
@@ -107,8 +107,8 @@ def _result(draw: np.random.Generator, task: str, split: str) -> TaskResult:
     )
 
 
-def _entry(draw: np.random.Generator, model: str, scale: float, floor: str) -> Entry:
-    percent = scale if model == floor else scale * float(np.exp(draw.normal(0.1, 0.5)))
+def _entry(draw: np.random.Generator, model: str, scale: float, baseline: str) -> Entry:
+    percent = scale if model == baseline else scale * float(np.exp(draw.normal(0.1, 0.5)))
     spread = percent * float(draw.uniform(0.02, 0.1))
     mae_n = 5.0 * percent
     tests = [str(test + 1) for test in range(4)]
@@ -139,7 +139,7 @@ def _entry(draw: np.random.Generator, model: str, scale: float, floor: str) -> E
         seeds={str(seed): percent * float(draw.normal(1.0, 0.02)) for seed in range(3)},
         by_condition={test: percent * float(np.exp(draw.normal(0.0, 0.2))) for test in tests},
         strata={name: (percent * float(np.exp(draw.normal(0.0, 0.4))), mae_n) for name in STRATA},
-        below_floor=None if model == floor else below,
+        below_baseline=None if model == baseline else below,
         trust=None if model == "hold" else trust,
         residuals=residuals,
         multiply_adds=MODELS[model][2],
@@ -191,7 +191,7 @@ def test_every_model_finding_reason_source_and_figure_of_the_budget_is_there(
             assert reason in page
         for entry in result.entries:
             assert of_size(entry.score.rmse_n) in page
-    for participant in results.participants.values():
+    for participant in results.models.values():
         assert html.escape(participant.title) in page
         assert participant.source in page
     assert "Alarms: no recording has an alarm" in page
@@ -210,7 +210,7 @@ def test_words_from_results_cannot_break_the_page(results: BenchmarkResults) -> 
     evil = '</script><b onclick="x">&'
     first = results.tasks[0]
     entries = (replace(first.entries[0], model=evil, tuning={evil: evil}), *first.entries[1:])
-    task = replace(first, task=evil, title=evil, floor=evil, entries=entries, missing={"hold": evil})
+    task = replace(first, task=evil, title=evil, baseline=evil, entries=entries, missing={"hold": evil})
     text = report_html(replace(results, tasks=(task,), budget={evil: evil}), {evil: evil})
     assert evil not in text
     assert 'onclick="x"' not in text
@@ -234,7 +234,7 @@ def test_results_without_entries_are_refused(tasks: tuple[TaskResult, ...], mess
 @pytest.mark.parametrize(
     ("model", "below", "words"),
     [
-        ("floor", None, "nothing beats the floor"),
+        ("baseline", None, "nothing beats the floor"),
         ("lugre", Interval(1.0, 0.1, 2.0), "beats the floor"),
         ("lugre", Interval(1.0, -0.1, 2.0), "not to be told from the floor"),
         ("lugre", None, "not compared with the floor"),
@@ -242,8 +242,8 @@ def test_results_without_entries_are_refused(tasks: tuple[TaskResult, ...], mess
 )
 def test_the_verdict_rests_on_the_paired_interval(model: str, below: Interval | None, words: str) -> None:
     result = random_results(0, SPLITS[:1], 1).tasks[0]
-    best = replace(result.entries[0], model=model, below_floor=below)
-    assert verdict(replace(result, floor="floor", entries=(best,))) == words
+    best = replace(result.entries[0], model=model, below_baseline=below)
+    assert verdict(replace(result, baseline="baseline", entries=(best,))) == words
 
 
 def test_a_model_that_its_task_leaves_out_says_why_in_the_heat_map(page: str) -> None:
@@ -290,7 +290,7 @@ def test_no_number_however_odd_spoils_a_drawing(seed: int, percent: float, lag_s
         score=Score(Interval(percent, percent, percent), percent, percent, percent, percent, lag_s),
         by_condition={"1": percent},
         strata={"sliding": (percent, percent)},
-        below_floor=Interval(percent, percent, percent),
+        below_baseline=Interval(percent, percent, percent),
         trust=Trust({"": percent, "1": percent}, percent, percent, percent, percent),
         multiply_adds=0,
     )

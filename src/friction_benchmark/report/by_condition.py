@@ -25,7 +25,7 @@ def errors_by_condition(result: TaskResult, names: Names) -> str:
     """Return the SVG of every model's error in each test; the worst test stands at the right."""
     words = f"{capital(result.title)}, {split_words(result.split)}: error of every model by test"
     entries = [entry for entry in result.entries if entry.by_condition]
-    rows = begun(entries, names, result.floor, words, "worst")
+    rows = begun(entries, names, result.baseline, words, "worst")
     scale = logarithmic(
         [value for entry in entries for value in entry.by_condition.values()], rows.start, rows.end, room=1.08
     )
@@ -42,7 +42,7 @@ def coverage(result: TaskResult, names: Names) -> str:
     """Return the SVG of every model's coverage in each test and just after reversals, over the band aimed at."""
     words = f"{capital(result.title)}, {split_words(result.split)}: coverage of the 90 % bounds by test"
     entries = [entry for entry in result.entries if entry.trust is not None]
-    rows = begun(entries, names, result.floor, words, "all")
+    rows = begun(entries, names, result.baseline, words, "all")
     trusts = [entry.trust for entry in entries if entry.trust is not None]
     found = [value for trust in trusts for value in (*trust.coverage.values(), trust.coverage_after_reversal)]
     least = min([value for value in found if math.isfinite(value)], default=0.8)

@@ -22,7 +22,7 @@ def label_line(result: TaskResult) -> float | None:
 def leaderboard(result: TaskResult, names: Names) -> str:
     """Return the SVG: best at the top, logarithmic scale; the floor's interval is a band behind all rows."""
     words = f"{capital(result.title)}, {split_words(result.split)}: error of every model with its 95 % interval"
-    rows = begun(result.entries, names, result.floor, words, "percent")
+    rows = begun(result.entries, names, result.baseline, words, "percent")
     drawing = rows.drawing
     shown = [value for entry in result.entries for value in (entry.score.percent.low, entry.score.percent.high)]
     shown += [entry.score.percent.value for entry in result.entries]
@@ -30,7 +30,7 @@ def leaderboard(result: TaskResult, names: Names) -> str:
     shown += [label] if label is not None else []
     scale = logarithmic(shown, rows.start, rows.end, room=1.08)
     drawing.across(scale, rows.top, rows.bottom, "{:g}".format, f"MAE [% of {denominator(result)}]")
-    floor = next((entry.score.percent for entry in result.entries if entry.model == result.floor), None)
+    floor = next((entry.score.percent for entry in result.entries if entry.model == result.baseline), None)
     if floor is not None:
         band = scale(floor.low), scale(floor.high)
         drawing.box(band[0], rows.top, max(band[1] - band[0], 1.0), rows.bottom - rows.top, "#000000", 0.07)

@@ -10,10 +10,10 @@ from cylinder_friction.reporting import estimator_titles as known
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from friction_benchmark.results import Participant
+    from friction_benchmark.results import ModelInfo
 
 FAMILIES: dict[str, tuple[str, str]] = {
-    "floor": ("#000000", "cross"),
+    "baseline": ("#000000", "cross"),
     "analytical": ("#D55E00", "square"),
     "related work": ("#CC79A7", "triangle"),
     "modern": ("#0072B2", "circle"),
@@ -27,14 +27,14 @@ _OTHER = ("#6B7280", "diamond")
 class Names:
     """Titles and marks of the participants, by their name in the roster."""
 
-    participants: Mapping[str, Participant]
+    models: Mapping[str, ModelInfo]
 
     def title(self, model: str) -> str:
         """Return its title; a model that is no participant keeps the name the project knows it by."""
-        return self.participants[model].title if model in self.participants else known.title(model)
+        return self.models[model].title if model in self.models else known.title(model)
 
     def family(self, model: str) -> str:
-        return self.participants[model].family if model in self.participants else "other"
+        return self.models[model].family if model in self.models else "other"
 
     def mark(self, model: str) -> tuple[str, str]:
         """Return colour and shape."""

@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from friction_benchmark.report.grid import Cell, shade, table
-from friction_benchmark.report.task_tables import EMPTY, against_floor, margin_cell
+from friction_benchmark.report.task_tables import EMPTY, against_baseline, margin_cell
 from friction_benchmark.report.words import (
     SPLITS,
     capital,
@@ -38,11 +38,11 @@ def main_split(results: BenchmarkResults) -> str:
 def verdict(result: TaskResult) -> str:
     """Return in words whether the best model beats the floor outside the paired interval."""
     best = result.entries[0]
-    if best.model == result.floor:
+    if best.model == result.baseline:
         return "nothing beats the floor"
-    if best.below_floor is None:
+    if best.below_baseline is None:
         return "not compared with the floor"
-    return "beats the floor" if best.below_floor.low > 0.0 else "not to be told from the floor"
+    return "beats the floor" if best.below_baseline.low > 0.0 else "not to be told from the floor"
 
 
 def winners(results: BenchmarkResults, names: Names) -> str:
@@ -50,8 +50,8 @@ def winners(results: BenchmarkResults, names: Names) -> str:
     rows = []
     for result in results.tasks:
         best = result.entries[0]
-        floor = next((entry for entry in result.entries if entry.model == result.floor), None)
-        better = sum(entry.below_floor is not None and entry.below_floor.low > 0.0 for entry in result.entries)
+        floor = next((entry for entry in result.entries if entry.model == result.baseline), None)
+        better = sum(entry.below_baseline is not None and entry.below_baseline.low > 0.0 for entry in result.entries)
         said = verdict(result)
         percent = best.score.percent
         rows.append(
@@ -61,8 +61,8 @@ def winners(results: BenchmarkResults, names: Names) -> str:
                 Cell(of_size(percent.value), within(percent), percent.value),
                 Cell(of_size(floor.score.percent.value), names.title(floor.model), floor.score.percent.value)
                 if floor
-                else Cell(names.title(result.floor)),
-                margin_cell(best.below_floor),
+                else Cell(names.title(result.baseline)),
+                margin_cell(best.below_baseline),
                 Cell(said, style="words good" if said == "beats the floor" else "words bad"),
                 Cell(f"{better} of {len(result.entries) - (floor is not None)}", value=better),
             ]
@@ -120,7 +120,7 @@ def _found(model: str, result: TaskResult) -> Entry | None:
 
 
 def _floor(result: TaskResult) -> float:
-    floor = _found(result.floor, result)
+    floor = _found(result.baseline, result)
     return floor.score.percent.value if floor else math.nan
 
 
@@ -129,7 +129,7 @@ def _standing(model: str, results: Sequence[TaskResult]) -> float:
     shades = []
     for result in results:
         entry = _found(model, result)
-        strength = against_floor(entry.score.percent.value, _floor(result)) if entry else None
+        strength = against_baseline(entry.score.percent.value, _floor(result)) if entry else None
         if strength is not None:
             shades.append(strength)
     return sum(shades) / len(shades) if shades else math.inf
@@ -139,15 +139,15 @@ def _cell(model: str, result: TaskResult, names: Names) -> Cell:
     entry = _found(model, result)
     if entry is None:
         return Cell(EMPTY.words, style="none", tip=result.missing.get(model, "not run"))
-    percent, below = entry.score.percent, entry.below_floor
+    percent, below = entry.score.percent, entry.below_baseline
     unclear = below is not None and below.low <= 0.0 <= below.high
     style = " ".join(
-        words for words, holds in (("best", entry is result.entries[0]), ("floor", model == result.floor)) if holds
+        words for words, holds in (("best", entry is result.entries[0]), ("floor", model == result.baseline)) if holds
     )
     return Cell(
         f"{'≈ ' if unclear else ''}{of_size(percent.value)}",
         value=percent.value,
-        shade=against_floor(percent.value, _floor(result)),
+        shade=against_baseline(percent.value, _floor(result)),
         style=style,
         tip=f"{names.title(model)}: {of_size(percent.value)} % ({within(percent)}), {of_size(entry.score.mae_n)} N",
     )

@@ -42,7 +42,7 @@ def task_part(page: BenchmarkPage, results: Sequence[TaskResult], names: Names, 
     asked = f"{first.explanation} " if first.explanation else ""
     page.styled(
         f"{asked}Models see {', '.join(first.inputs)}. Errors are against {against}. "
-        f"The floor is: {names.title(first.floor)}.",
+        f"The floor is: {names.title(first.baseline)}.",
         "facts",
     )
     if finding:

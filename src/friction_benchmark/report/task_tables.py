@@ -34,7 +34,7 @@ def number(value: float, form: Callable[[float], str] = of_size, style: str = ""
 
 
 def model_cell(entry: Entry, result: TaskResult, names: Names) -> Cell:
-    floor = entry.model == result.floor
+    floor = entry.model == result.baseline
     family = "the floor" if floor else names.family(entry.model)
     return Cell(names.title(entry.model), small=family, style="isfloor" if floor else "")
 
@@ -62,7 +62,7 @@ def error_table(result: TaskResult, names: Names) -> str:
                 *(number(value) for value in (score.mae_n, score.rmse_n, score.p95_n)),
                 number(score.bias_n, signed),
                 number(1e3 * score.lag_s, lambda value: f"{value:z.0f}".replace("-", "−")),
-                margin_cell(entry.below_floor),
+                margin_cell(entry.below_baseline),
                 *(number(entry.extras.get(key, math.nan)) for key in extras),
             ]
         )
@@ -79,7 +79,7 @@ def motion_table(result: TaskResult, names: Names) -> str:
     """Percent and newtons by stratum, and percent by test, shaded against the floor of the same column."""
     strata = [name for name in STRATA if any(name in entry.strata for entry in result.entries)]
     tests = sorted({test for entry in result.entries for test in entry.by_condition})
-    floor = next((entry for entry in result.entries if entry.model == result.floor), None)
+    floor = next((entry for entry in result.entries if entry.model == result.baseline), None)
     rows = []
     for entry in result.entries:
         cells = [model_cell(entry, result, names)]
@@ -103,10 +103,10 @@ def motion_table(result: TaskResult, names: Names) -> str:
 def _against(percent: float, floor: float, small: str = "") -> Cell:
     if not math.isfinite(percent):
         return EMPTY
-    return Cell(of_size(percent), small, percent, against_floor(percent, floor))
+    return Cell(of_size(percent), small, percent, against_baseline(percent, floor))
 
 
-def against_floor(percent: float, floor: float) -> float | None:
+def against_baseline(percent: float, floor: float) -> float | None:
     """Return -1 at half the floor's error or less, 0 at the floor's, 1 at twice it or more."""
     if not (math.isfinite(floor) and floor > 0.0 and percent > 0.0):
         return None

@@ -56,7 +56,7 @@ def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
     empty = [f"{result.task}, {split_words(result.split)}" for result in results.tasks if not result.entries]
     if empty or not results.tasks:
         raise ValueError(f"expected leaderboards with entries, but got none in: {'; '.join(empty) or 'the results'}")
-    names = Names(results.participants)
+    names = Names(results.models)
     tasks: dict[str, list[TaskResult]] = {}
     for result in results.tasks:
         tasks.setdefault(result.task, []).append(result)
@@ -105,8 +105,8 @@ def _participants(page: BenchmarkPage, results: BenchmarkResults, names: Names) 
     page.part("Participants", "participants")
     page.text("Where each model comes from, and what was taken where its source leaves something open.")
     rows = []
-    for model in names.by_family(results.participants):
-        who = results.participants[model]
+    for model in names.by_family(results.models):
+        who = results.models[model]
         cells = [Cell(who.family, style="words"), Cell(who.source, style="words"), Cell(who.chosen, style="words")]
         rows.append([Cell(who.title, small=model), *cells])
     head = [Cell("Model"), *(Cell(words, style="words") for words in ("family", "source", "what was chosen"))]

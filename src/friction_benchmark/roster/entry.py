@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
 Value = float | int | str
-Family = Literal["floor", "analytical", "related work", "modern"]
+Family = Literal["baseline", "analytical", "related work", "modern"]
 Teacher = Literal["recordings", "twin"]
 
 

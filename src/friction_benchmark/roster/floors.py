@@ -41,7 +41,7 @@ ENTRIES: tuple[RosterEntry, ...] = (
     RosterEntry(
         name="low_pass",
         title="Force balance behind a tuned low-pass",
-        family="floor",
+        family="baseline",
         source="equation of motion; Jelali and Kroll 2003",
         make=_low_pass,
         can=needs_raw_pressures,
@@ -53,7 +53,7 @@ ENTRIES: tuple[RosterEntry, ...] = (
     RosterEntry(
         name="hold",
         title="Force balance of this sample, held",
-        family="floor",
+        family="baseline",
         source="equation of motion; Jelali and Kroll 2003",
         make=_hold,
         can=needs_raw_pressures,
@@ -62,7 +62,7 @@ ENTRIES: tuple[RosterEntry, ...] = (
     RosterEntry(
         name="constant_by_direction",
         title="One constant a direction",
-        family="floor",
+        family="baseline",
         source="Coulomb friction",
         make=_constant,
         can=needs_only_position,
@@ -74,7 +74,7 @@ ENTRIES: tuple[RosterEntry, ...] = (
     RosterEntry(
         name="coulomb_viscous_line",
         title="Coulomb and viscous friction, a straight line",
-        family="floor",
+        family="baseline",
         source="Coulomb and viscous friction",
         make=_line,
         can=needs_only_position,
