@@ -15,7 +15,7 @@ from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
-from cylinder_friction.recordings.conversion import Recipe, judged, metadata_of
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
@@ -104,7 +104,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     pieces = _pieces(as_written(logged.logger), recipe)
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe.cylinder)
-        raw = judged(piece, metadata, recipe)
+        raw = checked(piece, metadata, recipe)
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         yield LabelledRecording(
             labeller.labelled(filtered(raw, FILTER), FILTER),

@@ -54,7 +54,7 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
             }
         )
         log.to_csv(folder / f"condition{condition}_session0{take}_recording01.csv", index=False)
-    (folder / "test9_session01_recording01.csv").write_text("Time [s]\n0.0\n", encoding="utf-8")
+    (folder / "condition9_session01_recording01.csv").write_text("Time [s]\n0.0\n", encoding="utf-8")
     record = ingest.run(params_for("rig"))
     recordings = read_recordings(RECORDINGS_FOLDER)
     assert [(entry.metadata.condition, entry.metadata.session) for entry in recordings] == [
@@ -64,7 +64,7 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
     ]
     np.testing.assert_allclose(recordings[0].samples(), labelled_recordings[0].samples(), rtol=1e-12)
     (entry,) = read_json(ingest.QUARANTINE_FILE)
-    assert entry["file"] == "test9_session01_recording01.csv"
+    assert entry["file"] == "condition9_session01_recording01.csv"
     assert "'P1 [bar]' (for 'pressure_1_pa') is missing" in entry["reason"]
     assert record.metrics == {
         "files": 4.0,

@@ -1,16 +1,17 @@
-"""One file becomes pieces of recordings, step by step; nothing is judged yet but what stops the way."""
+"""From one logger file to recordings: read, map, screen, align, zero, check."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.recording_checks import check_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, ZeroRules, apply_zero, find_zero
-from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, wanted_channels
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.timeline.aligning import align
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cylinder_friction.recordings.checks.limits import CheckLimits
-    from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.checks.limits import LoadMode
     from cylinder_friction.recordings.path_names import NameRules, PathNames
     from cylinder_friction.recordings.signal import Piece
 
@@ -53,6 +54,34 @@ class Recipe:
     screen: ScreenRules = field(default_factory=ScreenRules)
     time: TimeRules = field(default_factory=TimeRules)
     zero: ZeroRules = field(default_factory=ZeroRules)
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode) -> Recipe:
+        """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
+
+        Args:
+            settings: ``channels``, and where they differ from the defaults ``format``, ``csv``, ``time``, ``screen``,
+                ``zero`` and ``checks``.
+            names: Where name, condition and session come from.
+            cylinder: Its stroke and areas are what recordings are checked against.
+            load: What the cylinder carries.
+        """
+        channels = {
+            column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
+            for column, entry in settings["channels"].items()
+        }
+        areas_m2 = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
+        return cls(
+            names=names,
+            channels=channels,
+            cylinder=cylinder.name,
+            limits=CheckLimits(cylinder.stroke_m, *areas_m2, load, **settings.get("checks", {})),
+            file_format=settings.get("format", "auto"),
+            csv=CsvOptions(**settings.get("csv", {})),
+            screen=ScreenRules(**settings.get("screen", {}), stroke_m=cylinder.stroke_m),
+            time=TimeRules(**settings.get("time", {})),
+            zero=ZeroRules(**settings.get("zero", {})),
+        )
 
 
 def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
@@ -95,7 +124,7 @@ def zeroed(
         piece: Of a file.
         metadata: Who and when.
         recipe: How zeros are found.
-        session: What the recording's session tells of the zeros, for a piece that shows none itself.
+        session: The zeros that the recording's session shows, for a piece that shows none itself.
 
     Raises:
         RecordingError: The chambers were not vented in the stated window.
@@ -106,7 +135,7 @@ def zeroed(
     return apply_zero(piece.table, metadata, reading, recipe.channels)
 
 
-def judged(
+def checked(
     piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
 ) -> Recording:
     """Return a piece as a recording: pressures zeroed, every check passed; arguments as for ``zeroed``.

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.checks.duplicate_detection import Fingerprints
-from cylinder_friction.recordings.conversion import judged, metadata_of, pieces_of
+from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
+from cylinder_friction.recordings.conversion import checked, metadata_of, pieces_of
 from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
@@ -19,10 +19,11 @@ from cylinder_friction.recordings.recording import RecordingError, RecordingMeta
 from cylinder_friction.recordings.storage import write_recording
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from cylinder_friction.recordings.conversion import Recipe
+    from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.recordings.signal import Piece
 
 
@@ -86,99 +87,117 @@ class Ingested:
 
 
 def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested:
-    """Write ``into`` whole, one Parquet file a usable recording, and the others' reasons as ``quarantine_file``.
+    """Write ``into`` whole, one Parquet file per usable recording, and the others' reasons as ``quarantine_file``.
 
-    One bad file never stops the others, and memory holds one file at a time. Also set aside: a copy of a file already
-    read, the same recording exported twice, a second recording of one name, and recordings at another sample rate than
-    most.
+    One bad file never stops the others, and memory holds one file at a time.
 
     Raises:
-        RecordingError: The mapping is wrong, there is no file, or not one is usable.
+        RecordingError: The mapping is wrong, there is no file, or none is usable.
     """
     check_mapping(source.recipe.channels)
-    # A link that leads nowhere is a file too: one that cannot be read.
-    files = sorted(path for path in source.folder.glob(source.pattern) if not path.is_dir())
-    if not files:
+    # A dangling link is a file too: one that cannot be read.
+    paths = sorted(path for path in source.folder.glob(source.pattern) if not path.is_dir())
+    if not paths:
         raise RecordingError(
             f"{source.folder}: no file matches {source.pattern!r}; put recordings there, or name their folder as "
             "ingest.source and their pattern as ingest.pattern in params.yaml"
         )
+    files = {path.relative_to(source.folder).as_posix(): path for path in paths}
+    notes = [*source.recipe.names.lines_without_file(files), *_not_read(source, paths)]
+    result = Ingested(len(files), notes)
     with whole_folder(into) as folder:
-        result = _Ingest(source, folder).run(files)
-        _set_aside_other_rates(result, folder)
-        result.quarantined.sort(key=lambda entry: (entry.file, entry.piece))
+        for outcome in convert_files(files, source.recipe):
+            if isinstance(outcome, Quarantined):
+                result.quarantined.append(outcome)
+            else:
+                write_recording(folder, outcome)
+                result.recordings.append((outcome.metadata, len(outcome)))
+        others = other_rates([metadata for metadata, _ in result.recordings])
+        for name in others:
+            (folder / f"{name}.parquet").unlink()
+        result.recordings = [entry for entry in result.recordings if entry[0].name not in others]
+        result.quarantined = sorted([*result.quarantined, *others.values()], key=lambda each: (each.file, each.piece))
         write_json(quarantine_file, [asdict(entry) for entry in result.quarantined])
         if not result.recordings:
-            first = result.quarantined[0]
-            raise RecordingError(
-                f"{source.folder}: none of {len(files)} files is usable; the first, {first.file}: {first.reason}"
-            )
+            raise none_usable(source.folder.as_posix(), len(files), result.quarantined[0])
     return result
 
 
-class _Ingest:
-    """What one run over a folder has to remember: what was seen, and what became of it."""
+def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recording | Quarantined]:
+    """Yield the recordings of each file in turn, and for what is unusable the reason.
 
-    def __init__(self, source: Source, folder: Path) -> None:
-        self._source = source
-        self._folder = folder
-        self._result = Ingested()
-        self._digests: dict[str, str] = {}
-        self._names: dict[str, str] = {}
-        self._fingerprints = Fingerprints()
-        self._zeros: dict[str, ZeroReading | NoZero] = {}
+    Also refused: a copy of a file already read, the same measurement exported twice, and a second recording of one
+    name.
 
-    def run(self, files: list[Path]) -> Ingested:
-        relative = {path.relative_to(self._source.folder).as_posix(): path for path in files}
-        self._result.files = len(files)
-        self._result.notes = [*self._source.recipe.names.lines_without_file(relative), *self._not_read(files)]
-        if self._source.recipe.zero.method != "none":
-            self._zeros = session_zeros(relative, self._source.recipe)
-        for name, path in tqdm(relative.items(), desc="ingest", unit="file", disable=None):
-            self._file(path, name)
-        return self._result
-
-    def _not_read(self, matching: list[Path]) -> list[str]:
-        """Return a sentence on the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
-        source = self._source
-        beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
-        left_out = sorted(beside - set(matching) - {source.recipe.names.table})
-        if not left_out:
-            return []
-        first = left_out[0].relative_to(source.folder).as_posix()
-        files = "1 file" if len(left_out) == 1 else f"{len(left_out)} files"
-        return [f"{files} not read, for {source.pattern!r} does not match (first: {first}); see ingest.pattern"]
-
-    def _file(self, path: Path, relative: str) -> None:
-        recipe = self._source.recipe
+    Args:
+        files: By their paths below the source, with ``/``, from which condition and session are taken.
+        recipe: How a file becomes recordings; ``check_mapping`` has passed its channels.
+    """
+    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
+    digests: dict[str, str] = {}
+    sources: dict[str, str] = {}
+    duplicates = DuplicateDetection()
+    for relative, path in tqdm(files.items(), desc="ingest", unit="file", disable=None):
         try:
-            digest = _new_digest(path, relative, self._digests)
+            digest = _new_digest(path, relative, digests)
             names = recipe.names.names(relative)
             pieces = pieces_of(path, recipe)
         except (RecordingError, OSError) as error:
-            self._result.quarantined.append(Quarantined(relative, str(error)))
-            return
+            yield Quarantined(relative, str(error))
+            continue
         for number, piece in enumerate(pieces, start=1):
             metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
             try:
-                self._piece(piece, metadata)
+                recording = checked(piece, metadata, recipe, zeros.get(metadata.session))
+                _refuse_duplicate(recording.name, piece, sources, duplicates)
             except RecordingError as error:
                 where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
-                self._result.quarantined.append(Quarantined(relative, str(error), where))
+                yield Quarantined(relative, str(error), where)
+            else:
+                sources[recording.name] = relative
+                yield recording
 
-    def _piece(self, piece: Piece, metadata: RecordingMetadata) -> None:
-        recording = judged(piece, metadata, self._source.recipe, self._zeros.get(metadata.session))
-        if recording.name in self._names:
-            raise RecordingError(f"has the name {recording.name!r}, which {self._names[recording.name]} has already")
-        match = self._fingerprints.add(recording.name, piece.table)
-        if match is not None:
-            raise RecordingError(
-                f"is the same measurement as recording {match.name!r}, or overlaps it ({100.0 * match.share:.0f} % of "
-                "its windows are equal, noise and all); a model could be judged by what it was taught; keep one of them"
-            )
-        self._names[recording.name] = metadata.source_file
-        write_recording(self._folder, recording)
-        self._result.recordings.append((recording.metadata, len(recording)))
+
+def _refuse_duplicate(name: str, piece: Piece, sources: Mapping[str, str], duplicates: DuplicateDetection) -> None:
+    if name in sources:
+        raise RecordingError(f"has the name {name!r}, which {sources[name]} has already")
+    match = duplicates.add(name, piece.table)
+    if match is not None:
+        raise RecordingError(
+            f"is the same measurement as recording {match.name!r}, or overlaps it ({100.0 * match.share:.0f} % of "
+            "its windows are equal, noise and all); a model could be tested on its own training data; keep one of them"
+        )
+
+
+def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:
+    """Return, by name, the recordings that do not share the commonest sample time: no estimator takes two rates."""
+    counts = Counter(entry.sample_time_s for entry in metadata)
+    common, count = counts.most_common(1)[0] if counts else (0.0, 0)
+    return {
+        entry.name: Quarantined(
+            entry.source_file,
+            f"has a sample time of {entry.sample_time_s:.9g} s, but {count} of {counts.total()} recordings have "
+            f"{common:.9g} s; name one rate for all as ingest.time.rate_hz, or ingest it on its own",
+        )
+        for entry in metadata
+        if entry.sample_time_s != common
+    }
+
+
+def none_usable(where: str, files: int, first: Quarantined) -> RecordingError:
+    """Return the error for a run in which every file was refused."""
+    return RecordingError(f"{where}: none of {files} files is usable; the first, {first.file}: {first.reason}")
+
+
+def _not_read(source: Source, matching: list[Path]) -> list[str]:
+    """Return a sentence on the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
+    beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
+    left_out = sorted(beside - set(matching) - {source.recipe.names.table})
+    if not left_out:
+        return []
+    first = left_out[0].relative_to(source.folder).as_posix()
+    files = "1 file" if len(left_out) == 1 else f"{len(left_out)} files"
+    return [f"{files} not read, for {source.pattern!r} does not match (first: {first}); see ingest.pattern"]
 
 
 def _new_digest(path: Path, relative: str, seen: dict[str, str]) -> str:
@@ -204,20 +223,3 @@ def session_zeros(files: Mapping[str, Path], recipe: Recipe) -> dict[str, ZeroRe
             for piece in pieces_of(path, recipe):
                 readings[names.session].append(find_zero(piece.table, recipe.zero, recipe.channels, names.name))
     return {session: session_zero(read) for session, read in readings.items()}
-
-
-def _set_aside_other_rates(result: Ingested, folder: Path) -> None:
-    """Set aside what does not share the commonest sample time: no estimator takes two rates."""
-    counts = Counter(metadata.sample_time_s for metadata, _ in result.recordings)
-    if len(counts) < 2:
-        return
-    common, count = counts.most_common(1)[0]
-    for metadata, _ in result.recordings:
-        if metadata.sample_time_s != common:
-            (folder / f"{metadata.name}.parquet").unlink()
-            reason = (
-                f"has a sample time of {metadata.sample_time_s:.9g} s, but {count} of {counts.total()} recordings have "
-                f"{common:.9g} s; name one rate for all as ingest.time.rate_hz, or ingest it on its own"
-            )
-            result.quarantined.append(Quarantined(metadata.source_file, reason))
-    result.recordings = [entry for entry in result.recordings if entry[0].sample_time_s == common]

@@ -41,7 +41,7 @@ class TableLine:
 
 @dataclass(frozen=True)
 class NameRules:
-    """Where condition, session and load of a file come from: exactly one of the two.
+    """Where condition, session and load of a file come from: exactly one of the three.
 
     Attributes:
         pattern: Regular expression on the path below the source, with groups ``condition``, ``session``, optionally
@@ -49,19 +49,21 @@ class NameRules:
         table: CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path
             below the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out
             takes precedence over any glob.
+        condition: The condition of every file; each is then a session of its own, named as its recording.
 
     Raises:
-        RecordingError: Both or neither are given, the pattern is wrong, or the table cannot be read, lacks a column,
-            has an empty cell or one file twice.
+        RecordingError: None or more than one is given, the pattern is wrong, or the table cannot be read, lacks a
+            column, has an empty cell or one file twice.
     """
 
     pattern: str | None = None
     table: Path | None = None
+    condition: str | None = None
     _compiled: re.Pattern[str] | None = field(init=False, repr=False, compare=False, default=None)
     _lines: tuple[TableLine, ...] = field(init=False, repr=False, compare=False, default=())
 
     def __post_init__(self) -> None:
-        if (self.pattern is None) == (self.table is None):
+        if [self.pattern, self.table, self.condition].count(None) != 2:
             raise RecordingError("expected either a name pattern or a table of names, but got both or neither")
         if self.pattern is not None:
             object.__setattr__(self, "_compiled", compile_name_pattern(self.pattern))
@@ -76,6 +78,9 @@ class NameRules:
         """
         if self._compiled is not None:
             return names_from_path(relative_path, self._compiled)
+        if self.condition is not None:
+            name = name_of(relative_path)
+            return PathNames(name, self.condition, name, "")
         line = self._line_of(relative_path)
         return PathNames(name_of(relative_path), line.condition, line.session, line.load)
 

@@ -106,6 +106,13 @@ class Recording:
                 if not all_finite:
                     refuse_not_finite(self.name, values[:, None], (name,))
 
+    def __repr__(self) -> str:
+        rows, who = len(self.table), self.metadata
+        return (
+            f"Recording({who.name!r}, condition {who.condition!r}, session {who.session!r}, {rows} rows, "
+            f"{rows * self.sample_time_s:.4g} s, columns {', '.join(map(str, self.table.columns))})"
+        )
+
     @property
     def name(self) -> str:
         return self.metadata.name

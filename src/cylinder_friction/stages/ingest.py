@@ -8,25 +8,16 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.screening import ScreenRules
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
-from cylinder_friction.recordings.mapping.calibration import ZeroRules
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.time_rules import TimeRules
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.params.ingest import IngestParams
-    from cylinder_friction.recordings.checks.limits import LoadMode
 
 QUARANTINE_FILE = Path("data/interim/quarantine.json")
 """Every file, or piece of one, that did not become a recording, and why."""
@@ -78,26 +69,9 @@ def source_from(params: Params) -> Source:
 def recipe_from(params: Params, folder: Path) -> Recipe:
     """Return how a file becomes recordings; a table of names is looked for in ``folder``."""
     settings = params.ingest
-    cylinder = cylinder_from(params.cylinder)
     table = None if settings.name_table is None else folder / settings.name_table
-    return Recipe(
-        names=NameRules(settings.name_pattern, table),
-        channels={column: ChannelMapping.from_dict(each.model_dump()) for column, each in settings.channels.items()},
-        cylinder=cylinder.name,
-        limits=limits_from(settings, cylinder, params.label.load),
-        file_format=settings.format,
-        csv=CsvOptions(**settings.csv.model_dump()),
-        screen=ScreenRules(**settings.screen.model_dump(), stroke_m=cylinder.stroke_m),
-        time=TimeRules(**settings.time.model_dump()),
-        zero=ZeroRules(**settings.zero.model_dump()),
-    )
-
-
-def limits_from(settings: IngestParams, cylinder: Cylinder, load: LoadMode) -> CheckLimits:
-    """Return what a recording of this cylinder must be."""
-    return CheckLimits(
-        cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2, load, **settings.checks.model_dump()
-    )
+    names = NameRules(settings.name_pattern, table)
+    return Recipe.from_settings(settings.model_dump(), names, cylinder_from(params.cylinder), params.label.load)
 
 
 def _metrics(ingested: Ingested) -> dict[str, float]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.checks.duplicate_detection import Fingerprints, Match, window_hashes
+from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Match, window_hashes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +55,7 @@ def as_logged(table: pd.DataFrame, pressure_unit_pa: float, decimals: int) -> pd
 def test_the_same_measurement_is_known_again(
     rig_tables: dict[str, pd.DataFrame], again: Callable[[pd.DataFrame], pd.DataFrame], least_share: float
 ) -> None:
-    seen = Fingerprints()
+    seen = DuplicateDetection()
     tables = {**rig_tables, "made": made(1)}
     for name, table in tables.items():
         assert seen.add(name, table) is None
@@ -67,13 +67,13 @@ def test_the_same_measurement_is_known_again(
 
 
 def test_the_whole_is_known_after_its_part() -> None:
-    seen = Fingerprints()
+    seen = DuplicateDetection()
     assert seen.add("part", made(1).iloc[3000:6000]) is None
     assert seen.add("whole", made(1)) == Match("part", 1.0)
 
 
 def test_a_recording_that_repeats_another_is_not_remembered() -> None:
-    seen = Fingerprints()
+    seen = DuplicateDetection()
     seen.add("first", made(1).iloc[:5000])
     assert seen.add("second", made(1)) is not None
     assert seen.add("rest of the second", made(1).iloc[5000:]) is None
@@ -81,18 +81,18 @@ def test_a_recording_that_repeats_another_is_not_remembered() -> None:
 
 @pytest.mark.parametrize("noise_pa", [500.0, 5e3, 5e4])
 def test_a_repeated_programme_is_not_a_repeated_measurement(noise_pa: float) -> None:
-    seen = Fingerprints()
+    seen = DuplicateDetection()
     for seed in range(20):
         assert seen.add(str(seed), made(seed, noise_pa=noise_pa)) is None
 
 
 def test_a_motion_that_repeats_within_a_recording_matches_nobody() -> None:
     once = made(1, rows=2000)
-    assert Fingerprints().add("periodic", pd.concat([once] * 5)) is None
+    assert DuplicateDetection().add("periodic", pd.concat([once] * 5)) is None
 
 
 def test_cranes_are_two_recordings(crane_tables: dict[str, pd.DataFrame]) -> None:
-    seen = Fingerprints()
+    seen = DuplicateDetection()
     assert [seen.add(name, table) for name, table in crane_tables.items()] == [None, None]
     for name, table in crane_tables.items():
         match = seen.add("again", as_logged(table.iloc[1000:], 1e5, 3))
@@ -106,7 +106,7 @@ def test_a_drive_force_is_known_again() -> None:
         force = 500.0 * np.sin(0.7 * table["time_s"]) + np.random.default_rng(seed).normal(0.0, 3.0, len(table))
         return table[["position_m"]].assign(drive_force_n=force)
 
-    seen = Fingerprints()
+    seen = DuplicateDetection()
     assert [seen.add(str(seed), forced(seed)) for seed in range(5)] == [None] * 5
     assert seen.add("again", forced(3).round({"drive_force_n": 1}).iloc[700:]) is not None
 
@@ -123,7 +123,7 @@ def test_a_drive_force_is_known_again() -> None:
     ],
 )
 def test_what_says_nothing_matches_nothing(table: pd.DataFrame) -> None:
-    seen = Fingerprints()
+    seen = DuplicateDetection()
     assert [seen.add(name, table) for name in "ab"] == [None, None]
 
 

@@ -9,8 +9,7 @@ Schleimer, Wilkerson and Aiken 2003, SIGMOD, and its simpler forerunner, hashes 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numba
 import numpy as np
@@ -49,21 +48,14 @@ OFFSET = 0.3819
 """Moves the borders of rounding away from zero and from round numbers, where sensors rest, in roundings."""
 
 
-@dataclass(frozen=True)
-class Match:
-    """A recording that holds the same measurement.
-
-    Attributes:
-        name: Of the earlier recording.
-        share: Of the windows of the shorter of the two that the other has too: 1 for a copy, less where the copy was
-            rounded or the two only overlap.
-    """
+class Match(NamedTuple):
+    """An earlier recording that holds the same measurement, and the share of the shorter one's windows in both."""
 
     name: str
     share: float
 
 
-class Fingerprints:
+class DuplicateDetection:
     """Recordings seen so far, by a few bytes of hash for every 64 rows in motion.
 
     The rounding is tied to the recording's own noise, to the next power of two; as a part of a recording may show a
@@ -76,15 +68,14 @@ class Fingerprints:
         self._levels: list[tuple[Hashes, NDArray[np.int32]]] = []
 
     def add(self, name: str, table: pd.DataFrame) -> Match | None:
-        """Return the earlier recording that ``table`` repeats, else remembers it under ``name`` and returns None.
+        """Return the earlier recording that ``table`` repeats; else remember it under ``name`` and return None.
 
-        A recording that repeats another is not remembered. Nothing is compared with itself: a motion that repeats
-        within one recording is no repetition of another.
+        A recording is not compared with itself: a motion may repeat within one recording.
 
         Args:
             name: Unique name.
             table: ``position_m`` and both pressures or ``drive_force_n``, in SI units, without NaN, as logged: before
-                a zero offset is taken off, which may differ between two exports.
+                a zero offset is subtracted, which may differ between two exports.
         """
         hashed = window_hashes(table)
         match = self._best_match(hashed)

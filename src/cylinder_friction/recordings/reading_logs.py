@@ -1,0 +1,163 @@
+"""Logger files read into memory, for notebooks and scripts, by the same steps as the stage ``ingest``."""
+
+from __future__ import annotations
+
+import glob
+import os
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.ingesting import Quarantined, convert_files, none_usable, other_rates
+from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
+from cylinder_friction.recordings.mapping.guessing import guess_mapping
+from cylinder_friction.recordings.mapping.mapping_text import channel_lines
+from cylinder_friction.recordings.mapping.unit_spelling import electrical
+from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.checks.limits import LoadMode
+    from cylinder_friction.recordings.recording import Recording
+
+ONE_CONDITION = "1"
+"""The condition of files whose names state none."""
+
+
+def read_logs(
+    files: str | Path | Iterable[str | Path],
+    channels: str | Path | Mapping[str, Any] | None,
+    cylinder: Cylinder,
+    *,
+    names: str | None = None,
+    load: LoadMode | None = None,
+) -> list[Recording]:
+    """Return the recordings of logger files of any format, in SI units at one constant rate, sorted by path.
+
+    Each file is read, mapped, screened, aligned and checked as the stage ``ingest`` does it. A file that cannot be
+    used is left out with a warning that states why; what was repaired stands in ``metadata.repairs``.
+
+    Args:
+        files: One path, a glob such as ``"logs/**/*.csv"``, a folder (all files in it), or several of these.
+        channels: Which channel fills which column: the path of a YAML file such as ``conf/ingest/rig.yaml`` (its
+            rules for time, spikes, zeros and checks hold too), the same as a dictionary, or only what stands under
+            ``channels`` in it. None guesses the mapping from the first file, and a warning states every guess.
+        cylinder: Whose recordings they are; they are checked against its stroke and areas.
+        names: Regular expression on a file's path with the groups ``condition`` and ``session`` (and ``load``). By
+            default the ``name_pattern`` of ``channels``. Without either, each file is a session of its own, named as
+            the file, and all belong to condition "1".
+        load: What the cylinder carries: ``none``, ``measured`` (``load_force_n``) or ``position``, decided by
+            position alone. By default ``measured`` if ``load_force_n`` is mapped, else ``none``.
+
+    Raises:
+        RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed.
+        FileNotFoundError: The mapping's file does not exist.
+
+    Example:
+        >>> from cylinder_friction.cylinder import Cylinder
+        >>> from cylinder_friction.recordings.reading_logs import read_logs
+        >>> cylinder = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+        >>> recordings = read_logs("data/raw/rig/*.csv", "conf/ingest/rig.yaml", cylinder)  # doctest: +SKIP
+    """
+    paths = _paths([files] if isinstance(files, str | Path) else list(files))
+    settings = _settings(channels, paths[0])
+    pattern = settings.get("name_pattern") if names is None else names
+    rules = NameRules(pattern) if pattern is not None else NameRules(condition=ONE_CONDITION)
+    mode = load or ("measured" if LOAD_FORCE in settings["channels"] else "none")
+    recipe = Recipe.from_settings(settings, rules, cylinder, mode)
+    check_mapping(recipe.channels)
+    root = _root(paths, settings.get("source"))
+    outcomes = list(convert_files({Path(os.path.relpath(path, root)).as_posix(): path for path in paths}, recipe))
+    refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
+    recordings = [outcome for outcome in outcomes if not isinstance(outcome, Quarantined)]
+    others = other_rates([recording.metadata for recording in recordings])
+    if not recordings:
+        raise none_usable(root.as_posix(), len(paths), refused[0])
+    for entry in (*refused, *others.values()):
+        piece = f" ({entry.piece})" if entry.piece else ""
+        warnings.warn(f"left out {entry.file}{piece}: {entry.reason}", stacklevel=2)
+    return [recording for recording in recordings if recording.name not in others]
+
+
+def _paths(files: Sequence[str | Path]) -> list[Path]:
+    found: set[Path] = set()
+    for file in files:
+        path = Path(file)
+        if path.is_dir():
+            matching = [inner for inner in path.rglob("*") if inner.is_file() and not inner.name.startswith(".")]
+        elif path.is_file():
+            matching = [path]
+        else:
+            matching = [Path(name) for name in glob.glob(str(file), recursive=True) if not Path(name).is_dir()]  # noqa: PTH207
+        if not matching:
+            raise RecordingError(f"{file}: no such file, and no file matches it as a pattern; correct the path")
+        found.update(matching)
+    return sorted(found)
+
+
+def _root(paths: Sequence[Path], source: str | None) -> Path:
+    """Return the folder that names are taken below: the configured one if all files lie in it, else their own."""
+    if source is not None and all(path.absolute().is_relative_to(Path(source).absolute()) for path in paths):
+        return Path(source)
+    return Path(os.path.commonpath([path.absolute().parent for path in paths]))
+
+
+def _settings(channels: str | Path | Mapping[str, Any] | None, first: Path) -> Mapping[str, Any]:
+    if channels is None:
+        return {"channels": _guessed(first)}
+    if isinstance(channels, str | Path):
+        settings = load_settings(Path(channels))
+        if not isinstance(settings.get("channels"), dict):
+            raise RecordingError(
+                f"{channels}: expected a key 'channels' with one entry per column, but got "
+                f"{', '.join(settings) or 'none'}; `cylinder-friction ingest init FILE` writes such a file"
+            )
+        return settings
+    return channels if "channels" in channels else {"channels": channels}
+
+
+def load_settings(path: Path) -> dict[str, Any]:
+    """Return an ingest configuration as nested dictionaries, the files that it names under ``defaults`` merged in."""
+    own = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    settings: dict[str, Any] = {}
+    for entry in own.pop("defaults", []):
+        for group, name in (entry if isinstance(entry, dict) else {"": entry}).items():
+            if name != "_self_":
+                _merge(settings, load_settings(path.parent / group.partition("@")[0] / f"{name}.yaml"))
+    _merge(settings, own)
+    return settings
+
+
+def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
+    for key, value in more.items():
+        if isinstance(value, dict) and isinstance(settings.get(key), dict):
+            _merge(settings[key], value)
+        else:
+            settings[key] = value
+
+
+def _guessed(path: Path) -> dict[str, Any]:
+    """Return a guessed mapping and warn of every guess; refuse where a column or a sensor's range cannot be guessed."""
+    guess = guess_mapping(read_logged_file(path), path)
+    lines = "\n".join(channel_lines(guess))
+    unknown = [
+        column
+        for column, guessed in guess.columns.items()
+        if guessed.channel is None or electrical(guessed.unit) is not None
+    ]
+    if unknown:
+        raise RecordingError(
+            f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed; state channels, "
+            f"starting from\n{lines}"
+        )
+    warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
+    mapping: dict[str, Any] = yaml.safe_load(lines)
+    return mapping

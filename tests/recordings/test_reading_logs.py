@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.reading_logs import read_logs
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+
+CHANNELS = {
+    "time_s": {"channel": "t [s]", "unit": "s"},
+    "pressure_1_pa": {"channel": "p_A [bar]", "unit": "bar"},
+    "pressure_2_pa": {"channel": "p_B [bar]", "unit": "bar"},
+    "position_m": {"channel": "x [mm]", "unit": "mm"},
+}
+NAMES = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_"
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory, rig_tables: dict[str, pd.DataFrame]) -> Path:
+    folder = tmp_path_factory.mktemp("logs")
+    for name, table in list(rig_tables.items())[:3]:
+        scale = {"time_s": 1.0, "pressure_1_pa": 1e-5, "pressure_2_pa": 1e-5, "position_m": 1e3}
+        logged = {CHANNELS[column]["channel"]: table[column] * factor for column, factor in scale.items()}
+        pd.DataFrame(logged).to_csv(folder / f"{name}.csv", index=False)
+    return folder
+
+
+def test_files_become_recordings_sorted_by_path(
+    logs: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame]
+) -> None:
+    recordings = read_logs(str(logs / "*.csv"), CHANNELS, cylinder)
+    assert [recording.name for recording in recordings] == sorted(list(rig_tables)[:3])
+    first = recordings[0]
+    np.testing.assert_allclose(first.samples(), rig_tables[first.name][list(CHANNELS)[1:]], rtol=1e-12)
+    assert (first.metadata.condition, first.metadata.session) == ("1", first.name)
+    assert first.metadata.cylinder == cylinder.name
+
+
+def test_path_folder_list_and_mapping_objects_read_the_same(logs: Path, cylinder: Cylinder) -> None:
+    mapping = {column: ChannelMapping.from_dict(entry) for column, entry in CHANNELS.items()}
+    paths = sorted(logs.glob("*.csv"))
+    whole = [repr(recording) for recording in read_logs(logs, CHANNELS, cylinder)]
+    assert [repr(recording) for recording in read_logs(paths, mapping, cylinder)] == whole
+    assert [repr(recording) for recording in read_logs(paths[0], mapping, cylinder)] == whole[:1]
+
+
+def test_names_give_condition_and_session(logs: Path, cylinder: Cylinder) -> None:
+    first, *_ = read_logs(logs, CHANNELS, cylinder, names=NAMES)
+    assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
+
+
+def test_a_configuration_brings_its_rules_and_names(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
+    (tmp_path / "rules").mkdir()
+    (tmp_path / "rules/default.yaml").write_text("time: {rate_hz: null}\nchecks: {minimum_duration_s: 5.0}\n")
+    (tmp_path / "own.yaml").write_text(
+        "defaults: [{rules@_here_: default}, _self_]\n"
+        f"source: {logs}\nname_pattern: '{NAMES}'\ntime: {{rate_hz: 100.0}}\nchannels: {CHANNELS}\n"
+    )
+    (tmp_path / "strict.yaml").write_text("defaults:\n  - own\n  - _self_\nchecks: {minimum_duration_s: 1.0e+3}\n")
+    assert {each.sample_time_s for each in read_logs(logs, tmp_path / "own.yaml", cylinder)} == {0.01}
+    with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, \S+csv: lasts 40 s .* 1e\+03 s"):
+        read_logs(logs, tmp_path / "strict.yaml", cylinder)
+
+
+def test_a_guessed_mapping_is_stated(logs: Path, cylinder: Cylinder) -> None:
+    with pytest.warns(UserWarning, match=r"(?s)guessed from condition1.*position_m: \{channel: \"x \[mm\]\", unit: mm"):
+        guessed = read_logs(logs, None, cylinder)
+    for one, other in zip(guessed, read_logs(logs, CHANNELS, cylinder), strict=True):
+        pd.testing.assert_frame_equal(one.table, other.table)
+
+
+def test_what_cannot_be_guessed_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
+    pd.DataFrame({"t [s]": np.arange(9.0), "p_A [bar]": 1.0, "p_B [mA]": 2.0}).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(RecordingError, match=r"a.csv: no mapping was given, and that of pressure_2_pa, position_m"):
+        read_logs(tmp_path / "a.csv", None, cylinder)
+
+
+def test_unusable_files_are_left_out_with_a_warning(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
+    (tmp_path / "broken.csv").write_text("a\n1\n")
+    with pytest.warns(UserWarning, match=r"left out \S*broken.csv: channel 'p_A .* is missing"):
+        assert len(read_logs([logs, tmp_path], CHANNELS, cylinder)) == 3
+
+
+def test_missing_files_and_channels_are_refused(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"nothing\*.csv: no such file, and no file matches it as a pattern"):
+        read_logs(tmp_path / "nothing*.csv", CHANNELS, cylinder)
+    (tmp_path / "empty.yaml").write_text("source: here\n")
+    with pytest.raises(RecordingError, match="expected a key 'channels' with one entry per column, but got source"):
+        read_logs(logs, tmp_path / "empty.yaml", cylinder)
+    with pytest.raises(RecordingError, match="column 'position_m' has no channel"):
+        read_logs(logs, {column: CHANNELS[column] for column in list(CHANNELS)[:3]}, cylinder)
