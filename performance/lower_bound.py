@@ -244,9 +244,7 @@ def instructions_per_step(exported: ExportedC, samples: NDArray[np.float64]) -> 
     counts = []
     for steps in (FEW, MORE):
         counting = [valgrind, "--tool=callgrind", f"--callgrind-out-file={main.with_suffix('.out')}"]
-        done = subprocess.run(
-            [*counting, str(program), str(steps)], capture_output=True, text=True, check=False
-        )
+        done = subprocess.run([*counting, str(program), str(steps)], capture_output=True, text=True, check=False)
         found = re.search(r"Collected : (\d+)", done.stderr)
         if found is None:
             return None

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 from public_data import CYLINDERS, labelled, recordings_of
 from scipy.optimize import minimize
 
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.motion import Motion, Motions
-from cylinder_friction.friction_models.identification.reversals import PreslidingStiffness, presliding_stiffness
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.load import LoadPlan

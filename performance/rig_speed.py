@@ -8,17 +8,19 @@ from __future__ import annotations
 import os
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+sys.path.append(str(Path(__file__).parents[1] / "tests"))  # the reference solution
 
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.parameters import THROTTLE_GAINS, default_rig
-from cylinder_friction.rig.programmes import programme
-from cylinder_friction.rig.reference import solve_reference
 from cylinder_friction.rig.simulate import balanced_state, simulate
+from rig_reference import solve_reference
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +37,7 @@ def main() -> None:
         )
     ).with_throttle(THROTTLE_GAINS["3"])
     start = balanced_state(rig, 0.12, 10e5, 35.0)
-    hand = programme(rig, np.random.default_rng(0), duration_s)
+    hand = duty_cycle(rig, np.random.default_rng(0), duration_s)
     simulate(rig, hand, start, 1.0)  # compiles
     seconds, trace = _timed(lambda: simulate(rig, hand, start, duration_s))
     sys.stdout.write(f"fixed step, 50 µs:     {duration_s / seconds:8.1f} simulated seconds per second\n")

@@ -23,10 +23,10 @@ from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
-from cylinder_friction.rig.channels import NAME_PATTERN, logger_channels
 from cylinder_friction.rig.sensors import as_written
 from cylinder_friction.signals.smooth_signals import filtered
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from friction_benchmark.rig_channels import NAME_PATTERN, logger_channels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -20,14 +20,14 @@ here = pytest.mark.skipif(not (DATA / "friction-damper").is_dir(), reason="the p
 def hysteresis() -> Any:
     """What the benchmark prints; tests call the same functions."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "benchmarks"))
+        patch.syspath_prepend(str(ROOT / "performance"))
         return importlib.import_module("measured_hysteresis")
 
 
 @pytest.fixture(scope="module")
 def loops() -> Any:
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "benchmarks"))
+        patch.syspath_prepend(str(ROOT / "performance"))
         return importlib.import_module("hysteresis_loops")
 
 

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the public measuremen
 def public() -> Any:
     """What the benchmark prints; tests call the same functions."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "benchmarks"))
+        patch.syspath_prepend(str(ROOT / "performance"))
         return importlib.import_module("public_figures")
 
 

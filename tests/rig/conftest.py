@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.parameters import THROTTLE_GAINS, RigParameters, default_rig
-from cylinder_friction.rig.programmes import programme
 from cylinder_friction.rig.simulate import balanced_state, simulate
 
 if TYPE_CHECKING:
@@ -28,6 +28,6 @@ def traces(rigs: dict[str, RigParameters]) -> dict[str, pd.DataFrame]:
     made = {}
     for condition, rig in rigs.items():
         generator = np.random.default_rng([7, int(condition)])
-        hand = programme(rig, generator, 120.0)
+        hand = duty_cycle(rig, generator, 120.0)
         made[condition] = simulate(rig, hand, balanced_state(rig, 0.1, 8e5, 35.0), 120.0)
     return made

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.rig.external_load import LARGEST_N, ExternalLoad, boom_n, load_at, spring_n, varied_load
-from cylinder_friction.rig.reference import solve_reference
 from cylinder_friction.rig.simulate import balanced_state, simulate
+from rig_reference import solve_reference
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

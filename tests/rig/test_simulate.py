@@ -10,8 +10,8 @@ import pytest
 
 from cylinder_friction.rig.hydraulics import bulk_modulus
 from cylinder_friction.rig.parameters import PUMP_FLOWS_M3_S, RigParameters, default_rig, hydraulic_constants
-from cylinder_friction.rig.reference import solve_reference
 from cylinder_friction.rig.simulate import balanced_state, simulate
+from rig_reference import solve_reference
 
 if TYPE_CHECKING:
     import pandas as pd

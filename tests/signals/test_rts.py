@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.signals.causal_chain import run_causal
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
 from cylinder_friction.signals.rts import RtsSmoother, at_least_converter, quantisation_step, smooth_states
 
@@ -64,7 +63,7 @@ def test_smoother_is_nearer_than_its_causal_twin() -> None:
     smoother = RtsSmoother()
     late = slice(200, -200)
     smooth = smoother.smooth(samples, STEP_S).velocity_m_s
-    causal = run_causal(smoother.block(STEP_S), samples).velocity_m_s
+    causal = smoother.causal().smooth(samples, STEP_S).velocity_m_s
     smooth_error, causal_error = (np.abs(each - velocity)[late].mean() for each in (smooth, causal))
     assert smooth_error < 0.4 * causal_error
     assert smooth_error < 1e-3

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cylinder_friction.recordings.recording import RecordingMetadata
+from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.external_load import varied_load
 from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig
-from cylinder_friction.rig.programmes import programme
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
 from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session
@@ -149,7 +149,7 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
             oil_temperature_c=temperature_c,
             load_force_n=0.0 if load is None else load.at_start(position_m, rig.hydraulics.stroke_m),
         )
-        lever = programme(rig, generator, plan.duration_s, turn=number + take)
+        lever = duty_cycle(rig, generator, plan.duration_s, turn=number + take)
         drift = session.drift_from(began_s, plan.duration_s)
         trace = simulate(rig, lever, start, plan.duration_s, drift, plan.time_step_s, external_force=load)
         # Work goes on between recordings and warms the oil at the same rate.

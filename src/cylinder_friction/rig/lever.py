@@ -1,6 +1,6 @@
 """The operator's hand on the lever: moves, holds, corrections, tremor, and reversals where the piston comes to.
 
-A programme is a table of actions, made from a seed before the simulation. The compiled ``hand_step`` carries it out
+A duty cycle is a table of actions, made from a seed before the simulation. The compiled ``hand_step`` carries it out
 inside the simulation, because a person reverses when the piston nears an end, after a reaction time, and so closes
 the loop on the position. The lever runs from -1 (retract) to 1 (extend).
 """
@@ -37,7 +37,7 @@ RELEASED = 0.02
 
 
 @dataclass(frozen=True)
-class LeverProgramme:
+class DutyCycle:
     """What the operator means to do, and how the hand shakes.
 
     Attributes:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from cylinder_friction.rig.external_load import ExternalLoad
 from cylinder_friction.rig.integration import compiled_run
-from cylinder_friction.rig.lever import TICK_S, LeverProgramme
+from cylinder_friction.rig.lever import TICK_S, DutyCycle
 from cylinder_friction.rig.parameters import friction_constants, hydraulic_constants
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def balanced_state(
 
 def simulate(
     rig: RigParameters,
-    lever: LeverProgramme | NDArray[np.float64],
+    lever: DutyCycle | NDArray[np.float64],
     start: RigState,
     duration_s: float,
     drift: NDArray[np.float64] | None = None,
@@ -95,7 +95,7 @@ def simulate(
 
     Args:
         rig: The rig; its sensors play no part here.
-        lever: An operator's programme, or the lever itself, one value each millisecond, -1 to 1.
+        lever: An operator's duty cycle, or the lever itself, one value each millisecond, -1 to 1.
         start: The state at time 0.
         duration_s: [s].
         drift: Slow factor on Coulomb friction, one value each second; 1 throughout when None.
@@ -113,7 +113,7 @@ def simulate(
     ticks = steps // tick_steps + 2
     if drift is None:
         drift = np.ones(2)
-    scripted = not isinstance(lever, LeverProgramme)
+    scripted = not isinstance(lever, DutyCycle)
     script = np.asarray(lever if scripted else lever.remnant, dtype=np.float64)  # type: ignore[union-attr]
     actions = np.zeros((1, 10)) if isinstance(lever, np.ndarray) else lever.actions
     if len(script) < ticks:

@@ -1,11 +1,12 @@
-"""Causal twins of the filters for labels: pressures, velocity and acceleration without looking ahead.
+"""Causal filters for whole recordings and for streaming: pressures, velocity and acceleration without looking ahead.
 
-Each block takes raw samples, shape ``(n, 3)``, and gives, shape ``(n, 4)``: smooth pressure 1 [Pa], smooth pressure 2
+Each block takes raw samples, shape ``(n, 3)``, and returns, shape ``(n, 4)``: smooth pressure 1 [Pa], smooth pressure 2
 [Pa], velocity [m/s], acceleration [m/s²].
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
     one_sided_savitzky_golay_taps,
 )
-from cylinder_friction.signals.smooth_signals import P1, P2, SmoothSignals, Support, X
+from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,13 +31,52 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
+class CausalFilter(SignalFilter):
+    """A filter that never looks ahead; a subclass gives its causal block."""
+
+    @abstractmethod
+    def block(self, sample_time_s: float) -> CausalBlock:
+        """Return the filter for streaming."""
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        block = self.block(sample_time_s)
+        return SmoothSignals(*np.ascontiguousarray(block.advance(block.new_state(), np.ascontiguousarray(samples)).T))
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        zero = np.zeros_like(force_n)
+        return self.smooth(np.column_stack([force_n, zero, zero]), sample_time_s).pressure_1_smooth_pa
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        zero = np.zeros_like(position_m)
+        signals = self.smooth(np.column_stack([zero, zero, position_m]), sample_time_s)
+        return signals.velocity_m_s, signals.acceleration_m_s2
+
+
+class CausalFir(CausalFilter):
+    """A causal filter of finite impulse response; a subclass gives its taps."""
+
+    @abstractmethod
+    def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
+        """Return the taps of either pressure, of velocity from position, and of acceleration from position."""
+
+    def block(self, sample_time_s: float) -> FirFilter:
+        pressure, velocity, acceleration = self.taps(sample_time_s)
+        taps = np.zeros((4, 3, max(len(pressure), len(velocity), len(acceleration))))
+        for output, source, own in ((0, P1, pressure), (1, P2, pressure), (2, X, velocity), (3, X, acceleration)):
+            taps[output, source, : len(own)] = own
+        return FirFilter(taps)
+
+    def support(self, sample_time_s: float) -> Support:
+        return Support(self.block(sample_time_s).length - 1, 0)
+
+
 @dataclass(frozen=True)
-class MovingAverage:
-    """The paper's chain exactly as published (Jamshidi et al., section II A), causal and therefore late.
+class MovingAverage(CausalFir):
+    """The paper's filter chain exactly as published (Jamshidi et al., section II A), causal and therefore delayed.
 
     Pressures: moving average. Velocity: backward differences of the position's moving average. Acceleration:
     backward differences of that velocity, moving average of ``acceleration_window``. With windows of 10 and 30 at
-    200 Hz pressures are 22.5 ms late, velocity 25 ms and acceleration 100 ms.
+    200 Hz pressures are delayed by 22.5 ms, velocity by 25 ms and acceleration by 100 ms.
 
     Attributes:
         window: Of pressures and position, in samples.
@@ -47,31 +87,14 @@ class MovingAverage:
     acceleration_window: int = 30
 
     def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
-        """Return the taps of either pressure, of velocity from position, and of acceleration from position."""
         average, difference = moving_average_taps(self.window), difference_taps(sample_time_s)
         velocity = cascade_taps(average, difference)
         return average, velocity, cascade_taps(velocity, difference, moving_average_taps(self.acceleration_window))
 
-    def block(self, sample_time_s: float) -> FirFilter:
-        """Return the chain for streaming."""
-        return FirFilter(chain_taps(*self.taps(sample_time_s)))
-
-    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        return run_causal(self.block(sample_time_s), samples)
-
-    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
-        return run_causal_force(self.block(sample_time_s), force_n)
-
-    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        return run_causal_motion(self.block(sample_time_s), position_m)
-
-    def support(self, sample_time_s: float) -> Support:
-        return Support(self.block(sample_time_s).length - 1, 0)
-
 
 @dataclass(frozen=True)
-class OneSidedSavitzkyGolay:
-    """Polynomials fitted to the last samples and evaluated at the present one: the twin of ``SavitzkyGolay``.
+class OneSidedSavitzkyGolay(CausalFir):
+    """Polynomials fitted to the last samples and evaluated at the present one: the causal form of ``SavitzkyGolay``.
 
     Attributes:
         pressure_window, velocity_window, acceleration_window: In samples.
@@ -85,56 +108,13 @@ class OneSidedSavitzkyGolay:
     acceleration_window: int = 41
     acceleration_order: int = 3
 
-    def block(self, sample_time_s: float) -> FirFilter:
-        """Return the filters for streaming."""
+    def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
         taps = one_sided_savitzky_golay_taps
-        return FirFilter(
-            chain_taps(
-                taps(self.pressure_window, self.pressure_order, 0, sample_time_s),
-                taps(self.velocity_window, self.velocity_order, 1, sample_time_s),
-                taps(self.acceleration_window, self.acceleration_order, 2, sample_time_s),
-            )
+        return (
+            taps(self.pressure_window, self.pressure_order, 0, sample_time_s),
+            taps(self.velocity_window, self.velocity_order, 1, sample_time_s),
+            taps(self.acceleration_window, self.acceleration_order, 2, sample_time_s),
         )
-
-    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        return run_causal(self.block(sample_time_s), samples)
-
-    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
-        return run_causal_force(self.block(sample_time_s), force_n)
-
-    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        return run_causal_motion(self.block(sample_time_s), position_m)
-
-    def support(self, sample_time_s: float) -> Support:
-        return Support(self.block(sample_time_s).length - 1, 0)
-
-
-def chain_taps(pressure: Array, velocity: Array, acceleration: Array) -> Array:
-    """Return taps of shape ``(4, 3, lags)`` from those of one pressure, and of velocity and acceleration."""
-    taps = np.zeros((4, 3, max(len(pressure), len(velocity), len(acceleration))))
-    taps[0, P1, : len(pressure)] = pressure
-    taps[1, P2, : len(pressure)] = pressure
-    taps[2, X, : len(velocity)] = velocity
-    taps[3, X, : len(acceleration)] = acceleration
-    return taps
-
-
-def run_causal(block: CausalBlock, samples: Array) -> SmoothSignals:
-    """Return what a causal block with four outputs makes of a whole recording."""
-    return SmoothSignals(*np.ascontiguousarray(block.advance(block.new_state(), np.ascontiguousarray(samples)).T))
-
-
-def run_causal_force(block: CausalBlock, force_n: Array) -> Array:
-    """Return what a causal block makes of a force, which takes the place of pressure 1, shape ``(n,)``."""
-    nothing = np.zeros_like(force_n)
-    return run_causal(block, np.column_stack([force_n, nothing, nothing])).pressure_1_smooth_pa
-
-
-def run_causal_motion(block: CausalBlock, position_m: Array) -> tuple[Array, Array]:
-    """Return velocity and acceleration that a causal block makes of a position, each of shape ``(n,)``."""
-    nothing = np.zeros_like(position_m)
-    signals = run_causal(block, np.column_stack([nothing, nothing, position_m]))
-    return signals.velocity_m_s, signals.acceleration_m_s2
 
 
 @dataclass
@@ -145,7 +125,7 @@ class KalmanState:
 
 
 class SteadyKalman:
-    """The Kalman filter with its steady gains: the twin of ``RtsSmoother``.
+    """The Kalman filter with its steady gains, as a causal block: the causal form of ``RtsSmoother``.
 
     Before the first sample everything stood still at that sample.
 
@@ -186,8 +166,5 @@ def _steady_kalman(transition: Array, pressure_gain: float, position_gain: Array
         surprise = inputs[row, 2] - predicted[0]
         for i in range(3):
             last[2 + i] = predicted[i] + position_gain[i] * surprise
-        result[row, 0] = last[0]
-        result[row, 1] = last[1]
-        result[row, 2] = last[3]
-        result[row, 3] = last[4]
+        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = last[0], last[1], last[3], last[4]
     return result

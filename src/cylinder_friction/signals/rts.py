@@ -1,4 +1,4 @@
-"""The Rauch-Tung-Striebel smoother: the best look back that a linear model allows."""
+"""The Rauch-Tung-Striebel smoother: the optimal off-line filter of a linear model."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
-from cylinder_friction.signals.causal_chain import SteadyKalman
+from cylinder_friction.signals.causal_chain import CausalFilter, SteadyKalman
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
-from cylinder_friction.signals.smooth_signals import P1, P2, SmoothSignals, Support, X
+from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class RtsSmoother:
+class RtsSmoother(SignalFilter):
     """Constant jerk for the position, random walks for the pressures (Rauch, Tung and Striebel 1965).
 
     The noise of each measured signal is never taken below LSB²/12, the noise of the converter, whose step is found
@@ -41,19 +41,16 @@ class RtsSmoother:
         """Return the models of a pressure and of the position, with the noise as declared."""
         return self._pressure_model(0.0, sample_time_s), self._position_model(0.0, sample_time_s)
 
-    def block(self, sample_time_s: float) -> SteadyKalman:
-        """Return the causal twin for streaming."""
-        return SteadyKalman(*self.models(sample_time_s))
+    def causal(self) -> KalmanFilter:
+        """Return the Kalman filter of the same models: this smoother without its look-ahead."""
+        return KalmanFilter(self)
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        pressures = [
-            smooth_states(self._pressure_model(quantisation_step(samples[:, side]), sample_time_s), samples[:, side])[
-                :, 0
-            ]
-            for side in (P1, P2)
-        ]
-        velocity, acceleration = self.motion(samples[:, X], sample_time_s)
-        return SmoothSignals(pressures[0], pressures[1], velocity, acceleration)
+        pressures = []
+        for values in (samples[:, P1], samples[:, P2]):
+            model = self._pressure_model(quantisation_step(values), sample_time_s)
+            pressures.append(smooth_states(model, values)[:, 0])
+        return SmoothSignals(*pressures, *self.motion(samples[:, X], sample_time_s))
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         # How much is smoothed follows from pressure_rate over pressure_noise alone, so their pascals cancel.
@@ -74,6 +71,19 @@ class RtsSmoother:
     def _position_model(self, step_m: float, sample_time_s: float) -> KalmanModel:
         noise_m = at_least_converter(self.position_noise_m, step_m)
         return constant_jerk(self.jerk_noise_m_s3, noise_m, sample_time_s)
+
+
+@dataclass(frozen=True)
+class KalmanFilter(CausalFilter):
+    """The Kalman filter of an ``RtsSmoother``, with its steady gains."""
+
+    smoother: RtsSmoother
+
+    def block(self, sample_time_s: float) -> SteadyKalman:
+        return SteadyKalman(*self.smoother.models(sample_time_s))
+
+    def support(self, sample_time_s: float) -> Support:
+        return Support(self.smoother.support(sample_time_s).before, 0)
 
 
 def quantisation_step(values: Array) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -63,20 +64,25 @@ class Support:
     after: int
 
 
-class SignalFilter(Protocol):
+class SignalFilter(ABC):
     """Smooths pressures and differentiates position, over a whole recording."""
 
-    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        """Return the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
-
+    @abstractmethod
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         """Return a force, shape ``(n,)``, smoothed as pressures are: with the same delay and bandwidth."""
 
+    @abstractmethod
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        """Return velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``, as ``smooth`` does."""
+        """Return velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``."""
 
+    @abstractmethod
     def support(self, sample_time_s: float) -> Support:
         """Return the support of the filter, the longest of its four outputs."""
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        """Return the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
+        pressures = (self.smooth_force(samples[:, side], sample_time_s) for side in (P1, P2))
+        return SmoothSignals(*pressures, *self.motion(samples[:, X], sample_time_s))
 
 
 def has_pressures(recording: Recording) -> bool:

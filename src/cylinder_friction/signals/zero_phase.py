@@ -1,4 +1,4 @@
-"""Filters that look as far ahead as back, so that nothing is late: for labels, never for estimates."""
+"""Zero-phase filters, which look as far ahead as back: for labels, never for estimates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 
 from cylinder_friction.signals.causal import cascade_taps
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
-from cylinder_friction.signals.smooth_signals import P1, P2, SmoothSignals, Support, X
+from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class CentredMovingAverage:
+class CentredMovingAverage(SignalFilter):
     """The paper's chain with each of its filters moved back by its own delay.
 
     A filter with an even number of taps has no middle sample; it is averaged with itself one sample later, so that
@@ -32,15 +32,6 @@ class CentredMovingAverage:
 
     window: int = 10
     acceleration_window: int = 30
-
-    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        pressure, velocity, acceleration = self._taps(sample_time_s)
-        return SmoothSignals(
-            run_centred(pressure, samples[:, P1]),
-            run_centred(pressure, samples[:, P2]),
-            run_centred(velocity, samples[:, X]),
-            run_centred(acceleration, samples[:, X]),
-        )
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         return run_centred(self._taps(sample_time_s)[0], force_n)
@@ -58,7 +49,7 @@ class CentredMovingAverage:
 
 
 @dataclass(frozen=True)
-class SavitzkyGolay:
+class SavitzkyGolay(SignalFilter):
     """Polynomials fitted around each sample (Savitzky and Golay 1964), from raw signals.
 
     Attributes:
@@ -85,14 +76,9 @@ class SavitzkyGolay:
                     f"least {derivative}, but got window {window} and order {order}"
                 )
 
-    def twin(self) -> OneSidedSavitzkyGolay:
+    def causal(self) -> OneSidedSavitzkyGolay:
         """Return the causal filter with the same windows and orders."""
         return OneSidedSavitzkyGolay(**vars(self))
-
-    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        velocity, acceleration = self.motion(samples[:, X], sample_time_s)
-        pressures = [self.smooth_force(samples[:, side], sample_time_s) for side in (P1, P2)]
-        return SmoothSignals(pressures[0], pressures[1], velocity, acceleration)
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:  # noqa: ARG002 - windows are in samples
         _refuse_short(force_n, self.pressure_window)

@@ -10,13 +10,7 @@ import numpy as np
 
 from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.reporting.inspection.spectra import spectrum
-from cylinder_friction.signals.causal_chain import (
-    MovingAverage,
-    SteadyKalman,
-    run_causal,
-    run_causal_force,
-    run_causal_motion,
-)
+from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.motion import LEAST_STANDSTILL_S, noise_rms, standstill_rows
 from cylinder_friction.signals.rts import RtsSmoother, quantisation_step
 from cylinder_friction.signals.smooth_signals import P1, X, has_pressures
@@ -28,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothSignals, Support
+    from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 
     Array = NDArray[np.float64]
 
@@ -43,29 +37,6 @@ MOTION_HZ = 3.0
 
 FREQUENCIES = 200
 """Points of a drawn response."""
-
-
-@dataclass(frozen=True)
-class RunningKalman:
-    """The Kalman filter of an ``RtsSmoother``, as it runs in real time: the smoother without its look ahead."""
-
-    smoother: RtsSmoother
-
-    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        return run_causal(self.block(sample_time_s), samples)
-
-    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
-        return run_causal_force(self.block(sample_time_s), force_n)
-
-    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        return run_causal_motion(self.block(sample_time_s), position_m)
-
-    def block(self, sample_time_s: float) -> SteadyKalman:
-        return self.smoother.block(sample_time_s)
-
-    def support(self, sample_time_s: float) -> Support:
-        both = self.smoother.support(sample_time_s)
-        return type(both)(both.before, 0)
 
 
 @dataclass(frozen=True)
@@ -106,9 +77,9 @@ def with_causal_twins(filters: Mapping[str, SignalFilter]) -> dict[str, tuple[Si
     for name, method in filters.items():
         found[name] = (method, isinstance(method, MovingAverage))
         if isinstance(method, SavitzkyGolay):
-            found[f"{name}, one-sided"] = (method.twin(), True)
+            found[f"{name}, one-sided"] = (method.causal(), True)
         if isinstance(method, RtsSmoother):
-            found[f"{name}, Kalman filter"] = (RunningKalman(method), True)
+            found[f"{name}, Kalman filter"] = (method.causal(), True)
     return found
 
 

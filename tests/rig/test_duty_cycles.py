@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.rig.duty_cycles import duty_cycle, lever_for_speed
 from cylinder_friction.rig.lever import (
     APPROACH,
     CHAINED,
@@ -15,7 +16,6 @@ from cylinder_friction.rig.lever import (
     new_hand,
     ornstein_uhlenbeck,
 )
-from cylinder_friction.rig.programmes import lever_for_speed, programme
 from cylinder_friction.rig.simulate import balanced_state, simulate
 
 if TYPE_CHECKING:
@@ -88,8 +88,8 @@ def test_speed_out_of_reach_is_full_lever(rigs: dict[str, RigParameters]) -> Non
     assert lever_for_speed(rigs["4"], 0.0) == 0.0
 
 
-def test_programmes_mix_free_work_with_exercises(rigs: dict[str, RigParameters]) -> None:
-    even, odd = (programme(rigs["1"], np.random.default_rng(3), 60.0, turn) for turn in (0, 1))
+def test_duty_cycles_mix_free_work_with_exercises(rigs: dict[str, RigParameters]) -> None:
+    even, odd = (duty_cycle(rigs["1"], np.random.default_rng(3), 60.0, turn) for turn in (0, 1))
     assert (odd.actions[:, 0] == SINE).sum() == 2
     assert (even.actions[:, 0] == SINE).sum() == 0
     assert (even.actions[:, CHAINED] == 1.0).sum() > 5

@@ -1,4 +1,4 @@
-"""The same rig solved by SciPy's stiff Radau method, to check the fixed-step simulation against.
+"""The rig solved by SciPy's stiff Radau method, the reference for the fixed-step simulation.
 
 Every switch of a friction element between sticking and slipping is found as an event, where the solver restarts.
 Orders of magnitude slower than ``simulate``; it uses the same laws of oil and friction but shares no line of the

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.rig.lever import APPROACH, MOVE, RAMP, SINE, LeverProgramme, hand_remnant
+from cylinder_friction.rig.lever import APPROACH, MOVE, RAMP, SINE, DutyCycle, hand_remnant
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -98,8 +98,8 @@ def breakaway_ramps(rig: RigParameters, generator: Generator, ramps: int = 3) ->
     return rows
 
 
-def programme(rig: RigParameters, generator: Generator, duration_s: float, turn: int = 0) -> LeverProgramme:
-    """Return an operator's programme of about ``duration_s``: free work around one or two set exercises.
+def duty_cycle(rig: RigParameters, generator: Generator, duration_s: float, turn: int = 0) -> DutyCycle:
+    """Return an operator's duty cycle of about ``duration_s``: free work around one or two set exercises.
 
     ``turn`` rotates the exercises, so that a session of two recordings holds them all: even turns have a staircase,
     odd ones sines and breakaway ramps. Short recordings have the free work first.
@@ -111,7 +111,7 @@ def programme(rig: RigParameters, generator: Generator, duration_s: float, turn:
     taken = sum(row[2] + row[3] for row in exercises)
     before = generator.uniform(0.3, 0.7) * max(duration_s - taken, 0.4 * duration_s)
     rows = hand_work(rig, generator, before) + exercises + hand_work(rig, generator, 1.5 * duration_s)
-    return LeverProgramme(np.array(rows), hand_remnant(generator, duration_s))
+    return DutyCycle(np.array(rows), hand_remnant(generator, duration_s))
 
 
 def _row(

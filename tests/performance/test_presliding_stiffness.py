@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 
-from cylinder_friction.friction_models.identification.reversals import PreslidingStiffness, presliding_stiffness
 from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, simulate
 from cylinder_friction.recordings.recording import RecordingError
 
