@@ -1,6 +1,6 @@
-"""Friction from the way of the last motion alone: what an estimate without pressures has to beat.
+"""Friction from the direction of the last motion alone: what an estimate without pressures has to beat.
 
-Motion is told from noise by ``SteadyMotion``: its velocity is exactly nought at standstill.
+``SteadyMotion`` separates motion from noise: its velocity is exactly zero at standstill.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ SITUATIONS = ("extending", "retracting", "at_rest_after_extending", "at_rest_aft
 
 
 class ByDirectionEstimator(FrictionEstimator):
-    """A straight line over velocity in each of five situations; a subclass says how it is found.
+    """A straight line over velocity in each of five situations; a subclass finds it.
 
     Args:
         inputs: Columns that it is given; it looks at ``position_m`` alone.
 
     Attributes:
         levels_n: Friction in each situation, at vanishing velocity, in the order of ``SITUATIONS`` [N].
-        viscous_n_s_m: What velocity adds [N s/m].
+        viscous_n_s_m: Slope over velocity [N s/m].
 
     Raises:
         ValueError: There is no position among the inputs.
@@ -53,8 +53,8 @@ class ByDirectionEstimator(FrictionEstimator):
     def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
         """Set levels and slope from the usable rows."""
 
-    def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Find the levels on all usable rows; a situation that never came keeps 0 N."""
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Find the levels on all usable rows; a situation that never occurs keeps 0 N."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         seen = [self._look(self.new_state(), recording.samples(self.inputs)) for recording in recordings]

@@ -1,11 +1,22 @@
-"""A Kalman filter that shares the force balance out between friction and what the pressure sensors' zeros add."""
+"""A Kalman filter that divides the force balance into friction and the contribution of the pressure sensors' zeros.
+
+States, all but the scale in newtons: the contribution of the zero of pressure 1 and of pressure 2 to the force balance,
+and the rates of both; the scale of the friction law; the rest of friction, slow and fast.
+
+The law of sliding friction is a curve over speed all of whose parts but the viscous one grow with pressure:
+``|F| = c + d |v| + sum_k e_k exp(-|v| / v_k) + f h + (c' + sum_k e'_k exp(-|v| / v_k) + f' h) (P1 + P2)``, one set of
+coefficients per direction. The memory ``h`` follows ``exp(-|v| / v_2)`` with a delay of 0.2 s, as the lubricant film
+does (Yanada and Sekikawa 2008). It is linear in the coefficients, so that robust least squares finds them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+import math
+from dataclasses import asdict, astuple, dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numba
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
@@ -14,9 +25,8 @@ from cylinder_friction.estimators.linear import labelled_rows, on_inputs
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps
 from cylinder_friction.signals.kalman import constant_jerk
-from friction_benchmark.models.observer_step import Belief, ObserverNoise, new_belief, observe
-from friction_benchmark.models.sliding_law import BAR_PA, COEFFICIENTS, SlidingLaw
-from friction_benchmark.models.steady_motion import AVERAGED, new_sense, sense
+from friction_benchmark.models.robust_regression import robust_weights
+from friction_benchmark.models.steady_motion import AVERAGED, causal_motion, new_causal_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,13 +35,85 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import Array
     from cylinder_friction.recordings.recording import Recording
 
+STATES = 7
+BIAS_1, BIAS_2, RATE_1, RATE_2, SCALE, SLOW, FAST = range(STATES)
+BAR_PA = 1e5
+FADING_M_S = (0.004, 0.012, 0.035)
+"""Speeds over which the exponentials fade [m/s]: the span of Stribeck velocities of cylinder seals."""
+TERMS = 6
+"""Without pressure: 1, |v|, three exponentials, memory; pressure multiplies all but |v|."""
+COEFFICIENTS = 2 * TERMS - 1
+SMALL_RESIDUAL_N, PASSES = 5.0, 15
 AVERAGE = FirFilter(moving_average_taps(AVERAGED)[None, None, :])
 JERK_M_S3, POSITION_NOISE_M = 12.0, 3.5e-5
 TUNED = ("slow_n", "balance_n", "fast_n", "slow_s", "rest_n", "fast_s", "scale", "gate", "bias_walk_n", "rest_s")
-"""What the search moves, the most telling first."""
+"""Noises that are searched, the most influential first."""
 FARTHEST = 8.0
-"""How many times greater or smaller than where it began the search may make a noise."""
+"""Largest factor by which the search may change a noise."""
 GATES = (1.2, 5.0)
+
+
+@dataclass(frozen=True)
+class ObserverNoise:
+    """Noises of the states and of the force balance.
+
+    Attributes:
+        bias_n: Standard deviation of the sensors' contribution to the force balance at the start [N].
+        bias_rate_n_s: Of its rate [N/s].
+        bias_walk_n: Of its random walk within a second [N].
+        scale: Standard deviation of the friction law's scale.
+        slow_n, slow_s: Standard deviation [N] and time constant [s] of the law's residual while sliding.
+        fast_n, fast_s: The same for the part that settles quickly after a start.
+        rest_n, rest_s: The same at standstill, where friction balances the pressures.
+        balance_n: Noise of one sample of the force balance [N].
+        gate: Innovations beyond so many standard deviations are a jump of friction.
+
+    Raises:
+        ValueError: A number is not finite and positive.
+    """
+
+    bias_n: float = 5.0
+    bias_rate_n_s: float = 0.1
+    bias_walk_n: float = 0.1
+    scale: float = 0.03
+    slow_n: float = 35.0
+    slow_s: float = 1.2
+    fast_n: float = 30.0
+    fast_s: float = 0.06
+    rest_n: float = 250.0
+    rest_s: float = 3.0
+    balance_n: float = 30.0
+    gate: float = 2.2
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"ObserverNoise: {field.name} must be a positive number, but got {value!r}")
+
+    def packed(self) -> Array:
+        """Return the numbers in the order of the fields, shape ``(12,)``, as the compiled step takes them."""
+        return np.array(astuple(self))
+
+
+@dataclass
+class Belief:
+    """Mean, shape ``(7,)``, covariance, shape ``(7, 7)``, and ``(law's last friction [N], smoothed pressure [bar])``,
+    shape ``(2,)``; the pressure is NaN before the first sample."""
+
+    mean: Array
+    covariance: Array
+    last: Array
+
+
+def new_belief(noise: ObserverNoise, areas_m2: Array) -> Belief:
+    """Return the belief before the first sample; the zeros of both pressures are equally uncertain in pascal."""
+    share = areas_m2**2 / (areas_m2**2).sum()
+    mean = np.zeros(STATES)
+    mean[SCALE] = 1.0
+    rate = noise.bias_rate_n_s**2 * share
+    spread = [*(noise.bias_n**2 * share), *rate, noise.scale**2, noise.slow_n**2, noise.rest_n**2]
+    return Belief(mean, np.diag(np.array(spread)), np.array([0.0, np.nan]))
 
 
 @dataclass
@@ -45,7 +127,7 @@ class ObserverState:
 
 @dataclass(frozen=True)
 class Traces:
-    """What the observer takes of one recording: rows of ``sense``, force balance [N], P1 + P2 [bar]."""
+    """The observer's inputs from one recording: rows of ``causal_motion``, force balance [N], P1 + P2 [bar]."""
 
     motion: Array
     balance_n: Array
@@ -56,10 +138,10 @@ class DisturbanceObserver(FrictionEstimator):
     """Kalman filter with friction and pressure-bias states; uses position and both raw pressures.
 
     ``P1·A1 - P2·A2 - m·a = s·F(v, P) + w_slow + w_fast + A1·b1 - A2·b2 + noise``. Motion comes from a filter of its
-    own, of which inertia (1 N) would tell nothing. A constant zero error is alike while extending and retracting,
-    friction changes its sign: that parts the two. How much the zeros are off, and how fast they drift, is measured on
-    the training recordings, whose labels are free of it; so is the friction law. The other noises are chosen for the
-    least mean absolute error of the running filter.
+    own, to which inertia (1 N) would add nothing. A constant zero error has one sign while extending and retracting,
+    friction changes its sign: that separates the two. Size and drift of the zero errors are measured on the training
+    recordings, whose labels are free of them; so is the friction law. The other noises are chosen for the least mean
+    absolute error of the running filter.
 
     Args:
         cylinder: Areas and moving mass.
@@ -86,36 +168,37 @@ class DisturbanceObserver(FrictionEstimator):
             raise ValueError(f"expected at least one evaluation and recording, but got {evaluations} and {recordings}")
         self.cylinder, self.evaluations, self.recordings = cylinder, evaluations, recordings
         self.noise = noise or ObserverNoise()
-        self.law = SlidingLaw(np.zeros((2, COEFFICIENTS)))
+        self.law = np.zeros((2, COEFFICIENTS))
         self._order = [int(np.argmax(column)) for column in on_inputs(np.eye(3)[:, :, None], inputs)[:, :, 0]]
 
-    def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Find the friction law, how far the sensors are off, and the noises, in this order."""
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Find the friction law, the sensors' errors, and the noises, in this order."""
         self._begin_fit(recordings)
         traces = [
-            self._trace(AVERAGE.new_state(), new_sense(), recording.samples(self.inputs)) for recording in recordings
+            self._trace(AVERAGE.new_state(), new_causal_motion(), recording.samples(self.inputs))
+            for recording in recordings
         ]
         labels, masks = labelled_rows(recordings)
-        self.law = SlidingLaw.fit(
+        self.law = sliding_law(
             np.concatenate([trace.motion[mask] for trace, mask in zip(traces, masks, strict=True)]),
             np.concatenate([trace.pressure_bar[mask] for trace, mask in zip(traces, masks, strict=True)]),
             labels,
         )
-        beside = [
+        differences = [
             (trace.balance_n - recording.column("friction_n"), mask)
             for trace, recording, mask in zip(traces, recordings, masks, strict=True)
         ]
         assert self.sample_time_s is not None
-        self.noise = replace(self.noise, **sensor_errors(beside, self.sample_time_s))
+        self.noise = replace(self.noise, **sensor_errors(differences, self.sample_time_s))
         count = min(self.recordings, len(recordings))
         chosen = [int(number * len(recordings) / count) for number in range(count)]
         self._tune([traces[one] for one in chosen], [recordings[one] for one in chosen])
         return self
 
     def _tune(self, traces: Sequence[Traces], recordings: Sequence[Recording]) -> None:
-        """Doubles and halves one noise after the other, then by smaller factors, as long as the error falls.
+        """Double and halve one noise after the other, then use smaller factors, as long as the error falls.
 
-        It keeps within ``FARTHEST`` of where it began, so that few recordings cannot lead it astray.
+        The search stays within ``FARTHEST`` of its start, so that few recordings cannot lead it astray.
         """
         labels = [recording.column("friction_n") for recording in recordings]
         masks = [recording.usable() for recording in recordings]
@@ -133,10 +216,10 @@ class DisturbanceObserver(FrictionEstimator):
         while left > 0 and factor > 1.05:
             before = best
             for name in TUNED:
-                for way in (factor, 1.0 / factor):
+                for change in (factor, 1.0 / factor):
                     if left <= 0:
                         return
-                    value, began = way * getattr(self.noise, name), getattr(first, name)
+                    value, began = change * getattr(self.noise, name), getattr(first, name)
                     low, high = GATES if name == "gate" else (began / FARTHEST, began * FARTHEST)
                     if not low <= value <= high:
                         continue
@@ -162,7 +245,7 @@ class DisturbanceObserver(FrictionEstimator):
         assert self.sample_time_s is not None
         pressure_1, pressure_2, position = (np.ascontiguousarray(samples[:, column]) for column in self._order)
         averaged = np.ascontiguousarray(AVERAGE.advance(average, position[:, None])[:, 0])
-        motion = sense(position, averaged, self._gains, self.sample_time_s, motion_state)
+        motion = causal_motion(position, averaged, self._gains, self.sample_time_s, motion_state)
         areas = self._areas
         balance = pressure_1 * areas[0] - pressure_2 * areas[1] - self.cylinder.moving_mass_kg * motion[:, 1]
         return Traces(motion, balance, (pressure_1 + pressure_2) / BAR_PA)
@@ -174,7 +257,7 @@ class DisturbanceObserver(FrictionEstimator):
                 trace.motion,
                 trace.balance_n,
                 trace.pressure_bar,
-                self.law.coefficients,
+                self.law,
                 noise.packed(),
                 self._areas,
                 self.sample_time_s,
@@ -185,7 +268,7 @@ class DisturbanceObserver(FrictionEstimator):
         )
 
     def new_state(self) -> ObserverState:
-        return ObserverState(AVERAGE.new_state(), new_sense(), new_belief(self.noise, self._areas))
+        return ObserverState(AVERAGE.new_state(), new_causal_motion(), new_belief(self.noise, self._areas))
 
     def advance(self, state: ObserverState, samples: Array) -> Array:
         return np.ascontiguousarray(
@@ -203,7 +286,7 @@ class DisturbanceObserver(FrictionEstimator):
             "evaluations": self.evaluations,
             "recordings": self.recordings,
             "noise": asdict(self.noise),
-            "law": self.law.coefficients.tolist(),
+            "law": self.law.tolist(),
         }
 
     @classmethod
@@ -215,20 +298,20 @@ class DisturbanceObserver(FrictionEstimator):
             parameters["recordings"],
             ObserverNoise(**parameters["noise"]),
         )
-        estimator.law = SlidingLaw(np.array(parameters["law"]))
+        estimator.law = np.array(parameters["law"])
         return estimator
 
 
-def sensor_errors(beside: Sequence[tuple[Array, Any]], sample_time_s: float) -> dict[str, float]:
-    """Return how far the force balance is off at the start, how fast that changes, and how much it wanders.
+def sensor_errors(differences: Sequence[tuple[Array, Any]], sample_time_s: float) -> dict[str, float]:
+    """Return the force balance's error at the start, its rate, and its random walk, by the names of the noises.
 
     Args:
-        beside: For each recording force balance less label [N], and its mask of usable rows.
+        differences: For each recording force balance less label [N], and its mask of usable rows.
         sample_time_s: Between two rows [s].
     """
     starts, rates, walks = [], [], []
     window = max(2, round(0.5 / sample_time_s))
-    for difference, mask in beside:
+    for difference, mask in differences:
         rows = np.flatnonzero(mask)
         pieces = [difference[piece].mean() for piece in np.array_split(rows, len(rows) // window)] if len(rows) else []
         if len(pieces) < 4:
@@ -245,3 +328,149 @@ def sensor_errors(beside: Sequence[tuple[Array, Any]], sample_time_s: float) -> 
         "bias_rate_n_s": max(0.01, float(np.sqrt(np.mean(np.square(rates))))),
         "bias_walk_n": max(0.01, float(np.median(walks))),
     }
+
+
+def sliding_law(motion: Array, pressure_bar: Array, friction_n: Array) -> Array:
+    """Return the law of least absolute error on labelled sliding: while extending and retracting, shape ``(2, k)``.
+
+    Args:
+        motion: Rows of ``causal_motion``, shape ``(n, 4)``; rows at rest are skipped.
+        pressure_bar: P1 + P2, shape ``(n,)`` [bar].
+        friction_n: Labels, shape ``(n,)`` [N].
+    """
+    found = np.zeros((2, COEFFICIENTS))
+    for side, direction in enumerate((1.0, -1.0)):
+        rows = motion[:, 0] * direction > 0.0
+        if rows.sum() > 10 * COEFFICIENTS:
+            speed = np.abs(motion[rows, 0])
+            exponentials = [np.exp(-speed / fading) for fading in FADING_M_S]
+            scaled = [np.ones_like(speed), *exponentials, motion[rows, 3]]
+            plain = [scaled[0], speed, *scaled[1:]]
+            design = np.stack([*plain, *(pressure_bar[rows] * part for part in scaled)], axis=1)
+            found[side] = robust_weights(design, direction * friction_n[rows], SMALL_RESIDUAL_N, PASSES)
+    if not found[1].any() or not found[0].any():
+        found[:] = found.sum(axis=0)
+    return found
+
+
+@numba.njit(cache=True)
+def law_parts(coefficients: Array, direction: float, speed: float, memory: float) -> tuple[float, float]:
+    """Return signed friction at zero pressure [N] and its rise with pressure [N/bar]; 0 without a direction."""
+    if direction == 0.0:
+        return 0.0, 0.0
+    row = coefficients[0] if direction > 0.0 else coefficients[1]
+    plain = row[0] + row[1] * speed + row[5] * memory
+    slope = row[TERMS] + row[TERMS + 4] * memory
+    for number in range(3):
+        fading = math.exp(-speed / FADING_M_S[number])
+        plain += row[2 + number] * fading
+        slope += row[TERMS + 1 + number] * fading
+    return direction * plain, direction * slope
+
+
+@numba.njit(cache=True)
+def observe(
+    motion: Array,
+    balance_n: Array,
+    pressure_bar: Array,
+    coefficients: Array,
+    noise: Array,
+    areas_m2: Array,
+    sample_time_s: float,
+    mean: Array,
+    covariance: Array,
+    last: Array,
+) -> Array:
+    """Return friction and the sensors' contribution to the force balance [N], shape ``(n, 2)``; changes the belief.
+
+    Args:
+        motion: Rows of ``causal_motion``, shape ``(n, 4)``.
+        balance_n: P1·A1 - P2·A2 - m·a as measured, shape ``(n,)`` [N].
+        pressure_bar: P1 + P2 as measured, shape ``(n,)`` [bar].
+        coefficients: From ``sliding_law``, shape ``(2, k)``.
+        noise: From ``ObserverNoise.packed``.
+        areas_m2: Piston and annulus area, shape ``(2,)`` [m²].
+        sample_time_s: Between two samples [s].
+        mean, covariance, last: Of the belief.
+    """
+    result = np.empty((motion.shape[0], 2))
+    jacobian = np.ones(STATES)
+    jacobian[RATE_1] = jacobian[RATE_2] = 0.0
+    bar_n = areas_m2 * BAR_PA
+    for row in range(motion.shape[0]):
+        if np.isnan(last[1]):
+            last[1] = pressure_bar[row]
+        last[1] += 0.1 * (pressure_bar[row] - last[1])
+        sliding = motion[row, 0] != 0.0
+        _predict(mean, covariance, noise, areas_m2, sample_time_s, sliding)
+        if sliding:
+            plain, slope = law_parts(coefficients, motion[row, 2], abs(motion[row, 0]), motion[row, 3])
+            true_bar = last[1] - mean[BIAS_1] / bar_n[0] + mean[BIAS_2] / bar_n[1]
+            law_n = plain + slope * max(true_bar, 0.0)
+            if law_n * last[0] <= 0.0:  # friction itself does not jump with the law's side
+                mean[FAST] += mean[SCALE] * (last[0] - law_n)
+                covariance[FAST, FAST] += noise[8] ** 2
+            last[0] = law_n
+            jacobian[BIAS_1] = 1.0 - mean[SCALE] * slope / bar_n[0]
+            jacobian[BIAS_2] = 1.0 + mean[SCALE] * slope / bar_n[1]
+        else:
+            jacobian[BIAS_1] = jacobian[BIAS_2] = 1.0
+        jacobian[SCALE] = last[0]
+        friction_n = mean[SCALE] * last[0] + mean[SLOW] + mean[FAST]
+        _correct(
+            mean, covariance, jacobian, balance_n[row] - friction_n - mean[BIAS_1] - mean[BIAS_2], noise[10], noise[11]
+        )
+        result[row, 0] = mean[SCALE] * last[0] + mean[SLOW] + mean[FAST]
+        result[row, 1] = mean[BIAS_1] + mean[BIAS_2]
+    return result
+
+
+@numba.njit(cache=True)
+def _predict(mean: Array, covariance: Array, noise: Array, areas_m2: Array, step: float, sliding: bool) -> None:
+    fast_n, fast_s = (noise[6], noise[7]) if sliding else (noise[8], noise[9])
+    kept = (math.exp(-step / noise[5]), math.exp(-step / fast_s))
+    for bias in (BIAS_1, BIAS_2):
+        mean[bias] += step * mean[bias + 2]
+        covariance[bias] += step * covariance[bias + 2]
+        covariance[:, bias] += step * covariance[:, bias + 2]
+    for number, state in enumerate((SLOW, FAST)):
+        mean[state] *= kept[number]
+        covariance[state] *= kept[number]
+        covariance[:, state] *= kept[number]
+    covariance[SLOW, SLOW] += (1.0 - kept[0] ** 2) * noise[4] ** 2
+    covariance[FAST, FAST] += (1.0 - kept[1] ** 2) * fast_n**2
+    covariance[SCALE, SCALE] += 1e-3 * step * noise[3] ** 2
+    total = areas_m2[0] ** 2 + areas_m2[1] ** 2
+    for bias in (BIAS_1, BIAS_2):
+        share = areas_m2[bias] ** 2 / total
+        covariance[bias, bias] += share * step * noise[2] ** 2
+        covariance[bias + 2, bias + 2] += 1e-4 * share * step * noise[1] ** 2
+
+
+@numba.njit(cache=True)
+def _correct(mean: Array, covariance: Array, jacobian: Array, innovation: float, balance_n: float, gate: float) -> None:
+    """Joseph's form, which keeps the covariance positive definite despite rounding (Bucy and Joseph 1968)."""
+    toward = _product(covariance, jacobian)
+    variance = balance_n**2
+    for state in range(STATES):
+        variance += jacobian[state] * toward[state]
+    beyond = innovation**2 - gate**2 * variance
+    if beyond > 0.0:
+        covariance[FAST, FAST] += beyond
+        toward[FAST] += beyond
+        variance += beyond
+    gain = toward / variance
+    mean += gain * innovation
+    covariance -= np.outer(gain, toward)
+    covariance += np.outer(balance_n**2 * gain - _product(covariance, jacobian), gain)
+    covariance[:] = 0.5 * (covariance + covariance.T)
+
+
+@numba.njit(cache=True)
+def _product(matrix: Array, vector: Array) -> Array:
+    """Return their product, shape ``(7,)``, summed in one order on every machine, unlike a BLAS."""
+    result = np.zeros(STATES)
+    for row in range(STATES):
+        for column in range(STATES):
+            result[row] += matrix[row, column] * vector[column]
+    return result

@@ -1,8 +1,11 @@
-"""Friction by an Elman network that a swarm and a simplex train, and the same network trained by Adam.
+"""Friction by an Elman network trained by a swarm and a simplex, and the same network trained by Adam.
 
-Source: Pan et al. 2017, Advances in Mechanical Engineering, doi 10.1177/1687814017744473. Its abstract alone was at
+Source: Pan et al. 2017, Advances in Mechanical Engineering, doi 10.1177/1687814017744473. Only its abstract was at
 hand: Elman network; multi-agent particle swarm, then Nelder and Mead's downhill simplex; better than LuGre at low
-speed. What it leaves open is chosen here and said in ``ElmanEstimator``.
+speed. What the abstract does not give is chosen here and described in ``ElmanEstimator``.
+
+``x_c(k) = x(k-1) + a x_c(k-1)``, ``x(k) = tanh(u(k) W_u + x_c(k) W_c + b)``, ``y(k) = x(k) w + b_o``: Elman 1990 with
+the context's self-feedback a of Pham and Liu 1992. All weights lie in one vector, in the order W_u, W_c, b, w, b_o.
 """
 
 from __future__ import annotations
@@ -14,16 +17,23 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numba
 import numpy as np
 
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.elman_network import Batch, cost, cost_and_gradient, elman_step, weight_count
+from cylinder_friction.realtime.activation import tanh
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import LearnedEstimator
-from friction_benchmark.models.source_columns import VELOCITIES, last_motion, places_of, task_columns
-from friction_benchmark.models.swarm import TRAIL, Found, SwarmPlan, swarm_then_simplex
+from friction_benchmark.models.related_work import (
+    VELOCITIES,
+    last_motion,
+    places_of,
+    smoothed_absolute,
+    task_columns,
+)
+from friction_benchmark.models.swarm import Found, SwarmPlan, swarm_then_simplex
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    import torch
     from numpy.typing import NDArray
 
     from cylinder_friction.cylinder import Cylinder
@@ -39,7 +49,7 @@ Where it corrects a force balance it steps at every sample: a correction of nois
 """
 
 SEGMENTS, SEGMENT_STEPS, BURN_IN = 64, 250, 25
-"""Pieces of the training recordings that are learnt from, their length, and the steps before the first scored one."""
+"""Pieces of the training recordings used for training, their length, and the steps before the first scored one."""
 
 GRADIENT_EVALUATIONS = 3
 """What one gradient costs in evaluations of the network: one forward, and backward at about twice its operations."""
@@ -47,13 +57,13 @@ GRADIENT_EVALUATIONS = 3
 
 @dataclass(frozen=True)
 class ElmanPlan:
-    """How the network is made and trained.
+    """How the network is built and trained.
 
     Attributes:
         nodes: Hidden nodes, and as many context nodes.
         feedback: Of the context to itself, in [0, 1).
         trainer: ``swarm``, with the simplex after it, or ``adam``.
-        evaluations: Of the network over all rows that are learnt from, at most; a gradient counts as three.
+        evaluations: Of the network over all training rows, at most; a gradient counts as three.
         bound: Half side of the box of weights that the swarm stays in.
         learning_rate: Of Adam, falling with a cosine.
 
@@ -75,35 +85,39 @@ class ElmanPlan:
 
 @dataclass
 class ElmanMemory:
-    """What the network carries from one sample to the next.
-
-    Attributes:
-        hidden, context: Shape ``(nodes,)``.
-        held: Samples until the next step, and the last output.
-    """
+    """Hidden and context nodes, each shape ``(nodes,)``, and ``(samples until the next step, last output)``."""
 
     hidden: Single
     context: Single
     held: NDArray[np.float64]
 
 
-class ElmanEstimator(LearnedEstimator):
-    """An Elman network on velocity and what else the task shows, that is friction or corrects the force balance.
+@dataclass(frozen=True)
+class Batch:
+    """Sequences side by side, all of one length: inputs ``(steps, sequences, k)``, target and weight ``(steps,
+    sequences)``; the weight is 1 where a step is scored, else 0."""
 
-    Chosen where the source says nothing: 8 hidden nodes; context self-feedback; inputs are the velocity, straight and
+    inputs: torch.Tensor
+    target: torch.Tensor
+    weight: torch.Tensor
+
+
+class ElmanEstimator(LearnedEstimator):
+    """An Elman network on velocity and the task's other columns; gives friction or corrects the force balance.
+
+    Chosen where the source leaves it open: 8 hidden nodes; context self-feedback; inputs are the velocity, as it is and
     softly limited, the direction of the last motion and the task's other columns; the network corrects the force
-    balance where raw pressures are there; cost is the absolute error, rounded at nought; 64 pieces of 250 steps are
-    learnt from; the weights after that twentieth of the search are kept which is best, on validation recordings where
-    there are some; the swarm's box.
+    balance where raw pressures are available; the cost is the absolute error, rounded at zero, over 64 pieces of 250
+    steps; the swarm's box.
 
     Args:
         cylinder: Its areas.
         inputs: Columns that it sees.
         plan: Of network and training.
-        seed: Of pieces, swarm and first weights.
+        seed: Seeds pieces, swarm and first weights.
 
     Attributes:
-        weights: All of them, float32, in the order of ``elman_network``; None before ``fit``.
+        weights: All of them, float32, in the order of the module's equations; None before ``fit``.
         found: How the search went; None for a loaded estimator.
     """
 
@@ -121,22 +135,13 @@ class ElmanEstimator(LearnedEstimator):
         self.weights: Single | None = None
         self.found: Found | None = None
 
-    def learn(self, train: Sequence[SequenceData]) -> None:
-        batch = self._batch(train)
-        plan = self.plan
-        count = weight_count(len(self._columns()) + 1, plan.nodes)
-        if plan.trainer == "swarm":
-            self.found = swarm_then_simplex(
-                lambda place: cost(place, plan.nodes, plan.feedback, batch),
-                np.full(count, -plan.bound),
-                np.full(count, plan.bound),
-                max(plan.evaluations, SwarmPlan().side ** 2),
-                self.seed,
-            )
-        else:
-            self.found = train_with_adam(batch, plan, self.seed)
-        tried = [cost(place, plan.nodes, plan.feedback, batch) for place in self.found.trail]
-        self.weights = self.found.trail[int(np.argmin(tried))].astype(np.float32)
+    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
+        from cylinder_friction.estimators.network_training import reproducible  # PyTorch: only training needs it
+
+        with reproducible(self.seed):
+            train_weights = _train_with_swarm if self.plan.trainer == "swarm" else _train_with_adam
+            self.found = train_weights(self._batch(train), self.plan, self.seed)
+        self.weights = self.found.position.astype(np.float32)
 
     def new_memory(self) -> ElmanMemory:
         nodes = self.plan.nodes
@@ -144,18 +149,11 @@ class ElmanEstimator(LearnedEstimator):
 
     def predict(self, memory: ElmanMemory, features: Single) -> NDArray[Any]:
         assert self.weights is not None
-        return _run(
-            self.weights,
-            np.float32(self.plan.feedback),
-            self._inputs(features),
-            memory.hidden,
-            memory.context,
-            memory.held,
-            self._stride(),
-        )
+        rows, feedback = self._inputs(features), np.float32(self.plan.feedback)
+        return elman_outputs(self.weights, feedback, rows, memory.hidden, memory.context, memory.held, self._stride())
 
     def model_multiply_adds(self) -> int:
-        """Return those of one step of the network, which comes every fourth sample: the worst case."""
+        """Return those of one step of the network, biases included, which comes every fourth sample: the worst case."""
         return weight_count(len(self._columns()) + 1, self.plan.nodes)
 
     def write_model(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - some hundred numbers are JSON
@@ -181,8 +179,8 @@ class ElmanEstimator(LearnedEstimator):
     def _inputs(self, features: Single) -> Single:
         """Return what the network sees, shape ``(n, k)``."""
         assert self.features is not None
-        way = last_motion(self.features, features)
-        return np.column_stack([features[:, self._columns()], way]).astype(np.float32)
+        direction = last_motion(self.features, features)
+        return np.column_stack([features[:, self._columns()], direction]).astype(np.float32)
 
     def _stride(self) -> int:
         assert self.features is not None
@@ -190,6 +188,8 @@ class ElmanEstimator(LearnedEstimator):
 
     def _batch(self, recordings: Sequence[SequenceData]) -> Batch:
         """Return pieces from places drawn at random, as many of each recording as of the others."""
+        import torch
+
         generator = np.random.default_rng([self.seed, 1])
         stride = self._stride()
         length = min(SEGMENT_STEPS, *(len(each.target) // stride for each in recordings))
@@ -201,49 +201,81 @@ class ElmanEstimator(LearnedEstimator):
             start = int(generator.integers(len(chosen.target) - stride * (length - 1)))
             rows = slice(start, start + stride * (length - 1) + 1, stride)
             pieces.append((inputs[number][rows], chosen.target[rows], chosen.usable[rows]))
-        weight = np.stack([usable for _, _, usable in pieces], axis=1).astype(np.float32)
-        weight[:BURN_IN] = 0.0
-        return Batch(
-            np.ascontiguousarray(np.stack([features for features, _, _ in pieces], axis=2), dtype=np.float32),
-            np.ascontiguousarray(np.stack([target for _, target, _ in pieces], axis=1)),
-            weight,
+        stacked = (np.stack(part, axis=1).astype(np.float64) for part in zip(*pieces, strict=True))
+        batch = Batch(*(torch.from_numpy(part) for part in stacked))
+        batch.weight[:BURN_IN] = 0.0
+        return batch
+
+
+def weight_count(inputs: int, nodes: int) -> int:
+    """Return how many weights a network with so many inputs has."""
+    return nodes * (inputs + nodes + 2) + 1
+
+
+def mean_cost(weights: torch.Tensor, nodes: int, feedback: float, batch: Batch) -> torch.Tensor:
+    """Return the mean cost over the scored steps, differentiable by the weights; hidden nodes start at zero."""
+    import torch
+
+    inputs = batch.inputs.shape[2]
+    of_inputs, of_context, bias, head, last = weights.split([inputs * nodes, nodes * nodes, nodes, nodes, 1])
+    driven = (batch.inputs @ of_inputs.view(inputs, nodes) + bias).unbind()
+    recurrent = of_context.view(nodes, nodes)
+    hidden = context = torch.zeros_like(driven[0])
+    states = []
+    for row in driven:
+        context = torch.add(hidden, context, alpha=feedback)
+        hidden = torch.addmm(row, context, recurrent).tanh()
+        states.append(hidden)
+    error = torch.stack(states) @ head + last - batch.target
+    return (smoothed_absolute(error) * batch.weight).sum() / batch.weight.sum()
+
+
+def _train_with_swarm(batch: Batch, plan: ElmanPlan, seed: int) -> Found:
+    import torch
+
+    corner = np.full(weight_count(batch.inputs.shape[2], plan.nodes), plan.bound)
+    budget = max(plan.evaluations, SwarmPlan().side ** 2)
+    with torch.inference_mode():
+        return swarm_then_simplex(
+            lambda position: mean_cost(torch.from_numpy(position), plan.nodes, plan.feedback, batch).item(),
+            -corner,
+            corner,
+            budget,
+            seed,
         )
 
 
-def train_with_adam(batch: Batch, plan: ElmanPlan, seed: int) -> Found:
-    """Return the best weights that Adam (Kingma and Ba 2015) passes, each step on all rows of the batch.
+def _train_with_adam(batch: Batch, plan: ElmanPlan, seed: int) -> Found:
+    """Return the best weights that Adam (Kingma and Ba 2015) passes, each step on the whole batch.
 
-    First weights are uniform within one over the root of a node's inputs (Glorot and Bengio 2010); the gradient is cut
-    at norm 1.
+    First weights are uniform within one over the root of a node's inputs (Glorot and Bengio 2010); the gradient is
+    clipped at norm 1.
     """
-    generator = np.random.default_rng(seed)
-    width, nodes = batch.inputs.shape[1], plan.nodes
-    count = weight_count(width, nodes)
-    spread = np.full(count, 1.0 / math.sqrt(width + nodes))
+    import torch
+
+    inputs, nodes = batch.inputs.shape[2], plan.nodes
+    spread = np.full(weight_count(inputs, nodes), 1.0 / math.sqrt(inputs + nodes))
     spread[-nodes - 1 :] = 1.0 / math.sqrt(nodes)
-    weights = spread * generator.uniform(-1.0, 1.0, count)
-    first, second = np.zeros(count), np.zeros(count)
-    best, place = math.inf, weights
-    curve: list[float] = []
-    trail: list[NDArray[np.float64]] = []
+    start = spread * np.random.default_rng(seed).uniform(-1.0, 1.0, len(spread))
+    weights = torch.from_numpy(start).requires_grad_()
     steps = max(1, plan.evaluations // GRADIENT_EVALUATIONS)
-    for step in range(1, steps + 1):
-        value, gradient = cost_and_gradient(weights, nodes, plan.feedback, batch)
-        if value < best:
-            best, place = value, weights.copy()
-        curve += [best] * GRADIENT_EVALUATIONS
-        if step * TRAIL >= (len(trail) + 1) * steps:
-            trail.append(place)
-        gradient /= max(1.0, float(np.linalg.norm(gradient)))
-        first += 0.1 * (gradient - first)
-        second += 0.001 * (gradient**2 - second)
-        rate = plan.learning_rate * 0.5 * (1.0 + math.cos(math.pi * step / steps))
-        weights = weights - rate * first / (1.0 - 0.9**step) / (np.sqrt(second / (1.0 - 0.999**step)) + 1e-8)
-    return Found(place, best, curve, trail)
+    optimiser = torch.optim.Adam([weights], lr=plan.learning_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    best, position = math.inf, start
+    for _ in range(steps):
+        optimiser.zero_grad()
+        value = mean_cost(weights, nodes, plan.feedback, batch)
+        if value.item() < best:
+            best, position = value.item(), weights.detach().numpy().copy()
+        torch.autograd.backward(value)
+        torch.nn.utils.clip_grad_norm_([weights], 1.0)
+        optimiser.step()
+        schedule.step()
+    return Found(position, best, GRADIENT_EVALUATIONS * steps)
 
 
 @numba.njit(cache=True)
-def _run(
+def elman_outputs(
     weights: Single,
     feedback: np.float32,
     rows: Single,
@@ -252,11 +284,26 @@ def _run(
     held: NDArray[np.float64],
     stride: int,
 ) -> NDArray[np.float64]:
+    """Return the output at each row, shape ``(n,)``, held between steps; changes ``hidden``, ``context``, ``held``."""
+    nodes, inputs = hidden.shape[0], rows.shape[1]
+    recurrent = inputs * nodes
+    bias = recurrent + nodes * nodes
     result = np.empty(rows.shape[0])
     for row in range(rows.shape[0]):
         if held[0] == 0.0:
             held[0] = stride
-            held[1] = elman_step(weights, feedback, rows[row], hidden, context)
+            output = weights[bias + 2 * nodes]
+            for node in range(nodes):
+                context[node] = hidden[node] + feedback * context[node]
+            for node in range(nodes):
+                total = weights[bias + node]
+                for index in range(inputs):
+                    total += rows[row, index] * weights[index * nodes + node]
+                for index in range(nodes):
+                    total += context[index] * weights[recurrent + index * nodes + node]
+                hidden[node] = tanh(total)
+                output += hidden[node] * weights[bias + nodes + node]
+            held[1] = output
         held[0] -= 1.0
         result[row] = held[1]
     return result

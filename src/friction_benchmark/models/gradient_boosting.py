@@ -1,16 +1,21 @@
-"""Histogram gradient boosting on the features of the present, of some samples ago, and of slow averages."""
+"""Histogram gradient boosting on features of the present, of some samples ago, and of slow averages.
+
+Fitted by scikit-learn, stored as ONNX, run as a ``Forest``.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 import onnx
+from onnx import TensorProto, helper
+from sklearn.ensemble import HistGradientBoostingRegressor
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # comes with scikit-learn
 
-from cylinder_friction.realtime.forest import Forest, forest_from_onnx
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.boosted_trees import BoostingPlan, fit_boosted_trees
+from cylinder_friction.realtime.forest import OPSETS, Forest, forest_from_onnx
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 from friction_benchmark.models.lagged import Past, PastMemory
 from friction_benchmark.models.learned import LearnedEstimator
 
@@ -23,22 +28,57 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.training_plan import SequenceData
 
+IR_VERSION = 8
 TREES_FILE = "trees.onnx"
 PAST = Past(lags=(6, 20, 60), averages=(100.0, 1000.0))
-"""30, 100 and 300 ms ago; averages over 0.5 and 5 s, which show what the sensors' zeros or a load add."""
+"""30, 100 and 300 ms ago; averages over 0.5 and 5 s, which show the contribution of sensor zeros or of a load."""
+
+
+@dataclass(frozen=True)
+class BoostingPlan:
+    """Settings of the boosting.
+
+    Attributes:
+        trees: Rounds of boosting, one tree each.
+        learning_rate: Share of each tree that is added.
+        leaves: Greatest number of leaves of a tree.
+        least_rows: Fewest rows in a leaf.
+        penalty: L2 penalty of the leaf values.
+        loss: ``absolute_error`` or ``squared_error``.
+        rows: Rows drawn from all usable ones, at most.
+
+    Raises:
+        ValueError: A number is out of its range.
+    """
+
+    trees: int = 200
+    learning_rate: float = 0.1
+    leaves: int = 31
+    least_rows: int = 40
+    penalty: float = 1.0
+    loss: Literal["absolute_error", "squared_error"] = "absolute_error"
+    rows: int = 120_000
+
+    def __post_init__(self) -> None:
+        if min(self.trees, self.least_rows, self.rows) < 1 or self.leaves < 2:
+            raise ValueError(f"BoostingPlan: expected at least one tree and row, and two leaves, but got {self}")
+        if not 0.0 < self.learning_rate <= 1.0 or self.penalty < 0.0:
+            raise ValueError(f"BoostingPlan: expected learning_rate in (0, 1] and penalty >= 0, but got {self}")
+        if self.loss not in ("absolute_error", "squared_error"):
+            raise ValueError(f"BoostingPlan: expected loss 'absolute_error' or 'squared_error', but got {self.loss!r}")
 
 
 class GradientBoostingEstimator(LearnedEstimator):
     """Gradient-boosted trees (Friedman 2001; Ke et al. 2017) that correct the force balance, or give all of friction.
 
-    Trees hold no state and cannot leave the range of their training targets; the past reaches them as features.
+    Trees hold no state and cannot leave the range of their training targets; the past enters as features.
 
     Args:
         cylinder: Its areas.
         inputs: Columns that it sees.
         plan: Trees, leaves, rows.
         past: Which earlier features it is given.
-        seed: Of the rows drawn.
+        seed: Seeds the drawing of rows.
     """
 
     kind: ClassVar[str] = "gradient_boosting"
@@ -56,8 +96,7 @@ class GradientBoostingEstimator(LearnedEstimator):
         self._model: onnx.ModelProto | None = None
         self._trees: Forest | None = None
 
-    def learn(self, train: Sequence[SequenceData]) -> None:
-        """Learn from ``plan.rows`` usable rows."""
+    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
         rows = [self.past.advance(self.past.new_memory(), each.features)[each.usable] for each in train]
         target = np.concatenate([each.target[each.usable] for each in train]).astype(np.float64)
         self._set_model(fit_boosted_trees(np.concatenate(rows), target, self.plan, self.seed))
@@ -70,7 +109,7 @@ class GradientBoostingEstimator(LearnedEstimator):
         return self._trees.predict(self.past.advance(memory, features))
 
     def model_multiply_adds(self) -> int:
-        """Return the comparisons on the longest way through every tree, and the averages."""
+        """Return the comparisons on the longest path through every tree, and the averages."""
         assert self._trees is not None
         assert self.features is not None
         return self._trees.comparisons() + self.past.multiply_adds(len(self.features.names))
@@ -81,14 +120,101 @@ class GradientBoostingEstimator(LearnedEstimator):
     def write_model(self, folder: Path) -> dict[str, Any]:
         assert self._model is not None
         (folder / TREES_FILE).write_bytes(self._model.SerializeToString(deterministic=True))
-        return {"trees": TREES_FILE, "plan": asdict(self.plan), "past": self.past.to_dict(), "seed": self.seed}
+        return {"trees": TREES_FILE, "plan": asdict(self.plan), "past": asdict(self.past), "seed": self.seed}
 
     @classmethod
     def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
-        past = Past.from_dict(content["past"])
-        estimator = cls(cylinder, inputs, BoostingPlan(**content["plan"]), past, content["seed"])
+        plan, past = BoostingPlan(**content["plan"]), Past(**content["past"])
+        estimator = cls(cylinder, inputs, plan, past, content["seed"])
         estimator._read_trees(folder, content)
         return estimator
 
     def _read_trees(self, folder: Path, content: dict[str, Any]) -> None:
         self._set_model(onnx.load(folder / content["trees"]))
+
+
+def fit_boosted_trees(
+    features: NDArray[np.float32], target: NDArray[np.float64], plan: BoostingPlan, seed: int
+) -> onnx.ModelProto:
+    """Fit histogram gradient boosting and return it as ONNX, the one form it is stored and run in.
+
+    One thread sums the histograms, so that the same rows give the same trees on any machine.
+
+    Args:
+        features: Shape ``(n, k)``, float32, as at run time.
+        target: Shape ``(n,)``.
+        plan: Settings; more rows than it allows are thinned out at random.
+        seed: Seeds the drawing of rows and the histograms' edges.
+
+    Source: Friedman 2001; on histograms as LightGBM (Ke et al. 2017).
+    """
+    count = min(plan.rows, len(features))
+    chosen = np.sort(np.random.default_rng(seed).choice(len(features), count, replace=False))
+    with threadpool_limits(1, user_api="openmp"):
+        model = HistGradientBoostingRegressor(
+            loss=plan.loss,
+            learning_rate=plan.learning_rate,
+            max_iter=plan.trees,
+            max_leaf_nodes=plan.leaves,
+            min_samples_leaf=min(plan.least_rows, max(1, count // 4)),
+            l2_regularization=plan.penalty,
+            early_stopping=False,
+            random_state=seed,
+        ).fit(features[chosen], target[chosen])
+    return trees_to_onnx(model, features.shape[1])
+
+
+def trees_to_onnx(model: HistGradientBoostingRegressor, inputs: int) -> onnx.ModelProto:
+    """Return a fitted model as a ``TreeEnsembleRegressor`` in which every row takes the path it takes in scikit-learn.
+
+    scikit-learn compares with thresholds in double precision, ONNX in single. Features are single precision on both
+    sides, so the greatest single-precision number not above a threshold splits them alike (skl2onnx rounds to nearest
+    here, which does not). Leaf values are rounded to single precision. The first tree is one leaf, the value that
+    boosting begins from.
+    """
+    table: dict[str, list[Any]] = {
+        name: [] for name in ("treeids", "nodeids", "featureids", "modes", "values", "truenodeids", "falsenodeids")
+    }
+    weights: dict[str, list[Any]] = {"treeids": [], "nodeids": [], "weights": []}
+    start = np.zeros(1, dtype=[("is_leaf", bool), ("value", float), ("feature_idx", int), ("num_threshold", float),
+                               ("left", int), ("right", int)])  # fmt: skip
+    start["is_leaf"], start["value"] = True, float(np.ravel(model._baseline_prediction)[0])
+    for tree, nodes in enumerate([start, *(stage[0].nodes for stage in model._predictors)]):
+        leaf = nodes["is_leaf"].astype(bool)
+        count = len(nodes)
+        table["treeids"] += [tree] * count
+        table["nodeids"] += range(count)
+        table["featureids"] += np.where(leaf, 0, nodes["feature_idx"]).tolist()
+        table["modes"] += ["LEAF" if end else "BRANCH_LEQ" for end in leaf]
+        table["values"] += np.where(leaf, 0.0, _rounded_down(nodes["num_threshold"])).tolist()
+        table["truenodeids"] += np.where(leaf, 0, nodes["left"]).tolist()
+        table["falsenodeids"] += np.where(leaf, 0, nodes["right"]).tolist()
+        weights["treeids"] += [tree] * int(leaf.sum())
+        weights["nodeids"] += np.flatnonzero(leaf).tolist()
+        weights["weights"] += nodes["value"][leaf].astype(np.float32).tolist()
+    attributes: dict[str, Any] = {f"nodes_{name}": values for name, values in table.items()}
+    attributes |= {f"target_{name}": values for name, values in weights.items()}
+    attributes |= {"target_ids": [0] * len(weights["weights"]), "n_targets": 1}
+    attributes |= {"aggregate_function": "SUM", "post_transform": "NONE"}
+    node = helper.make_node(
+        "TreeEnsembleRegressor", ["features"], ["output"], name="trees", domain="ai.onnx.ml", **attributes
+    )
+    graph = helper.make_graph(
+        [node],
+        "boosted_trees",
+        [helper.make_tensor_value_info("features", TensorProto.FLOAT, [None, inputs])],
+        [helper.make_tensor_value_info("output", TensorProto.FLOAT, [None, 1])],
+    )
+    opsets = [helper.make_opsetid(domain, version) for domain, version in sorted(OPSETS.items())]
+    made = helper.make_model(graph, opset_imports=opsets, ir_version=IR_VERSION)
+    onnx.checker.check_model(made)
+    return made
+
+
+def _rounded_down(thresholds: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the greatest single-precision numbers that are not above given ones."""
+    with np.errstate(over="ignore"):
+        single = thresholds.astype(np.float32)
+    above = single.astype(np.float64) > thresholds
+    single[above] = np.nextafter(single[above], np.float32(-np.inf))
+    return single

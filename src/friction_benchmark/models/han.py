@@ -1,28 +1,24 @@
-"""Friction by a deep network on windows of velocity that synthetic LuGre friction taught, after Han et al. 2023.
+"""Friction by a deep network on windows of velocity, trained on synthetic LuGre friction, after Han et al. 2023.
 
 Source: Han et al. 2023, a deep network for friction of hydraulic actuators, trained on synthetic data of LuGre. The
 paper was not at hand; that it learns from LuGre, and how well it does if LuGre is not like the actuator, is known from
-its citations. What is left open is chosen here and said in ``HanEstimator``.
+its citations. What is left open is chosen here and described in ``HanEstimator``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from cylinder_friction.estimators.features import fit_features
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.perceptron import Perceptron
-from friction_benchmark.models.perceptron_estimator import PerceptronEstimator
-from friction_benchmark.models.source_columns import last_motion, places_of, task_columns
-from friction_benchmark.models.synthetic_friction import (
-    drawn_parameters,
-    generic_parameters,
-    smooth_velocity,
-    synthetic_friction,
-)
+from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, passive_damping_velocity, simulate
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.signals.savitzky_golay import savitzky_golay
+from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator, new_perceptron, train_perceptron
+from friction_benchmark.models.related_work import last_motion, places_of, task_columns
 from friction_benchmark.models.velocity_window import WINDOW_INPUTS, WindowState, advance_window, new_window
 
 if TYPE_CHECKING:
@@ -40,7 +36,7 @@ if TYPE_CHECKING:
 
 MOTION = ("position_m",)
 VARIANTS = 8
-"""Synthetic frictions along each recording's motion."""
+"""Synthetic friction signals along each recording's motion."""
 
 OTHERS = 0.5
 """Standard deviation of the first weights of the task's other columns."""
@@ -48,20 +44,33 @@ OTHERS = 0.5
 MOTION_INPUTS = WINDOW_INPUTS + 1
 RIDGE = 1e-3
 
+BREAKAWAY_PA = 1.2e5
+"""Pressure on the piston at which an unloaded cylinder breaks away: geometric mean of 0.5 and 3 bar."""
+
+STATIC_RATIO, RETRACT_RATIO = 1.5, 1.2
+STRIBECK_VELOCITY_M_S = 8e-3
+STRIBECK_EXPONENT = 1.5
+BRISTLE_STIFFNESS_N_M = 1e7
+VISCOUS_N_S_M = 1100.0
+DAMPING_RATIO = 0.5
+"""Typical values for cylinders of a few centimetres' bore: the middle of the usual range, geometric over decades."""
+
+MOTION_WINDOW, MOTION_ORDER = 31, 3
+REST_M_S = 1.5e-3
+"""Slower counts as rest: four times the noise of the smoothed velocity of a 12-bit potentiometer."""
+
 
 @dataclass(frozen=True)
 class HanPlan:
-    """How the network is made and trained.
+    """How the network is built and trained: first on synthetic friction, then, if fine-tuned, on labels.
 
     Attributes:
-        fine_tuned: Whether it goes on learning from the recordings' labels.
+        fine_tuned: Whether it is trained on the recordings' labels too.
         layers: Hidden layers, 3 or 4 in the source's class of networks.
-        nodes: In each, 64 to 128.
+        nodes: In each layer, 64 to 128.
         spread: Of the synthetic parameters about their middle, as a share.
-        synthetic_steps: Batches of synthetic friction.
-        tuning_steps: Batches of labels.
-        learning_rate: On synthetic friction.
-        tuning_rate: On labels.
+        synthetic_steps, learning_rate: Batches of synthetic friction, and the learning rate there.
+        tuning_steps, tuning_rate: The same on labels.
 
     Raises:
         ValueError: A number is impossible.
@@ -90,24 +99,21 @@ class HanMemory:
 
 
 class HanEstimator(PerceptronEstimator[HanPlan]):
-    """A rectified network on a window of velocity, taught by LuGre; untouched by labels, or fine-tuned on them.
+    """A rectified network on a window of velocity, trained on LuGre friction alone or fine-tuned on labels.
 
-    Chosen where the source says nothing: 3 layers of 64; a window of 7.2 s whose spans grow with age, each mean
-    velocity straight and softly limited, and the direction of the last motion, which outlives a long rest; each LuGre
-    parameter drawn within 40 % of the middle of what is usual for cylinders (``synthetic_friction``), along the
-    training recordings' motion; mean absolute error, Adam. Untouched by labels it sees the position alone, whatever
-    the task shows. Fine-tuned, the task's other columns join the first layer, raw pressures give a force balance that
-    it corrects, the head is fitted anew by ridge regression, and then all layers by Adam. Where it corrects it answers
-    at every sample, else every 20 ms.
+    Chosen where the source leaves it open: 3 layers of 64; a window of 7.2 s whose spans grow with age, each mean
+    velocity as it is and softly limited, and the direction of the last motion, which outlives a long rest; each LuGre
+    parameter drawn within 40 % of the middle of what is usual for cylinders (``generic_parameters``), along the
+    training recordings' motion; mean absolute error, Adam. Without fine-tuning it sees the position alone, whatever
+    the task provides. Fine-tuned, the task's other columns join the first layer, raw pressures give a force balance
+    that it corrects, the head is fitted anew by ridge regression, and then all layers by Adam. Where it corrects the
+    force balance it steps at every sample, else every 20 ms.
 
     Args:
         cylinder: Its areas and moving mass, which the synthetic friction follows.
         inputs: Columns that it is given.
         plan: Of network and training.
-        seed: Of synthetic friction, first weights and batches.
-
-    Attributes:
-        network: None before ``fit``.
+        seed: Seeds synthetic friction, first weights and batches.
     """
 
     kind: ClassVar[str] = "han"
@@ -121,57 +127,53 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
         seed: int = 0,
     ) -> None:
         super().__init__(cylinder, inputs, plan or HanPlan(fine_tuned=False), seed)
-        self._taught: Perceptron | None = None
 
-    def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Learn from synthetic friction along the motion of the recordings and, if fine-tuned, then from labels."""
-        self._begin_fit(recordings)
-        self._set_features(fit_features(MOTION, self.cylinder, recordings))
+    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
+        """Train on synthetic friction along the motion of ``train`` and, if fine-tuned, on its labels afterwards."""
+        self._begin_fit(train)
+        self._set_features(fit_features(MOTION, self.cylinder, train))
         self.target_mean_n, self.target_scale_n = 0.0, generic_parameters(self.cylinder).coulomb_n
-        self._taught = self._learn_synthetic(recordings)
+        self.network = self._learn_synthetic(train)
         if self.plan.fine_tuned:
-            return super().fit(recordings)
-        self._use(self._taught)
-        return self
+            super().fit_with_validation(train, validation)
 
-    def learn(self, train: Sequence[SequenceData]) -> None:
-        from friction_benchmark.models.perceptron_training import last_hidden, train_perceptron
-
-        assert self._taught is not None
-        rows, targets = self._labelled(train)
+    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
+        """Fine-tune the network on labels: the head by ridge regression, then all layers."""
+        assert self.network is not None
+        inputs = [self._inputs(self.new_memory(), each.features) for each in train]
+        chosen = [stepped & each.usable for (_, stepped), each in zip(inputs, train, strict=True)]
+        rows = np.concatenate([seen[mask] for (seen, _), mask in zip(inputs, chosen, strict=True)])
+        targets = np.concatenate([each.target[mask] for each, mask in zip(train, chosen, strict=True)])
         shape = (rows.shape[1] - MOTION_INPUTS, self.plan.nodes)
-        others = OTHERS * np.random.default_rng([self.seed, 4]).normal(size=shape)
-        first = np.vstack([self._taught.kernels[0], others])
-        start = Perceptron((first.astype(np.float32), *self._taught.kernels[1:]), self._taught.biases, "relu")
-        hidden = last_hidden(start, rows).astype(np.float64)
-        design = np.column_stack([hidden, np.ones(len(hidden))])
+        others = OTHERS * np.random.default_rng([self.seed, 4]).normal(size=shape).astype(np.float32)
+        kernels, biases = list(self.network.kernels), list(self.network.biases)
+        kernels[0] = np.vstack([kernels[0], others])
+        hidden = rows
+        for kernel, bias in zip(kernels[:-1], biases[:-1], strict=True):
+            hidden = np.maximum(hidden @ kernel + bias, np.float32(0.0))
+        design = np.column_stack([hidden.astype(np.float64), np.ones(len(hidden))])
         penalty = RIDGE * len(hidden) * np.eye(design.shape[1])
         head = np.linalg.solve(design.T @ design + penalty, design.T @ targets).astype(np.float32)
-        start = Perceptron(
-            (*start.kernels[:-1], head[:-1, None].copy()), (*start.biases[:-1], head[-1:].copy()), "relu"
-        )
-        plan = self.plan
-        self._use(train_perceptron(start, rows, targets, plan.tuning_steps, plan.tuning_rate, self.seed))
+        kernels[-1], biases[-1] = head[:-1, None].copy(), head[-1:].copy()
+        start = Perceptron(tuple(kernels), tuple(biases), "relu")
+        self.network = train_perceptron(start, rows, targets, self.plan.tuning_steps, self.plan.tuning_rate, self.seed)
 
     def new_memory(self) -> HanMemory:
         return HanMemory(new_window(), np.zeros(1, dtype=np.float32))
 
     def predict(self, memory: HanMemory, features: Single) -> NDArray[Any]:
-        assert self._runner is not None
+        assert self.network is not None
         assert self.features is not None
         rows, stepped = self._inputs(memory, features)
         if self.features.has_base:
-            return self._runner.run(rows)
-        return _hold(self._runner.run(rows[stepped]), stepped, memory.held)
+            return self.network.run(rows)
+        return _hold(self.network.run(rows[stepped]), stepped, memory.held)
 
     def advance(self, state: LearnedState, samples: Array) -> Array:
-        return super().advance(state, self._seen(samples))
-
-    def _seen(self, samples: Array) -> Array:
-        """Return the columns that its features are made from: the position alone without fine tuning."""
+        """Return friction [N], shape ``(n,)``; without fine-tuning it sees the position alone."""
         assert self.features is not None
         places = [self.inputs.index(name) for name in self.features.inputs]
-        return np.ascontiguousarray(samples[:, places])
+        return super().advance(state, np.ascontiguousarray(samples[:, places]))
 
     def _inputs(self, memory: HanMemory, features: Single) -> tuple[Single, NDArray[np.bool_]]:
         """Return what the network sees at each sample, and where the window stepped; changes ``memory``."""
@@ -179,23 +181,11 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
         plan, place = self.features.front_end, self.features.names.index("velocity_m_s")
         velocity = features[:, place].astype(np.float64) * plan.scale[place] + plan.mean[place]
         rows, stepped = advance_window(memory.window, velocity)
-        way = last_motion(self.features, features).astype(np.float32)
+        direction = last_motion(self.features, features).astype(np.float32)
         others = features[:, places_of(self.features, task_columns(self.features))]
-        return np.concatenate([rows, way[:, None], others], axis=1), stepped
-
-    def _labelled(self, recordings: Sequence[SequenceData]) -> tuple[Single, Single]:
-        """Return rows and targets at every step of the window that may be used."""
-        rows, targets = [], []
-        for each in recordings:
-            seen, stepped = self._inputs(self.new_memory(), each.features)
-            chosen = stepped & each.usable
-            rows.append(seen[chosen])
-            targets.append(each.target[chosen])
-        return np.concatenate(rows), np.concatenate(targets)
+        return np.concatenate([rows, direction[:, None], others], axis=1), stepped
 
     def _learn_synthetic(self, recordings: Sequence[Recording]) -> Perceptron:
-        from friction_benchmark.models.perceptron_training import new_perceptron, train_perceptron
-
         assert self._block is not None
         plan, centre = self.plan, generic_parameters(self.cylinder)
         generator = np.random.default_rng([self.seed, 3])
@@ -227,3 +217,52 @@ def _hold(values: Single, stepped: NDArray[np.bool_], held: Single) -> Single:
     if len(result):
         held[0] = result[-1]
     return result
+
+
+def generic_parameters(cylinder: Cylinder) -> LugreParameters:
+    """Return the LuGre model of a cylinder of which only dimensions and moving mass are known."""
+    static_n = BREAKAWAY_PA * cylinder.piston_area_m2
+    stiff = 2.0 * DAMPING_RATIO * math.sqrt(BRISTLE_STIFFNESS_N_M * cylinder.moving_mass_kg)
+    damping = max(0.0, stiff - VISCOUS_N_S_M)
+    coulomb_n = static_n / STATIC_RATIO
+    return LugreParameters(
+        coulomb_n=coulomb_n,
+        static_n=static_n,
+        stribeck_velocity_m_s=STRIBECK_VELOCITY_M_S,
+        stribeck_exponent=STRIBECK_EXPONENT,
+        viscous_n_s_m=VISCOUS_N_S_M,
+        bristle_stiffness_n_m=BRISTLE_STIFFNESS_N_M,
+        bristle_damping_n_s_m=damping,
+        damping_velocity_m_s=min(STRIBECK_VELOCITY_M_S, passive_damping_velocity(coulomb_n, damping)),
+        retract_ratio=RETRACT_RATIO,
+    )
+
+
+def drawn_parameters(centre: LugreParameters, spread: float, generator: np.random.Generator) -> LugreParameters:
+    """Return parameters within ``1 ± spread`` of the centre's; ratios vary in their excess over 1."""
+
+    def factor() -> float:
+        return float(generator.uniform(1.0 - spread, 1.0 + spread))
+
+    coulomb_n = centre.coulomb_n * factor()
+    return replace(
+        centre,
+        coulomb_n=coulomb_n,
+        static_n=coulomb_n * (1.0 + (centre.static_n / centre.coulomb_n - 1.0) * factor()),
+        stribeck_velocity_m_s=centre.stribeck_velocity_m_s * factor(),
+        viscous_n_s_m=centre.viscous_n_s_m * factor(),
+        bristle_stiffness_n_m=centre.bristle_stiffness_n_m * factor(),
+        retract_ratio=1.0 + (centre.retract_ratio - 1.0) * factor(),
+    )
+
+
+def smooth_velocity(recording: Recording) -> Array:
+    """Return a recording's velocity without delay [m/s], zero at rest, shape ``(n,)``; from its position alone."""
+    position = recording.column("position_m")
+    velocity = savitzky_golay(position, MOTION_WINDOW, MOTION_ORDER, 1, recording.sample_time_s)
+    return np.where(np.abs(velocity) < REST_M_S, 0.0, velocity)
+
+
+def synthetic_friction(parameters: LugreParameters, velocity_m_s: Array, sample_time_s: float) -> Array:
+    """Return LuGre friction [N] along a motion, shape ``(n,)``."""
+    return simulate(parameters, velocity_m_s, sample_time_s, new_bristle())

@@ -1,9 +1,9 @@
-"""What a model without memory of its own is given of the past: earlier rows of the features, and slow averages."""
+"""The past of the features, for models without memory of their own: earlier rows, and slow averages."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
@@ -27,8 +27,8 @@ class PastMemory:
 class Past:
     """Features now, some samples ago, and averaged over some time; causal, and cutting the rows changes no bit.
 
-    Before the first row every lag is as if that row had always been there; averages begin at nought, the features'
-    mean, because one row says little about a mean.
+    Before the first row every lag repeats that row; averages begin at zero, the features' mean, because one row is a
+    poor estimate of a mean.
 
     Attributes:
         lags: How many samples ago, each at least 1; empty for none.
@@ -42,18 +42,13 @@ class Past:
     averages: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "lags", tuple(self.lags))  # lists, as they come out of JSON, are welcome
+        object.__setattr__(self, "averages", tuple(self.averages))
         if any(lag < 1 for lag in self.lags) or any(average < 1.0 for average in self.averages):
             raise ValueError(f"expected lags and averages of at least 1 sample, but got {self}")
 
-    def to_dict(self) -> dict[str, Any]:
-        return {"lags": list(self.lags), "averages": list(self.averages)}
-
-    @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> Self:
-        return cls(tuple(content["lags"]), tuple(content["averages"]))
-
     def width(self, features: int) -> int:
-        """Return how many columns ``advance`` makes of so many features."""
+        """Return how many columns ``advance`` gives for so many features."""
         return features * (1 + len(self.lags) + len(self.averages))
 
     def new_memory(self) -> PastMemory:

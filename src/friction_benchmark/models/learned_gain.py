@@ -1,17 +1,19 @@
-"""A filter of the force balance whose gain a network sets at every step: it holds still where friction is steady, and
-follows at once where friction breaks away.
+"""A filter of the force balance whose gain a network sets at every step: small where friction is steady, so that noise
+is averaged, and large where friction breaks away.
 
     m[t] = m[t-1] + g[t] (b[t] - m[t-1]),   friction = m[t] + c[t],   b = P1·A1 - P2·A2
 
 This is a Kalman filter of one state, a random walk, with its gain learnt instead of computed (Revach, Shlezinger, Ni,
 Escoriza, van Sloun and Eldar 2022, "KalmanNet", IEEE Transactions on Signal Processing 70, where a recurrent network
-gives the gain and the filter's structure stays). Chosen here: an LSTM gives the gain's logit and the offset c (what no
+gives the gain and the filter's structure stays). Chosen here: an LSTM gives the gain's logit and the offset c (which no
 gain can give: a sensor's error, delay, a load); it sees no innovation of its own filter, but those of fixed ones, so
 that it can be trained over whole sequences; both are held between its steps.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
@@ -23,6 +25,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.training_plan import Architecture, SequenceData
 from cylinder_friction.realtime.activation import sigmoid
 from cylinder_friction.realtime.lstm import Lstm, LstmState, head_of
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -32,28 +35,34 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    import torch
     from numpy.typing import NDArray
 
     from cylinder_friction.estimators.base import Array
+    from cylinder_friction.realtime.lstm import LstmWeights
     from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.models.learned_gain_training import TrackingSequence
 
     Single = NDArray[np.float32]
 
 NETWORK_FILE = "network.onnx"
 LARGE_OFFSET_N = 30.0
-"""Mean distance of a recording's friction from its force balance, above which strokes are worth remembering: zeroed
-transmitters leave 10 N, transmitters as bought 200 N."""
+"""Mean distance of a recording's friction from its force balance, above which the mean of past strokes helps: about
+10 N with zeroed transmitters, 200 N with transmitters as bought."""
+FIRST_GAIN_LOGIT = -1.0
+"""Start of training: a gain of 0.27, about the best constant one."""
+WARM_UP = 0.05
+"""Share of training over which the learning rate rises to its maximum."""
 
 
 @dataclass(frozen=True)
 class GainArchitecture:
-    """The LSTM of one layer, and what it sees.
+    """The LSTM of one layer, and its inputs.
 
     Attributes:
         nodes: Of the layer.
-        strokes: Whether it sees the mean force balance of the strokes so far, which tells a sensor's offset; ``auto``:
-            where offsets are large; small ones drown in how much friction's asymmetry differs from rig to rig.
+        strokes: Whether it sees the mean force balance of the strokes so far, which reveals a sensor's offset;
+            ``auto``: where offsets are large; small ones are hidden by friction's asymmetry, which differs from rig to
+            rig.
     """
 
     nodes: int = 32
@@ -65,8 +74,8 @@ class GainPlan:
     """How the network is trained.
 
     Attributes:
-        lessons: Recordings gone through, each as often as there is time for; at least once.
-        learning_rate: The highest.
+        presentations: Recordings presented in training, repetitions counted; each is presented at least once.
+        learning_rate: Its maximum.
         batch_size: Recordings side by side.
         stretch: Samples between two updates; a multiple of ``stride``.
         burn_in: First samples of each recording that are not scored.
@@ -74,7 +83,7 @@ class GainPlan:
         weight_decay: Of AdamW.
     """
 
-    lessons: int
+    presentations: int
     learning_rate: float = 5e-3
     batch_size: int = 32
     stretch: int = 200
@@ -83,10 +92,10 @@ class GainPlan:
     weight_decay: float = 1e-3
 
     def __post_init__(self) -> None:
-        if min(self.lessons, self.batch_size, self.stretch, self.stride) < 1 or self.stretch % self.stride:
+        if min(self.presentations, self.batch_size, self.stretch, self.stride) < 1 or self.stretch % self.stride:
             raise ValueError(
-                "expected lessons, batch size, stretch and stride of at least 1, and a stretch that is a multiple of "
-                f"the stride, but got {self}"
+                "expected presentations, batch size, stretch and stride of at least 1, and "
+                f"a stretch that is a multiple of the stride, but got {self}"
             )
 
 
@@ -111,7 +120,7 @@ class LearnedGainEstimator(FrictionEstimator):
         architecture: Of the network.
         plan: Of its training, and its stride.
         inputs: Columns that it sees; both raw pressures and the position come first.
-        seed: Of weights, and of the order of recordings.
+        seed: Seeds weights and the order of recordings.
     """
 
     kind: ClassVar[str] = "learned_gain"
@@ -132,27 +141,31 @@ class LearnedGainEstimator(FrictionEstimator):
         self._offset_head: Single = np.zeros(architecture.nodes, dtype=np.float32)
         self._offset_bias = 0.0
 
-    def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Learn from the recordings' ``friction_n``: labels, or a simulated rig's true friction.
+    def fit(self, recordings: Sequence[Recording]) -> None:
+        """Train on the recordings' ``friction_n``: labels, or a simulated rig's true friction.
 
         Raises:
             FloatingPointError: Training diverged.
             ValueError: The inputs do not begin with both pressures and the position.
         """
-        from friction_benchmark.models.learned_gain_training import train_gain  # PyTorch: training alone waits
-
         self._begin_fit(recordings)
         strokes = self.architecture.strokes
         seen = strokes == "seen" or (strokes == "auto" and _mean_offset_n(self.cylinder, recordings) > LARGE_OFFSET_N)
         self.features = TrackingFeatures.of(self.cylinder, recordings, self.inputs, strokes=seen)
         pairs = [self.features.advance(self.features.new_state(), one.samples(self.inputs)) for one in recordings]
-        left = [
-            (one.column("friction_n") - balance_n)[one.usable()]
-            for one, (_, balance_n) in zip(recordings, pairs, strict=True)
+        residuals = [
+            one.column("friction_n") - balance_n for one, (_, balance_n) in zip(recordings, pairs, strict=True)
         ]
-        self.scale_n = float(np.concatenate(left).std()) or 1.0
-        lessons = [self._lesson(one, *pair) for one, pair in zip(recordings, pairs, strict=True)]
-        weights, self._offset_head, self._offset_bias = train_gain(self.architecture, self.plan, lessons, self.seed)
+        usable = [residual[one.usable()] for residual, one in zip(residuals, recordings, strict=True)]
+        self.scale_n = float(np.concatenate(usable).std()) or 1.0
+        sequences = [
+            SequenceData(features, (residual / self.scale_n).astype(np.float32), one.usable())
+            for one, (features, _), residual in zip(recordings, pairs, residuals, strict=True)
+        ]
+        balances = [(balance_n / self.scale_n).astype(np.float32) for _, balance_n in pairs]
+        weights, self._offset_head, self._offset_bias = _train(
+            self.architecture, self.plan, sequences, balances, self.seed
+        )
         self._network = Lstm(weights)
         return self
 
@@ -186,16 +199,6 @@ class LearnedGainEstimator(FrictionEstimator):
         assert self.features is not None
         assert self._network is not None
         return self.features.multiply_adds() + self._network.weights.multiply_adds() + self.architecture.nodes + 2
-
-    def _lesson(self, recording: Recording, features: Single, balance_n: Array) -> TrackingSequence:
-        from friction_benchmark.models.learned_gain_training import TrackingSequence
-
-        return TrackingSequence(
-            features,
-            (balance_n / self.scale_n).astype(np.float32),
-            (recording.column("friction_n") / self.scale_n).astype(np.float32),
-            recording.usable(),
-        )
 
     def _write(self, folder: Path) -> dict[str, Any]:
         assert self.features is not None
@@ -239,6 +242,97 @@ def _mean_offset_n(cylinder: Cylinder, recordings: Sequence[Recording]) -> float
         if recording.usable().any()
     ]
     return float(np.mean(np.abs(offsets)))
+
+
+def _train(
+    architecture: GainArchitecture,
+    plan: GainPlan,
+    sequences: Sequence[SequenceData],
+    balances: Sequence[Single],
+    seed: int,
+) -> tuple[LstmWeights, Single, float]:
+    """Train with AdamW (Loshchilov and Hutter 2019) and a cosine schedule on the mean absolute error.
+
+    Args:
+        architecture: Of the network.
+        plan: Of its training.
+        sequences: Features, friction less force balance in units of the scale, and mask of each recording.
+        balances: Force balance of each recording in units of the scale, shape ``(n,)``.
+        seed: Seeds weights and the order of recordings.
+
+    Returns:
+        The network with the gain's head, and weights and bias of the offset's head.
+
+    Raises:
+        FloatingPointError: The error is no longer a number.
+    """
+    import torch  # only training needs it
+    from torch import nn
+
+    from cylinder_friction.estimators.network_training import FrictionNetwork, reproducible, side_by_side, weights_of
+
+    with reproducible(seed):
+        inputs = sequences[0].features.shape[1]
+        network = FrictionNetwork(Architecture(1, architecture.nodes, 0.0, plan.learning_rate), inputs)
+        offset_head = nn.Linear(architecture.nodes, 1)
+        for layer, bias in ((network.head, FIRST_GAIN_LOGIT), (offset_head, 0.0)):
+            nn.init.zeros_(layer.weight)
+            nn.init.constant_(layer.bias, bias)
+        parameters = [*network.parameters(), *offset_head.parameters()]
+        optimiser = torch.optim.AdamW(parameters, lr=plan.learning_rate, weight_decay=plan.weight_decay, fused=True)
+        generator = np.random.default_rng(seed)
+        groups = math.ceil(len(sequences) / plan.batch_size)
+        epochs = max(1, round(plan.presentations / len(sequences)))
+        for epoch, number in itertools.product(range(epochs), range(groups)):
+            if number == 0:
+                order = generator.permutation(len(sequences))
+            progress = (epoch + number / groups) / epochs
+            cosine = 0.5 * (1.0 + math.cos(math.pi * progress)) + 0.01
+            rate = plan.learning_rate * min(1.0, progress / WARM_UP + 0.05) * cosine
+            optimiser.param_groups[0]["lr"] = rate
+            group = order[number * plan.batch_size : (number + 1) * plan.batch_size]
+            batch = side_by_side([sequences[one] for one in group])
+            batch.weight[: plan.burn_in] = 0.0
+            balance = nn.utils.rnn.pad_sequence([torch.from_numpy(balances[one]) for one in group])
+            cut = plan.stride * int(generator.integers(plan.stretch // plan.stride))
+            edges = sorted({0, *range(cut, len(balance), plan.stretch), len(balance)})
+            state, last, mean = None, balance[0], 0.0
+            for start, end in itertools.pairwise(edges):  # state and tracked force carry on, the gradient does not
+                hidden, state = network.lstm(batch.features[start : end : plan.stride], state)
+                state = tuple(part.detach() for part in state)
+                gain, offset = (
+                    head[..., 0].repeat_interleave(plan.stride, 0)[: end - start]
+                    for head in (network.head(hidden).sigmoid(), offset_head(hidden))
+                )
+                tracked = track(gain, balance[start:end], last)
+                last = tracked[-1].detach()
+                weight = batch.weight[start:end]
+                if float(weight.sum()) == 0.0:
+                    continue
+                left = tracked + offset - balance[start:end] - batch.target[start:end]
+                error = (left.abs() * weight).sum() / weight.sum()
+                optimiser.zero_grad()
+                error.backward()
+                nn.utils.clip_grad_norm_(parameters, 1.0)
+                optimiser.step()
+                mean = float(error.detach())
+            if not math.isfinite(mean):
+                raise FloatingPointError(
+                    f"epoch {epoch + 1}: mean absolute error is {mean}; lower the learning rate, now {rate}"
+                )
+        head = offset_head.weight.detach().numpy()[0].copy()
+        return weights_of(network), head, float(offset_head.bias.detach()[0])
+
+
+def track(gain: torch.Tensor, balance: torch.Tensor, last: torch.Tensor) -> torch.Tensor:
+    """Return the tracked force, shape ``(time, batch)``, after ``last``, ``(batch,)``; differentiable by the gain."""
+    import torch
+
+    tracked = []
+    for step_gain, step_balance in zip(gain.unbind(), balance.unbind(), strict=True):
+        last = torch.lerp(last, step_balance, step_gain)
+        tracked.append(last)
+    return torch.stack(tracked)
 
 
 @numba.njit(cache=True)

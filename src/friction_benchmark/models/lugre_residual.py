@@ -1,4 +1,4 @@
-"""LuGre, and boosted trees for what it leaves: physics where the data are thin, learning where they are not."""
+"""LuGre, and boosted trees for its residual: physics where data are scarce, learning where they are not."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import numpy as np
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, AnalyticalState, scaled_effort
 from cylinder_friction.estimators.features import FeatureBlock, Features, FeatureState
 from cylinder_friction.friction_models.catalogue import model_named
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.boosted_trees import BoostingPlan
-from friction_benchmark.models.gradient_boosting import PAST, GradientBoostingEstimator
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from friction_benchmark.models.gradient_boosting import PAST, BoostingPlan, GradientBoostingEstimator
 from friction_benchmark.models.lagged import Past
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ class LugreFeatureBlock(FeatureBlock):
     Args:
         features: The plan of the others.
         lugre: Identified, of the same inputs.
-        scale_n: What LuGre's friction is divided by [N].
+        scale_n: Divides LuGre's friction [N].
     """
 
     def __init__(self, features: Features, lugre: AnalyticalEstimator, scale_n: float) -> None:
@@ -63,7 +62,7 @@ class LugreFeatureBlock(FeatureBlock):
 
 
 class LugreResidualEstimator(GradientBoostingEstimator):
-    """An identified LuGre and boosted trees on what it leaves.
+    """An identified LuGre and boosted trees on its residual.
 
     Without raw pressures the trees correct LuGre. With them they correct the force balance, and LuGre, as well as how
     far the force balance is from it, are features. Dry friction grows with pressure where a pair of pressures, raw or
@@ -74,9 +73,9 @@ class LugreResidualEstimator(GradientBoostingEstimator):
         inputs: Columns that it sees.
         plan: Of the trees.
         past: Which earlier features the trees are given.
-        seed: Of everything random.
-        passive_above_m_s: Faster than this an estimate that would feed energy (friction times velocity below nought)
-            is replaced by nought [m/s]; 0 for never.
+        seed: Seeds LuGre's search and the drawing of rows.
+        passive_above_m_s: Faster than this an estimate that would feed energy (friction times velocity below zero)
+            is replaced by zero [m/s]; 0 for never.
         identification_effort: Share of LuGre's full search.
         identified_on: How many recordings LuGre is identified on, spread evenly over the training recordings.
 
@@ -109,23 +108,23 @@ class LugreResidualEstimator(GradientBoostingEstimator):
         )
         self.lugre_scale_n = 1.0
 
-    def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Identify LuGre, then learn its residual, from the same recordings."""
-        self._begin_fit(recordings)
-        count = min(self.identified_on, len(recordings))
-        self.lugre.fit([recordings[int(number * len(recordings) / count)] for number in range(count)])
-        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in recordings])
+    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
+        """Identify LuGre, then fit the trees to its residual, on the same recordings."""
+        self._begin_fit(train)
+        count = min(self.identified_on, len(train))
+        self.lugre.fit([train[int(number * len(train) / count)] for number in range(count)])
+        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in train])
         self.lugre_scale_n = float(labels.std()) or 1.0
         return super().fit(recordings)
 
     def advance(self, state: LearnedState, samples: Array) -> Array:
         assert self._block is not None
         assert self.features is not None
+        if self.passive_above_m_s == 0.0:
+            return super().advance(state, samples)
         features, base_n = self._block.advance(state.features, samples)
         predicted = self.predict(state.memory, features).astype(np.float64)
         friction = np.asarray(base_n + self.target_mean_n + self.target_scale_n * predicted)
-        if self.passive_above_m_s == 0.0:
-            return friction
         column = self.features.front_end.names.index("velocity_m_s")
         front_end = self.features.front_end
         velocity = features[:, column].astype(np.float64) * front_end.scale[column] + front_end.mean[column]
@@ -151,7 +150,7 @@ class LugreResidualEstimator(GradientBoostingEstimator):
             cylinder,
             inputs,
             BoostingPlan(**content["plan"]),
-            Past.from_dict(content["past"]),
+            Past(**content["past"]),
             content["seed"],
             content["passive_above_m_s"],
             content["identification_effort"],

@@ -1,4 +1,4 @@
-"""The multilayer perceptron at run time: weights as plain arrays, one row after the other, stored as ONNX.
+"""The multilayer perceptron: run row by row from plain arrays, stored as ONNX, trained in PyTorch, and as an estimator.
 
 Layer by layer ``x <- f(x W + b)`` with f the hyperbolic tangent or the rectifier; the last layer is linear and has one
 output. A row's output follows from that row alone, so cutting the rows into pieces changes no bit.
@@ -7,8 +7,10 @@ output. A row's output follows from that row alone, so cutting the rows into pie
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, Self, TypeVar
 
 import numba
 import numpy as np
@@ -16,18 +18,23 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from cylinder_friction.realtime.activation import tanh
+from friction_benchmark.models.learned import LearnedEstimator
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
+    from torch import nn
+
+    from cylinder_friction.cylinder import Cylinder
 
     Single = NDArray[np.float32]
 
-Activation = Literal["tanh", "relu"]
-OPSET = 17
-IR_VERSION = 8
+Plan = TypeVar("Plan")
+OPSET, IR_VERSION = 17, 8
+NETWORK_FILE = "network.onnx"
+BATCH = 1024
 
 
 @dataclass(frozen=True)
@@ -35,8 +42,8 @@ class Perceptron:
     """Weights of a perceptron.
 
     Attributes:
-        kernels: One a layer, shape ``(nodes before, nodes)``, float32; the last has one column.
-        biases: One a layer, shape ``(nodes,)``, float32.
+        kernels: One per layer, shape ``(nodes before, nodes)``, float32; the last has one column.
+        biases: One per layer, shape ``(nodes,)``, float32.
         activation: After every layer but the last.
 
     Raises:
@@ -45,7 +52,7 @@ class Perceptron:
 
     kernels: tuple[Single, ...]
     biases: tuple[Single, ...]
-    activation: Activation
+    activation: Literal["tanh", "relu"]
 
     def __post_init__(self) -> None:
         shapes = [kernel.shape for kernel in self.kernels]
@@ -56,61 +63,45 @@ class Perceptron:
                 f"{[bias.shape for bias in self.biases]}"
             )
 
-    @property
-    def inputs(self) -> int:
-        return int(self.kernels[0].shape[0])
-
     def multiply_adds(self) -> int:
         """Return the multiply-adds of one row."""
         return sum(kernel.size for kernel in self.kernels)
 
-
-class PerceptronRunner:
-    """Runs a ``Perceptron`` over rows."""
-
-    def __init__(self, weights: Perceptron) -> None:
-        self.sizes = np.array([weights.inputs, *(kernel.shape[1] for kernel in weights.kernels)], dtype=np.int64)
-        parts = [part.ravel() for pair in zip(weights.kernels, weights.biases, strict=True) for part in pair]
-        self.flat = np.concatenate(parts).astype(np.float32)
-        self.rectified = weights.activation == "relu"
-
     def run(self, rows: Single) -> Single:
         """Return the output, shape ``(n,)``, of rows, shape ``(n, inputs)``."""
-        return _run(self.sizes, self.flat, self.rectified, np.ascontiguousarray(rows, dtype=np.float32))
+        sizes = np.array([len(self.kernels[0]), *(kernel.shape[1] for kernel in self.kernels)], dtype=np.int64)
+        return _run(sizes, self._flat, self.activation == "relu", np.ascontiguousarray(rows, dtype=np.float32))
+
+    @cached_property
+    def _flat(self) -> Single:
+        parts = [part.ravel() for pair in zip(self.kernels, self.biases, strict=True) for part in pair]
+        return np.concatenate(parts).astype(np.float32)
 
 
 @numba.njit(cache=True)
 def _run(sizes: NDArray[np.int64], flat: Single, rectified: bool, rows: Single) -> Single:
     result = np.empty(rows.shape[0], dtype=np.float32)
-    room = np.empty((2, sizes.max()), dtype=np.float32)
+    layers = np.empty((2, sizes.max()), dtype=np.float32)
     for row in range(rows.shape[0]):
-        result[row] = perceptron_step(sizes, flat, rectified, rows[row], room)
+        place = 0
+        for node in range(sizes[0]):
+            layers[0, node] = rows[row, node]
+        for layer in range(sizes.shape[0] - 1):
+            before, nodes = sizes[layer], sizes[layer + 1]
+            source, target = layers[layer % 2], layers[(layer + 1) % 2]
+            bias = flat[place + before * nodes : place + (before + 1) * nodes]
+            for node in range(nodes):
+                target[node] = bias[node]
+            for index in range(before):
+                value, kernel = source[index], flat[place + index * nodes : place + (index + 1) * nodes]
+                for node in range(nodes):
+                    target[node] += value * kernel[node]
+            place += (before + 1) * nodes
+            if layer < sizes.shape[0] - 2:
+                for node in range(nodes):
+                    target[node] = max(target[node], np.float32(0.0)) if rectified else tanh(target[node])
+        result[row] = layers[(sizes.shape[0] - 1) % 2, 0]
     return result
-
-
-@numba.njit(cache=True)
-def perceptron_step(
-    sizes: NDArray[np.int64], flat: Single, rectified: bool, values: Single, room: Single
-) -> np.float32:
-    """Return the output of one row; ``room``, shape ``(2, widest)``, is written over."""
-    place = 0
-    for node in range(sizes[0]):
-        room[0, node] = values[node]
-    for layer in range(sizes.shape[0] - 1):
-        before, nodes = sizes[layer], sizes[layer + 1]
-        source, target = room[layer % 2], room[(layer + 1) % 2]
-        bias = flat[place + before * nodes : place + (before + 1) * nodes]
-        for node in range(nodes):
-            target[node] = bias[node]
-        for index in range(before):
-            value, kernel = source[index], flat[place + index * nodes : place + (index + 1) * nodes]
-            for node in range(nodes):
-                target[node] += value * kernel[node]
-        place += (before + 1) * nodes
-        if layer < sizes.shape[0] - 2:
-            for node in range(nodes):
-                target[node] = max(target[node], np.float32(0.0)) if rectified else tanh(target[node])
-    return room[(sizes.shape[0] - 1) % 2, 0]
 
 
 def write_perceptron(path: Path, weights: Perceptron) -> None:
@@ -119,18 +110,17 @@ def write_perceptron(path: Path, weights: Perceptron) -> None:
     constants: list[onnx.TensorProto] = []
     source, last = "features", len(weights.kernels) - 1
     for layer, (kernel, bias) in enumerate(zip(weights.kernels, weights.biases, strict=True)):
-        name = f"layer{layer}"
-        constants += [_tensor(f"{name}_kernel", kernel), _tensor(f"{name}_bias", bias)]
-        target = "output" if layer == last else f"{name}_sum"
-        nodes.append(helper.make_node("Gemm", [source, f"{name}_kernel", f"{name}_bias"], [target]))
+        names = [f"layer{layer}_kernel", f"layer{layer}_bias"]
+        constants += [numpy_helper.from_array(part, name) for part, name in zip((kernel, bias), names, strict=True)]
+        target = "output" if layer == last else f"layer{layer}_sum"
+        nodes.append(helper.make_node("Gemm", [source, *names], [target]))
+        source = f"layer{layer}_output"
         if layer < last:
-            kind = "Relu" if weights.activation == "relu" else "Tanh"
-            nodes.append(helper.make_node(kind, [target], [f"{name}_output"]))
-        source = f"{name}_output"
+            nodes.append(helper.make_node("Relu" if weights.activation == "relu" else "Tanh", [target], [source]))
     graph = helper.make_graph(
         nodes,
         "perceptron",
-        [helper.make_tensor_value_info("features", TensorProto.FLOAT, ["rows", weights.inputs])],
+        [helper.make_tensor_value_info("features", TensorProto.FLOAT, ["rows", len(weights.kernels[0])])],
         [helper.make_tensor_value_info("output", TensorProto.FLOAT, ["rows", 1])],
         initializer=constants,
     )
@@ -146,15 +136,107 @@ def read_perceptron(path: Path) -> Perceptron:
     layers = range(len(stored) // 2)
     rectified = any(node.op_type == "Relu" for node in model.graph.node)
     return Perceptron(
-        _all(stored[f"layer{layer}_kernel"] for layer in layers),
-        _all(stored[f"layer{layer}_bias"] for layer in layers),
+        tuple(stored[f"layer{layer}_kernel"] for layer in layers),
+        tuple(stored[f"layer{layer}_bias"] for layer in layers),
         "relu" if rectified else "tanh",
     )
 
 
-def _all(arrays: Iterable[Single]) -> tuple[Single, ...]:
-    return tuple(np.ascontiguousarray(array, dtype=np.float32) for array in arrays)
+def new_perceptron(inputs: int, nodes: Sequence[int], seed: int) -> Perceptron:
+    """Return a rectified perceptron with PyTorch's usual first weights (He et al. 2015)."""
+    from torch import nn  # only training needs it
+
+    from cylinder_friction.estimators.network_training import reproducible
+
+    with reproducible(seed):
+        return _weights_of([nn.Linear(*sizes) for sizes in itertools.pairwise([inputs, *nodes, 1])])
 
 
-def _tensor(name: str, values: Single) -> onnx.TensorProto:
-    return numpy_helper.from_array(np.ascontiguousarray(values, dtype=np.float32), name)
+def train_perceptron(
+    start: Perceptron, rows: Single, targets: Single, steps: int, learning_rate: float, seed: int
+) -> Perceptron:
+    """Train on the mean absolute error with Adam (Kingma and Ba 2015), whose learning rate falls with a cosine.
+
+    Args:
+        start: First weights; rectified.
+        rows: Shape ``(n, inputs)``.
+        targets: Shape ``(n,)``; or ``(n, variants)``, of which each row of a batch draws one.
+        steps: Batches.
+        learning_rate: At the start.
+        seed: Seeds the batches.
+    """
+    import torch
+    from torch import nn
+
+    from cylinder_friction.estimators.network_training import reproducible
+
+    with reproducible(seed):
+        layers = []
+        for kernel, bias in zip(start.kernels, start.biases, strict=True):
+            layers.append(nn.Linear(*kernel.shape))
+            parameters = {"weight": torch.from_numpy(kernel.T.copy()), "bias": torch.from_numpy(bias)}
+            layers[-1].load_state_dict(parameters)
+        network = nn.Sequential(*[part for layer in layers for part in (layer, nn.ReLU())][:-1])
+        optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
+        schedule = torch.optim.lr_scheduler.LambdaLR(
+            optimiser, lambda step: 0.5 + 0.5 * math.cos(math.pi * step / steps)
+        )
+        generator = np.random.default_rng([seed, 2])
+        variants = targets if targets.ndim == 2 else targets[:, None]
+        for _ in range(steps):
+            drawn = generator.integers(len(rows), size=BATCH)
+            target = variants[drawn, generator.integers(variants.shape[1], size=BATCH)]
+            error = (network(torch.from_numpy(rows[drawn])).squeeze(-1) - torch.from_numpy(target)).abs().mean()
+            optimiser.zero_grad()
+            error.backward()
+            optimiser.step()
+            schedule.step()
+        return _weights_of(layers)
+
+
+def _weights_of(layers: Sequence[nn.Linear]) -> Perceptron:
+    return Perceptron(
+        tuple(np.ascontiguousarray(layer.weight.detach().numpy().T).copy() for layer in layers),
+        tuple(layer.bias.detach().numpy().copy() for layer in layers),
+        "relu",
+    )
+
+
+class PerceptronEstimator(LearnedEstimator, Generic[Plan]):
+    """A learned estimator whose model is a perceptron, beside a plan of how it was built.
+
+    A subclass gives its plan's type, ``learn``, which sets ``network``, ``new_memory`` and ``predict``; its constructor
+    takes the same arguments.
+
+    Args:
+        cylinder: Its areas.
+        inputs: Columns that it is given.
+        plan: Of network and training, a dataclass of plain values.
+        seed: Seeds whatever is random in training.
+
+    Attributes:
+        network: None before ``fit``.
+    """
+
+    plan_type: ClassVar[type]
+
+    def __init__(self, cylinder: Cylinder, inputs: Sequence[str], plan: Plan, seed: int) -> None:
+        super().__init__(cylinder, inputs, seed)
+        self.plan = plan
+        self.network: Perceptron | None = None
+
+    def model_multiply_adds(self) -> int:
+        """Return those of one step of the network: the worst case where it does not step at every sample."""
+        assert self.network is not None
+        return self.network.multiply_adds()
+
+    def write_model(self, folder: Path) -> dict[str, Any]:
+        assert self.network is not None
+        write_perceptron(folder / NETWORK_FILE, self.network)
+        return {"plan": vars(self.plan), "seed": self.seed}
+
+    @classmethod
+    def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
+        estimator = cls(cylinder, inputs, cls.plan_type(**content["plan"]), content["seed"])
+        estimator.network = read_perceptron(folder / NETWORK_FILE)
+        return estimator

@@ -1,7 +1,7 @@
-"""Velocity that is exactly nought at standstill, and a direction of the last motion that a stop does not turn.
+"""Velocity that is exactly zero at standstill, and a direction of the last motion that a stop does not reverse.
 
-Filters that extrapolate overshoot where a piston stops at once, and a play behind them is then pushed back: the last
-motion seems to have gone the other way. A moving average never overshoots, so here the play stands behind one, while
+Filters that extrapolate overshoot where a piston stops suddenly and would push a backlash operator back, as if the last
+motion had gone the other way. A moving average never overshoots, so here the backlash operator follows one, while
 velocity still comes from a filter without its delay.
 """
 
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 AVERAGED = 10
-"""Samples of the moving average before the play."""
-PLAY_M = 6e-5
-"""Half-width of the play [m], about five times the noise of a 12-bit potentiometer so averaged."""
+"""Samples of the moving average before the backlash operator."""
+BACKLASH_M = 6e-5
+"""Half-width of the backlash [m], about five times the noise of a 12-bit potentiometer so averaged."""
 LASTING_S = 0.06
-"""After the last push velocity counts for so long [s]."""
+"""How long velocity counts after the last push [s]."""
 CENTRING_S = 0.5
-"""How fast the play closes up on the position [s]. Creep below its half-width in this time, 0.12 mm/s, is lost."""
+"""How fast the backlash closes up on the position [s]. Creep below its half-width in this time, 0.12 mm/s, is lost."""
 VELOCITY_WINDOW, VELOCITY_ORDER = 21, 2
 MEMORY_M_S, MEMORY_S = 0.012, 0.2
-"""Speed over which the memory of ``sense`` fades, and how fast it follows."""
+"""Speed over which the memory of ``causal_motion`` fades, and how fast it follows."""
 
 
 @dataclass
 class SteadyMotionState:
-    """The filter's last positions, and the play [m], its age in seconds."""
+    """State of the filter, and of the backlash operator."""
 
     position: FirState
-    play: Array
+    backlash: Array
 
 
 class SteadyMotion:
@@ -57,50 +57,50 @@ class SteadyMotion:
 
     def advance(self, state: SteadyMotionState, position_m: Array) -> Array:
         smooth = self._filter.advance(state.position, position_m)
-        return np.asarray(_through_play(smooth, state.play, self._sample_time_s))
+        return np.asarray(_through_backlash(smooth, state.backlash, self._sample_time_s))
 
     def multiply_adds(self) -> int:
         return AVERAGED + VELOCITY_WINDOW
 
 
 @numba.njit(cache=True)
-def _counted(velocity_m_s: float, averaged_m: float, play: Array, sample_time_s: float) -> float:
-    """Return the velocity while the averaged position has lately pushed the play that way, else 0; moves the play."""
-    centring = sample_time_s / CENTRING_S
-    return pushing_velocity(velocity_m_s, averaged_m, play, PLAY_M, LASTING_S, centring, sample_time_s)
+def _counted(velocity_m_s: float, averaged_m: float, backlash: Array, sample_time_s: float) -> float:
+    """Return the velocity while the averaged position has recently pushed the backlash its way, else 0."""
+    push(averaged_m, backlash, BACKLASH_M, sample_time_s / CENTRING_S, sample_time_s)
+    return velocity_m_s if backlash[AGE] < LASTING_S and velocity_m_s * backlash[DIRECTION] > 0.0 else 0.0
 
 
 @numba.njit(cache=True)
-def _through_play(smooth: Array, play: Array, sample_time_s: float) -> Array:
+def _through_backlash(smooth: Array, backlash: Array, sample_time_s: float) -> Array:
     result = np.empty((smooth.shape[0], 2))
     for row in range(smooth.shape[0]):
-        result[row, 0] = _counted(smooth[row, 1], smooth[row, 0], play, sample_time_s)
-        result[row, 1] = play[DIRECTION]
+        result[row, 0] = _counted(smooth[row, 1], smooth[row, 0], backlash, sample_time_s)
+        result[row, 1] = backlash[DIRECTION]
     return result
 
 
-def new_sense() -> Array:
-    """Return the state of ``sense`` before the first sample, shape ``(7,)``."""
-    return np.concatenate([np.full(4, np.nan), new_backlash()])
+def new_causal_motion() -> Array:
+    """Return the state of ``causal_motion`` before the first sample, shape ``(7,)``."""
+    return np.concatenate([np.full(4, np.nan), new_play()])
 
 
 @numba.njit(cache=True)
-def sense(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: float, state: Array) -> Array:
+def causal_motion(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: float, state: Array) -> Array:
     """Return, shape ``(n, 4)``: velocity, exactly 0 at standstill [m/s]; acceleration [m/s²]; direction of the last
     motion; memory.
 
-    Position, velocity and acceleration are the states of a settled Kalman filter; velocity counts only while the
-    averaged position has lately pushed against a play.
+    Position, velocity and acceleration are the states of a steady-state Kalman filter; velocity counts only while the
+    averaged position has recently pushed against the backlash.
 
     Args:
         position_m: Shape ``(n,)``.
-        averaged_m: The same behind a moving average, shape ``(n,)``.
-        gains: Of the settled filter, shape ``(3,)``.
+        averaged_m: The same after a moving average, shape ``(n,)``.
+        gains: Of the steady-state filter, shape ``(3,)``.
         sample_time_s: Between two samples [s].
-        state: From ``new_sense``, changed in place: position, velocity, acceleration, memory, and the play.
+        state: From ``new_causal_motion``, changed in place: position, velocity, acceleration, memory, backlash.
     """
     result = np.empty((position_m.shape[0], 4))
-    step, play = sample_time_s, state[4:]
+    step, backlash = sample_time_s, state[4:]
     for row in range(position_m.shape[0]):
         if np.isnan(state[0]):
             state[0], state[1], state[2], state[3] = position_m[row], 0.0, 0.0, 1.0
@@ -109,8 +109,13 @@ def sense(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: flo
         state[1] += step * state[2] + gains[1] * left
         state[0] = ahead + gains[0] * left
         state[2] += gains[2] * left
-        velocity = _counted(state[1], averaged_m[row], play, step)
+        velocity = _counted(state[1], averaged_m[row], backlash, step)
         fading = math.exp(-abs(velocity) / MEMORY_M_S)
         state[3] += (1.0 - math.exp(-step / MEMORY_S)) * (fading - state[3])
-        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = velocity, state[2], play[DIRECTION], state[3]
+        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = (
+            velocity,
+            state[2],
+            backlash[DIRECTION],
+            state[3],
+        )
     return result

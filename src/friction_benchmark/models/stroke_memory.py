@@ -1,7 +1,7 @@
-"""What the force balance was on the strokes so far, out and in: what tells a sensor's offset from friction.
+"""Mean force balance of the strokes so far, out and in: it separates a sensor's offset from friction.
 
 Friction changes sign with the direction, an offset does not: the sum of the mean force balance out and in is twice the
-offset, as far as friction is alike in both. How far it is, a network may learn from rigs whose friction is known.
+offset, as far as friction is equal in both. How far it is, a network can learn from rigs whose friction is known.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ MEMORY_NAMES = (
     "speed_in",
 )
 SLIDING_M_S = 3e-3
-"""Slower rows are no part of a stroke: friction falls with velocity there."""
+"""Slower rows do not count as part of a stroke: friction falls with velocity there."""
 LONGEST_SAMPLES = 3000
-"""Sliding samples that a mean holds; older ones fade."""
+"""Sliding samples that a mean covers; older ones fade."""
 TRUSTED_SAMPLES = 200.0
 """Sliding samples after which a mean counts half."""
 SUM_BEND_N, LEAST_DIFFERENCE_N = 50.0, 50.0
@@ -44,7 +44,7 @@ def new_stroke_memory() -> Array:
 
 @numba.njit(cache=True)
 def remember_strokes(velocity_m_s: Array, balance_n: Array, pressure_2_pa: Array, memory: Array) -> Array:
-    """Return what is remembered at each sample, shape ``(n, 8)``, each about 1 in size; changes ``memory``.
+    """Return the features ``MEMORY_NAMES`` at each sample, shape ``(n, 8)``, each about 1 in size; changes ``memory``.
 
     Args:
         velocity_m_s: Causal, shape ``(n,)``.
@@ -56,11 +56,11 @@ def remember_strokes(velocity_m_s: Array, balance_n: Array, pressure_2_pa: Array
     for row in range(velocity_m_s.shape[0]):
         speed = abs(velocity_m_s[row])
         if speed > SLIDING_M_S:
-            way = memory[OUT] if velocity_m_s[row] > 0.0 else memory[IN]
-            way[COUNT] = min(way[COUNT] + 1.0, LONGEST_SAMPLES)
-            way[FORCE] += (balance_n[row] - way[FORCE]) / way[COUNT]
-            way[PRESSURE] += (pressure_2_pa[row] - way[PRESSURE]) / way[COUNT]
-            way[SPEED] += (speed - way[SPEED]) / way[COUNT]
+            stroke = memory[OUT] if velocity_m_s[row] > 0.0 else memory[IN]
+            stroke[COUNT] = min(stroke[COUNT] + 1.0, LONGEST_SAMPLES)
+            stroke[FORCE] += (balance_n[row] - stroke[FORCE]) / stroke[COUNT]
+            stroke[PRESSURE] += (pressure_2_pa[row] - stroke[PRESSURE]) / stroke[COUNT]
+            stroke[SPEED] += (speed - stroke[SPEED]) / stroke[COUNT]
         known_out = memory[OUT, COUNT] / (memory[OUT, COUNT] + TRUSTED_SAMPLES)
         known_in = memory[IN, COUNT] / (memory[IN, COUNT] + TRUSTED_SAMPLES)
         both = known_out * known_in

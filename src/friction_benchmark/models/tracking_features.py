@@ -1,7 +1,7 @@
-"""What steers a learned gain: how far the force balance has just moved against its noise, and how the piston moves.
+"""Inputs of the learned gain: recent changes of the force balance relative to its noise, and the piston's motion.
 
-Every change of the force balance is bent at tens of newtons, the size of its noise, whatever the rig's friction: the
-question "noise or friction?" looks alike on a rig of 150 N and on one of 900 N, and an answer carries over.
+Every change of the force balance is softly limited at tens of newtons, the size of its noise, whatever the rig's
+friction: noise and friction then separate alike on a rig of 150 N and on one of 900 N, and training carries over.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 PRESSURE_1, PRESSURE_2, POSITION = range(3)
 SCALED_ON = 32
-"""Recordings that are enough to scale features by, taken evenly from all."""
+"""Recordings that suffice to scale features, taken evenly from all."""
 CHANGES = ((1, 3, 40.0), (2, 6, 30.0), (4, 12, 20.0), (8, 24, 15.0), (16, 64, 10.0))
-"""Mean of the last samples less the mean of so many before them, and where the difference bends [N]: the longer both,
-the smaller the noise that is left."""
+"""Samples of the latest mean, samples of the mean before it that is subtracted, and the soft limit of the difference
+[N]: the longer both, the smaller the remaining noise."""
 SLOW_CREEP_M_S, ACCELERATION_M_S2, PRESSURE_RATE_PA_S, LOW_FORCE_N = 1e-3, 0.1, 1e5, 150.0
 
 
@@ -51,7 +51,7 @@ class TrackingState:
 
 
 class TrackingFeatures:
-    """Raw samples to standardised features and the unfiltered force balance; causal, cut anywhere.
+    """Raw samples to standardised features and the unfiltered force balance; causal, and independent of cutting.
 
     Args:
         plan: Of filters and history.
@@ -69,7 +69,7 @@ class TrackingFeatures:
 
     @classmethod
     def of(cls, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str], *, strokes: bool) -> Self:
-        """Return the features, their scaling learnt on usable rows of these recordings alone.
+        """Return the features, scaled by the usable rows of these recordings.
 
         Raises:
             ValueError: The first three inputs are not both raw pressures and the position.
@@ -123,7 +123,7 @@ class TrackingFeatures:
 
 
 def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> list[FeatureRow]:
-    """Return the linear features, each bent where it has a limit; further inputs give their moving average of 20."""
+    """Return the linear features, softly limited where they have a limit; of further inputs a moving average of 20."""
     count = len(inputs)
     areas = np.zeros((count, 1))
     areas[:3] = force_balance_taps(cylinder)[0]

@@ -1,7 +1,7 @@
-"""A window of past velocities whose spans grow with age: dense where friction changes, and seconds long.
+"""A window of past velocities whose spans grow with age: fine for the recent past, and seconds long.
 
-Friction remembers a reversal for milliseconds and a standstill for seconds; a window of equal steps would be too short
-for the one or too wide for a small network.
+Friction depends on a reversal for milliseconds and on a standstill for seconds; a window of equal steps would either be
+too short or too wide for a small network.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ SPANS = np.repeat(np.array([1, 2, 4, 8, 16, 32, 64]), [6, 4, 4, 4, 4, 3, 2])
 """Steps that each mean of the window spans, newest first; together 7.2 s at 200 Hz."""
 
 FAST_M_S, CREEP_M_S = 0.05, 5e-3
-"""Scales of the two forms in which each mean is shown: linear, and through a soft limit."""
+"""Scales of the two forms of each mean: linear, and through a soft limit."""
 
 WINDOW_INPUTS = 2 * len(SPANS)
 
 
 @dataclass
 class WindowState:
-    """The ring of past velocities [m/s]; and ``(samples until the next step, newest place)``; the present window."""
+    """Ring buffer of past velocities [m/s]; ``(samples until the next step, newest place)``; the current window."""
 
     ring: Array
     place: NDArray[np.int64]
@@ -37,7 +37,7 @@ class WindowState:
 
 
 def new_window() -> WindowState:
-    """Return the state before the first sample: at rest for ever."""
+    """Return the state before the first sample, as if at rest until then."""
     return WindowState(np.zeros(int(SPANS.sum())), np.zeros(2, dtype=np.int64), np.zeros(WINDOW_INPUTS, np.float32))
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from cylinder_friction.estimators.linear import RidgeEstimator
-from friction_benchmark.models.boosted_trees import BoostingPlan
 from friction_benchmark.models.disturbance_observer import DisturbanceObserver
-from friction_benchmark.models.gradient_boosting import GradientBoostingEstimator
+from friction_benchmark.models.gradient_boosting import BoostingPlan, GradientBoostingEstimator
 from friction_benchmark.models.lugre_residual import LugreResidualEstimator
 from friction_benchmark.models.narx import NarxEstimator
 from friction_benchmark.roster.entry import (
@@ -40,7 +39,7 @@ def _ridge(making: Making) -> FrictionEstimator:
 def _narx(making: Making) -> FrictionEstimator:
     """Effort cuts the rows."""
     rows = max(2000, round(120_000 * making.effort))
-    return NarxEstimator(making.cylinder, making.inputs, int(making.choice["terms"]), rows, seed=making.seed)
+    return NarxEstimator(making.cylinder, making.inputs, int(making.choice["terms"]), rows)
 
 
 def _plan(making: Making) -> BoostingPlan:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from friction_benchmark.roster.entry import Making, Value
 
-FULL_LESSONS = 3_000
+FULL_PRESENTATIONS = 3_000
 """Recordings that full training goes through, however many different ones there are."""
 SPACE: Mapping[str, Range | OneOf] = {"nodes": OneOf((32, 48)), "learning_rate": Range(2e-3, 1e-2, logarithmic=True)}
 FIRST: Mapping[str, Value] = {"nodes": 32, "learning_rate": 5e-3}
@@ -21,11 +21,11 @@ SOURCE = "after Revach et al. 2022 (KalmanNet)"
 
 def make_learned_gain(making: Making) -> LearnedGainEstimator:
     """Return the filter of learned gain; effort cuts how often it goes through its recordings."""
-    lessons = max(1, round(FULL_LESSONS * making.effort))
+    presentations = max(1, round(FULL_PRESENTATIONS * making.effort))
     return LearnedGainEstimator(
         making.cylinder,
         GainArchitecture(int(making.choice["nodes"])),
-        GainPlan(lessons, float(making.choice["learning_rate"])),
+        GainPlan(presentations, float(making.choice["learning_rate"])),
         making.inputs,
         making.seed,
     )

@@ -10,10 +10,19 @@ import pytest
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.signals.causal import FirFilter, moving_average_taps
 from cylinder_friction.signals.kalman import constant_jerk
-from friction_benchmark.models.disturbance_observer import DisturbanceObserver, sensor_errors
-from friction_benchmark.models.observer_step import BIAS_1, FAST, ObserverNoise, law_parts, new_belief, observe
-from friction_benchmark.models.sliding_law import COEFFICIENTS, SlidingLaw
-from friction_benchmark.models.steady_motion import AVERAGED, new_sense, sense
+from friction_benchmark.models.disturbance_observer import (
+    BIAS_1,
+    COEFFICIENTS,
+    FAST,
+    DisturbanceObserver,
+    ObserverNoise,
+    law_parts,
+    new_belief,
+    observe,
+    sensor_errors,
+    sliding_law,
+)
+from friction_benchmark.models.steady_motion import AVERAGED, causal_motion, new_causal_motion
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -59,22 +68,22 @@ def test_with_wrong_sensors_it_leaves_a_small_part_of_the_low_pass_error(
     cylinder: Cylinder, drifting: DisturbanceObserver, labelled_recordings: list[Recording]
 ) -> None:
     unseen = with_sensor_errors(labelled_recordings, 1)
-    floor = LowPassForceBalanceEstimator(cylinder)
-    floor.fit(with_sensor_errors(labelled_recordings, 0))
-    assert mae_n(drifting, unseen) < 0.25 * mae_n(floor, unseen)
+    baseline = LowPassForceBalanceEstimator(cylinder)
+    baseline.fit(with_sensor_errors(labelled_recordings, 0))
+    assert mae_n(drifting, unseen) < 0.25 * mae_n(baseline, unseen)
 
 
 def test_with_right_sensors_it_is_no_worse_than_the_low_pass(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
-    observer, floor = (
+    observer, baseline = (
         DisturbanceObserver(cylinder, evaluations=30, recordings=4),
         LowPassForceBalanceEstimator(cylinder),
     )
     observer.fit(labelled_recordings)
-    floor.fit(labelled_recordings)
+    baseline.fit(labelled_recordings)
     assert observer.noise.bias_n < 10.0
-    assert mae_n(observer, labelled_recordings) < mae_n(floor, labelled_recordings)
+    assert mae_n(observer, labelled_recordings) < mae_n(baseline, labelled_recordings)
 
 
 def test_how_far_the_sensors_are_off_is_measured(cylinder: Cylinder, drifting: DisturbanceObserver) -> None:
@@ -100,11 +109,11 @@ def test_an_hour_leaves_the_covariance_symmetric_and_positive_definite() -> None
     gains = constant_jerk(12.0, 3.5e-5, STEP_S).gains().filter[-1]
     coefficients = np.zeros((2, COEFFICIENTS))
     coefficients[:, 0], coefficients[:, 6] = 240.0, 4.0
-    motion_state = new_sense()
+    motion_state = new_causal_motion()
     time_s = STEP_S * np.arange(6000)
     for minute in range(120):  # of half a minute each
         position = 0.1 + 0.02 * np.sin(0.8 * time_s) * (minute % 3 > 0) + generator.normal(0.0, 3e-5, 6000)
-        motion = sense(position, averaged(position), gains, STEP_S, motion_state)
+        motion = causal_motion(position, averaged(position), gains, STEP_S, motion_state)
         balance = 300.0 * motion[:, 2] + 200.0 + generator.normal(0.0, 10.0 if minute % 5 else 3e3, 6000)
         found = observe(
             motion, balance, np.full(6000, 30.0), coefficients, noise.packed(), AREAS, STEP_S,
@@ -151,24 +160,24 @@ def test_the_law_finds_coulomb_viscous_and_pressure_parts() -> None:
     generator = np.random.default_rng(0)
     count = 20_000
     speed, pressure = generator.uniform(1e-3, 0.1, count), generator.uniform(5.0, 80.0, count)
-    way = generator.choice([-1.0, 1.0], count)
-    friction = way * (240.0 + 3.0 * pressure + 1500.0 * speed + 120.0 * np.exp(-speed / 0.012))
+    direction = generator.choice([-1.0, 1.0], count)
+    friction = direction * (240.0 + 3.0 * pressure + 1500.0 * speed + 120.0 * np.exp(-speed / 0.012))
     friction[::50] += 5e3  # outliers
-    motion = np.column_stack([way * speed, np.zeros(count), way, np.exp(-speed / 0.012)])
-    law = SlidingLaw.fit(motion, pressure, friction)
-    for direction in (1.0, -1.0):
-        plain, slope = law_parts(law.coefficients, direction, 0.05, np.exp(-0.05 / 0.012))
-        assert direction * (plain + 40.0 * slope) == pytest.approx(240.0 + 120.0 + 75.0 + 1.86, abs=3.0)
-        assert direction * slope == pytest.approx(3.0, abs=0.1)
-    assert law_parts(law.coefficients, 0.0, 0.0, 1.0) == (0.0, 0.0)
+    motion = np.column_stack([direction * speed, np.zeros(count), direction, np.exp(-speed / 0.012)])
+    law = sliding_law(motion, pressure, friction)
+    for side in (1.0, -1.0):
+        plain, slope = law_parts(law, side, 0.05, np.exp(-0.05 / 0.012))
+        assert side * (plain + 40.0 * slope) == pytest.approx(240.0 + 120.0 + 75.0 + 1.86, abs=3.0)
+        assert side * slope == pytest.approx(3.0, abs=0.1)
+    assert law_parts(law, 0.0, 0.0, 1.0) == (0.0, 0.0)
 
 
-def test_motion_is_exactly_nought_at_standstill_and_right_while_moving() -> None:
+def test_motion_is_exactly_zero_at_standstill_and_right_while_moving() -> None:
     generator = np.random.default_rng(0)
     gains = constant_jerk(12.0, 3.5e-5, STEP_S).gains().filter[-1]
     speeds = np.repeat([0.0, 0.03, 0.0, -0.03], 400)
     position = 0.1 + np.cumsum(speeds) * STEP_S + generator.normal(0.0, 3e-5, 1600)
-    motion = sense(position, averaged(position), gains, STEP_S, new_sense())
+    motion = causal_motion(position, averaged(position), gains, STEP_S, new_causal_motion())
     assert (motion[:390, 0] == 0.0).all()
     assert (motion[960:1190, 0] == 0.0).all()
     assert motion[500:790, 0].mean() == pytest.approx(0.03, rel=0.01)

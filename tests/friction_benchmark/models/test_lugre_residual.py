@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from friction_benchmark.models.boosted_trees import BoostingPlan
+from friction_benchmark.models.gradient_boosting import BoostingPlan
 from friction_benchmark.models.lugre_residual import LugreFeatureBlock, LugreResidualEstimator
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from friction_benchmark.models.narx import NarxEstimator
-from friction_benchmark.models.narx_terms import (
+from friction_benchmark.models.narx import (
     CLIP,
+    NarxEstimator,
     candidate_terms,
     chosen_terms,
     filtered_terms,

@@ -9,8 +9,8 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from friction_benchmark.models.perceptron import Perceptron, PerceptronRunner, read_perceptron, write_perceptron
-from friction_benchmark.models.synthetic_friction import drawn_parameters, generic_parameters, synthetic_friction
+from friction_benchmark.models.han import drawn_parameters, generic_parameters, synthetic_friction
+from friction_benchmark.models.perceptron import Perceptron, read_perceptron, write_perceptron
 from friction_benchmark.models.velocity_window import EVERY, SPANS, advance_window, new_window
 
 if TYPE_CHECKING:
@@ -31,10 +31,10 @@ def made(activation: Literal["tanh", "relu"]) -> Perceptron:
 def test_rows_agree_with_onnx_runtime_and_survive_storing(activation: Literal["tanh", "relu"], tmp_path: Path) -> None:
     weights = made(activation)
     rows = np.random.default_rng(1).normal(size=(50, 5)).astype(np.float32)
-    output = PerceptronRunner(weights).run(rows)
+    output = weights.run(rows)
     write_perceptron(tmp_path / "network.onnx", weights)
     read = read_perceptron(tmp_path / "network.onnx")
-    np.testing.assert_array_equal(PerceptronRunner(read).run(rows), output)
+    np.testing.assert_array_equal(read.run(rows), output)
     session = onnxruntime.InferenceSession(tmp_path / "network.onnx")
     np.testing.assert_allclose(session.run(None, {"features": rows})[0][:, 0], output, atol=1e-5)
     assert weights.multiply_adds() == 5 * 7 + 7 * 3 + 3

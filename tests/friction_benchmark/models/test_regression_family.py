@@ -10,11 +10,10 @@ import pytest
 
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.boosted_trees import BoostingPlan
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
 from friction_benchmark.models.by_direction import ConstantByDirectionEstimator, CoulombViscousLineEstimator
 from friction_benchmark.models.disturbance_observer import DisturbanceObserver
-from friction_benchmark.models.gradient_boosting import GradientBoostingEstimator
+from friction_benchmark.models.gradient_boosting import BoostingPlan, GradientBoostingEstimator
 from friction_benchmark.models.lugre_residual import LugreResidualEstimator
 from friction_benchmark.models.narx import NarxEstimator
 

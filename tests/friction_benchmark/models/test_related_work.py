@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.elman import GRADIENT_EVALUATIONS, ElmanEstimator, ElmanPlan
+from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from friction_benchmark.models.elman import ElmanPlan
 from friction_benchmark.models.han import HanEstimator, HanPlan
 from friction_benchmark.models.machado import MachadoEstimator, MachadoPlan
 from friction_benchmark.roster.entry import Making
@@ -121,23 +121,6 @@ def test_machado_without_the_force_balance_knows_pressures_at_standstill_alone(
     fast = np.abs(recording.column("velocity_m_s")) > 0.02
     assert np.abs(difference[fast]).max() == 0.0
     assert np.abs(difference).max() > 0.0
-
-
-def test_the_elman_networks_differ_in_training_alone_and_spend_the_same(
-    cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
-    made_by = {}
-    for trainer in ("swarm", "adam"):
-        estimator = ElmanEstimator(cylinder, PRESSURE_FREE, ElmanPlan(trainer=trainer, evaluations=300))
-        estimator.fit(labelled_recordings)
-        made_by[trainer] = estimator
-    swarm, adam = made_by["swarm"], made_by["adam"]
-    assert swarm.found is not None
-    assert adam.found is not None
-    assert swarm.found.evaluations == adam.found.evaluations == 300
-    assert 300 % GRADIENT_EVALUATIONS == 0
-    assert swarm.multiply_adds() == adam.multiply_adds()
-    assert len(swarm.found.place) == len(adam.found.place)
 
 
 def test_without_fine_tuning_no_label_is_learnt_from(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:

@@ -1,4 +1,4 @@
-"""Which features the models of the related work are given: what their sources see, and what the task adds."""
+"""What the networks of the related work share: the features they are given, and the error they minimise."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import torch
     from numpy.typing import NDArray
 
     from cylinder_friction.estimators.features import Features
 
 VELOCITIES = ("velocity_m_s", "creep_velocity")
-"""The velocity, straight and through a soft limit: the same signal, with room for what happens at creep."""
+"""The velocity as it is, and through a soft limit: the same signal, with resolution for what happens at creep."""
 
 OF_PRESSURES = (
     "force_balance_n",
@@ -26,13 +27,14 @@ OF_PRESSURES = (
     "pressure_2_pa",
     "pressure_1_rate_pa_s",
 )
+KNEE = 0.05
+"""Error, in standard deviations of the target, below which the cost turns from absolute to squared."""
 
 
 def task_columns(features: Features) -> tuple[str, ...]:
     """Return what the task lets a model see beside the motion: raw pressures' features, a temperature, a level."""
     pressures = OF_PRESSURES if features.has_base else ()
-    others = tuple(f"{name}_20" for name in features.inputs if name not in SAMPLE_COLUMNS)
-    return pressures + others
+    return pressures + tuple(f"{name}_20" for name in features.inputs if name not in SAMPLE_COLUMNS)
 
 
 def places_of(features: Features, names: Sequence[str]) -> list[int]:
@@ -41,10 +43,15 @@ def places_of(features: Features, names: Sequence[str]) -> list[int]:
 
 
 def last_motion(features: Features, rows: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return which way the piston moved last, shape ``(n,)``, by rows of features: -1, 0 before it first moved, or 1.
+    """Return the direction of the last motion, shape ``(n,)``: -1, 1, or 0 before the piston first moved.
 
-    Not standardised: a swarm that searches weights within a box does worse with a direction whose mean is taken off.
+    Not standardised: a swarm that searches weights within a box does worse with a direction without its mean.
     """
     place = features.names.index("direction")
     in_history = place - len(features.front_end.names)
     return np.rint(rows[:, place] * features.scale[in_history] + features.mean[in_history])
+
+
+def smoothed_absolute(error: torch.Tensor) -> torch.Tensor:
+    """Return ``sqrt(e² + knee²) - knee`` of each error: its absolute value, rounded at zero."""
+    return (error**2 + KNEE**2).sqrt() - KNEE

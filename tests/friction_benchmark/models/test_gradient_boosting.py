@@ -8,7 +8,7 @@ import pytest
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from cylinder_friction.realtime.forest import forest_from_onnx
-from friction_benchmark.models.boosted_trees import BoostingPlan, _rounded_down, fit_boosted_trees, trees_to_onnx
+from friction_benchmark.models.gradient_boosting import BoostingPlan, _rounded_down, fit_boosted_trees, trees_to_onnx
 
 
 def made_rows(count: int = 3000, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,38 @@
+"""Regression towards least absolute error, robust against outliers, by iteratively reweighted least squares."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+RIDGE = 1e-6
+"""Penalty of standardised weights, as a share of the mean squared regressor: keeps collinear columns in bounds."""
+
+
+def robust_weights(design: Array, target: Array, small: float, passes: int) -> Array:
+    """Return the weights, shape ``(k,)``, of least Huber loss: squared within ``small``, absolute beyond.
+
+    Args:
+        design: Regressors, shape ``(n, k)``.
+        target: Shape ``(n,)``.
+        small: Residual up to which the loss is squared, in units of the target.
+        passes: How often the rows are reweighted.
+
+    Source: Holland and Welsch 1977.
+    """
+    scale = np.sqrt((design**2).mean(axis=0)) + 1e-12
+    scaled = design / scale
+    importance = np.ones(len(target))
+    found = np.zeros(design.shape[1])
+    for _ in range(passes):
+        weighted = scaled * importance[:, None]
+        gram = weighted.T @ scaled
+        found = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), weighted.T @ target)
+        importance = small / np.maximum(small, np.abs(target - scaled @ found))
+    return np.asarray(found / scale)
