@@ -53,7 +53,7 @@ class ByDirectionEstimator(FrictionEstimator):
     def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
         """Set levels and slope from the usable rows."""
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Find the levels on all usable rows; a situation that never occurs keeps 0 N."""
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)

@@ -171,7 +171,7 @@ class DisturbanceObserver(FrictionEstimator):
         self.law = np.zeros((2, COEFFICIENTS))
         self._order = [int(np.argmax(column)) for column in on_inputs(np.eye(3)[:, :, None], inputs)[:, :, 0]]
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Find the friction law, the sensors' errors, and the noises, in this order."""
         self._begin_fit(recordings)
         traces = [

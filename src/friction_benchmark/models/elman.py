@@ -18,7 +18,7 @@ import numba
 import numpy as np
 
 from cylinder_friction.realtime.activation import tanh
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import LearnedEstimator
 from friction_benchmark.models.related_work import (
     VELOCITIES,
@@ -135,7 +135,7 @@ class ElmanEstimator(LearnedEstimator):
         self.weights: Single | None = None
         self.found: Found | None = None
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
+    def learn(self, train: Sequence[SequenceData]) -> None:
         from cylinder_friction.estimators.network_training import reproducible  # PyTorch: only training needs it
 
         with reproducible(self.seed):

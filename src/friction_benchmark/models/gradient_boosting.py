@@ -15,7 +15,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # comes with scikit-learn
 
 from cylinder_friction.realtime.forest import OPSETS, Forest, forest_from_onnx
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.lagged import Past, PastMemory
 from friction_benchmark.models.learned import LearnedEstimator
 
@@ -96,7 +96,7 @@ class GradientBoostingEstimator(LearnedEstimator):
         self._model: onnx.ModelProto | None = None
         self._trees: Forest | None = None
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
+    def learn(self, train: Sequence[SequenceData]) -> None:
         rows = [self.past.advance(self.past.new_memory(), each.features)[each.usable] for each in train]
         target = np.concatenate([each.target[each.usable] for each in train]).astype(np.float64)
         self._set_model(fit_boosted_trees(np.concatenate(rows), target, self.plan, self.seed))

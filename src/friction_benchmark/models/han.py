@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from cylinder_friction.estimators.features import fit_features
 from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, passive_damping_velocity, simulate
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
-from cylinder_friction.signals.savitzky_golay import savitzky_golay
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator, new_perceptron, train_perceptron
 from friction_benchmark.models.related_work import last_motion, places_of, task_columns
 from friction_benchmark.models.velocity_window import WINDOW_INPUTS, WindowState, advance_window, new_window
@@ -128,16 +128,15 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
     ) -> None:
         super().__init__(cylinder, inputs, plan or HanPlan(fine_tuned=False), seed)
 
-    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
-        """Train on synthetic friction along the motion of ``train`` and, if fine-tuned, on its labels afterwards."""
-        self._begin_fit(train)
-        self._set_features(fit_features(MOTION, self.cylinder, train))
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Train on synthetic friction along the recordings' motion and, if fine-tuned, on their labels afterwards."""
+        self._begin_fit(recordings)
+        self._set_features(fit_features(MOTION, self.cylinder, recordings))
         self.target_mean_n, self.target_scale_n = 0.0, generic_parameters(self.cylinder).coulomb_n
-        self.network = self._learn_synthetic(train)
-        if self.plan.fine_tuned:
-            super().fit_with_validation(train, validation)
+        self.network = self._learn_synthetic(recordings)
+        return super().fit(recordings) if self.plan.fine_tuned else self
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
+    def learn(self, train: Sequence[SequenceData]) -> None:
         """Fine-tune the network on labels: the head by ridge regression, then all layers."""
         assert self.network is not None
         inputs = [self._inputs(self.new_memory(), each.features) for each in train]
@@ -259,7 +258,7 @@ def drawn_parameters(centre: LugreParameters, spread: float, generator: np.rando
 def smooth_velocity(recording: Recording) -> Array:
     """Return a recording's velocity without delay [m/s], zero at rest, shape ``(n,)``; from its position alone."""
     position = recording.column("position_m")
-    velocity = savitzky_golay(position, MOTION_WINDOW, MOTION_ORDER, 1, recording.sample_time_s)
+    velocity = savgol_filter(position, MOTION_WINDOW, MOTION_ORDER, deriv=1, delta=recording.sample_time_s)
     return np.where(np.abs(velocity) < REST_M_S, 0.0, velocity)
 
 

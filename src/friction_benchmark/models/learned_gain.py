@@ -141,7 +141,7 @@ class LearnedGainEstimator(FrictionEstimator):
         self._offset_head: Single = np.zeros(architecture.nodes, dtype=np.float32)
         self._offset_bias = 0.0
 
-    def fit(self, recordings: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Train on the recordings' ``friction_n``: labels, or a simulated rig's true friction.
 
         Raises:

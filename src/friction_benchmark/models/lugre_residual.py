@@ -10,7 +10,7 @@ import numpy as np
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, AnalyticalState, scaled_effort
 from cylinder_friction.estimators.features import FeatureBlock, Features, FeatureState
 from cylinder_friction.friction_models.catalogue import model_named
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.gradient_boosting import PAST, BoostingPlan, GradientBoostingEstimator
 from friction_benchmark.models.lagged import Past
 
@@ -108,12 +108,12 @@ class LugreResidualEstimator(GradientBoostingEstimator):
         )
         self.lugre_scale_n = 1.0
 
-    def fit_with_validation(self, train: Sequence[Recording], validation: Sequence[Recording]) -> None:
+    def fit(self, recordings: Sequence[Recording]) -> Self:
         """Identify LuGre, then fit the trees to its residual, on the same recordings."""
-        self._begin_fit(train)
-        count = min(self.identified_on, len(train))
-        self.lugre.fit([train[int(number * len(train) / count)] for number in range(count)])
-        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in train])
+        self._begin_fit(recordings)
+        count = min(self.identified_on, len(recordings))
+        self.lugre.fit([recordings[int(number * len(recordings) / count)] for number in range(count)])
+        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in recordings])
         self.lugre_scale_n = float(labels.std()) or 1.0
         return super().fit(recordings)
 

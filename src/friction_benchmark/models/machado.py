@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from scipy.optimize import minimize
 
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator
 from friction_benchmark.models.related_work import (
     VELOCITIES,
@@ -102,7 +102,7 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
     ) -> None:
         super().__init__(cylinder, inputs, plan or MachadoPlan(), seed)
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
+    def learn(self, train: Sequence[SequenceData]) -> None:
         generator = np.random.default_rng(self.seed)
         inputs = np.concatenate([self._inputs(self.new_memory(), each.features)[each.usable] for each in train])
         target = np.concatenate([each.target[each.usable] for each in train])

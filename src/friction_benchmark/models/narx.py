@@ -87,7 +87,7 @@ class NarxEstimator(LearnedEstimator):
         self._terms = np.zeros((1, 2), dtype=np.int64)
         self._weights = np.zeros(1)
 
-    def learn(self, train: Sequence[SequenceData], validation: Sequence[SequenceData]) -> None:  # noqa: ARG002
+    def learn(self, train: Sequence[SequenceData]) -> None:
         """Search the poles on some recordings, then find terms and parameters on all."""
         few = [train[int(number * len(train) / SEARCHED)] for number in range(min(SEARCHED, len(train)))]
         best = np.inf

@@ -66,8 +66,8 @@ class SteadyMotion:
 @numba.njit(cache=True)
 def _counted(velocity_m_s: float, averaged_m: float, backlash: Array, sample_time_s: float) -> float:
     """Return the velocity while the averaged position has recently pushed the backlash its way, else 0."""
-    push(averaged_m, backlash, BACKLASH_M, sample_time_s / CENTRING_S, sample_time_s)
-    return velocity_m_s if backlash[AGE] < LASTING_S and velocity_m_s * backlash[DIRECTION] > 0.0 else 0.0
+    centring = sample_time_s / CENTRING_S
+    return pushing_velocity(velocity_m_s, averaged_m, backlash, BACKLASH_M, LASTING_S, centring, sample_time_s)
 
 
 @numba.njit(cache=True)
@@ -81,7 +81,7 @@ def _through_backlash(smooth: Array, backlash: Array, sample_time_s: float) -> A
 
 def new_causal_motion() -> Array:
     """Return the state of ``causal_motion`` before the first sample, shape ``(7,)``."""
-    return np.concatenate([np.full(4, np.nan), new_play()])
+    return np.concatenate([np.full(4, np.nan), new_backlash()])
 
 
 @numba.njit(cache=True)

@@ -10,7 +10,8 @@ import pytest
 
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.models.by_direction import ConstantByDirectionEstimator, CoulombViscousLineEstimator
 from friction_benchmark.models.disturbance_observer import DisturbanceObserver
 from friction_benchmark.models.gradient_boosting import BoostingPlan, GradientBoostingEstimator

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS, Recording
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.models.elman import ElmanPlan
 from friction_benchmark.models.han import HanEstimator, HanPlan
 from friction_benchmark.models.machado import MachadoEstimator, MachadoPlan
