@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cylinder_friction.estimators.features import FeatureBlock, fit_features
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
-from friction_benchmark.models.source_columns import last_motion
+from friction_benchmark.models.related_work import last_motion
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
