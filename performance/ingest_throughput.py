@@ -42,8 +42,8 @@ OVERRIDES = (
     "ingest.pattern='*.parquet'",
     "~ingest.channels.oil_temperature_c",
     "ingest.name_pattern='(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_'",
-    "label.split.test_sessions=1",
-    "label.split.validation_sessions=1",
+    "split.test_sessions=1",
+    "split.validation_sessions=1",
 )
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "ARROW_IO_THREADS")
 WARM_UP_HOURS, WARM_UP_MINUTES = 0.05, 1.0

@@ -15,10 +15,10 @@ import yaml
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
-from cylinder_friction.tracking.content import hash_of
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.tracking.versions import dvc_hash
 
 if TYPE_CHECKING:
@@ -130,6 +130,9 @@ def written_pipeline(
     raw = root / "data/raw/rig"
     raw.mkdir(parents=True)
     (raw / "log.csv").write_text("time,pressure\n0.0,10.5\n", encoding="utf-8")
+    (root / "data/interim").mkdir()
+    ingested = {"source": "data/raw/rig", "truth": "data/raw/rig_truth", "load": "none"}
+    (root / "data/interim/ingested.json").write_text(json.dumps(ingested), encoding="utf-8")
     for role, chosen in (("train", 1), ("validation", 2), ("test", 2)):
         for recording in labelled_recordings:
             if recording.name.endswith(str(chosen)):

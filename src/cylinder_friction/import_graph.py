@@ -97,8 +97,9 @@ def _module_name(path: Path, source: Path) -> str:
 
 
 def _packages(module: str) -> list[str]:
+    """Return the packages around a module but the outermost, which imports what it offers only when it is asked."""
     parts = module.split(".")
-    return [".".join(parts[:length]) for length in range(1, len(parts))]
+    return [".".join(parts[:length]) for length in range(2, len(parts))]
 
 
 @cache

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import SOURCE, code_key, used_files
 from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import artifacts, cylinder_from, flat, hash_of
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.repository import repository_root
 from cylinder_friction.tracking.resources import sampled_resources
-from cylinder_friction.tracking.run_record import RunRecord
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.conducting import run_benchmark
 from friction_benchmark.data import Sizes, Sources
@@ -30,7 +30,7 @@ from friction_benchmark.scoring import ScoreSettings
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cylinder_friction.tracking.run_record import Scalar
+    from cylinder_friction.run_record import Scalar
     from friction_benchmark.params import BenchmarkParams
     from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
 

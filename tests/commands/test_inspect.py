@@ -106,7 +106,7 @@ def test_odd_recordings_make_a_page_too(tmp_path: Path, log: pd.DataFrame, name:
         "noise alone": lambda log: log.assign(**{POSITION: 120.0 + random.normal(0.0, 2.0, len(log))}),
     }
     path = write(tmp_path / "logs", damages[name](log))
-    report, _ = inspect_path(path, params_for(f"label.load={load}"), tmp_path / "page.html")
+    report, _ = inspect_path(path, params_for(f"ingest.load={load}"), tmp_path / "page.html")
     assert report.startswith(path.name)
     assert 'data-figure="recording-1-figure-1"' in (tmp_path / "page.html").read_text(encoding="utf-8")
 
@@ -158,7 +158,7 @@ def test_a_load_that_position_decides_is_told_and_taken_off(tmp_path: Path) -> N
     params = params_for(
         *(f"ingest.channels.{column}={entry}" for column, entry in channels.items()),
         *("cylinder.bore_diameter_m=0.15", "cylinder.rod_diameter_m=0.1", "cylinder.stroke_m=0.85"),
-        *("cylinder.moving_mass_kg=60", "label.load=position", "~ingest.channels.oil_temperature_c"),
+        *("cylinder.moving_mass_kg=60", "ingest.load=position", "~ingest.channels.oil_temperature_c"),
     )
     report, refused = inspect_path(path, params, tmp_path / "page.html")
     assert not refused

@@ -15,7 +15,7 @@ from cylinder_friction.deployment.latency.measuring import Effort
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.recordings.storage import write_recording
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
 
 CONF = Path(__file__).parents[2] / "conf"
-LOADED = ("record=loaded", "ingest=rig_loaded", "label.load=measured")
+LOADED = ("record=loaded", "ingest=rig_loaded")
 
 
 def smoke(*overrides: str) -> Params:

@@ -10,7 +10,7 @@ import mlflow
 import pytest
 import yaml
 
-from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.recordings.files import hash_of
 from pipeline_workspace import PROJECT, commit, copy_of, new_repository, run
 
 if TYPE_CHECKING:

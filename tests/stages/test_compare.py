@@ -13,13 +13,12 @@ import pytest
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.params.checking import Params
-from cylinder_friction.params.ingest import IngestParams
-from cylinder_friction.params.learning import CompareParams, HybridParams, SearchParams, TrainParams
-from cylinder_friction.recordings.files import write_json
+from cylinder_friction.params.learning import CompareParams
+from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.stages import compare
-from cylinder_friction.stages._stage import hash_of
+from cylinder_friction.stages._stage import CHOSEN_FILE, INGESTED_FILE, SPACE_FILE
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -43,33 +42,9 @@ DETERMINISTIC = ("metrics.json", "figures", "plots", "table.md")
 
 
 def tiny_params(truth: str = TRUTH_FOLDER.as_posix()) -> Params:
-    """Only what the stage reads; the rest of the configuration is another test's affair."""
-    hybrid = HybridParams(layers=1, nodes=8, dropout=0.0, learning_rate=1e-3, forest_trees=4, forest_depth=3)
-    space = {
-        "layers": [1],
-        "nodes": [8],
-        "dropout": [0.0],
-        "learning_rate": (1e-3, 1e-2),
-        "forest_trees": (4, 8),
-        "forest_depth": (3, 5),
-    }
-    search = SearchParams.model_construct(hybrid="force_balance", space=SpaceLike(space))
-    return Params.model_construct(
-        compare=SETTINGS,
-        ingest=IngestParams.model_construct(truth=truth),
-        search=search,
-        train=TrainParams.model_construct(use_search=False, hybrid=hybrid),
-    )
-
-
-class SpaceLike:
-    """Stands for ``SpaceParams``: the stage only asks for its content."""
-
-    def __init__(self, content: dict[str, object]) -> None:
-        self._content = content
-
-    def model_dump(self) -> dict[str, object]:
-        return self._content
+    """Only what the stage reads; what earlier stages decided lies in their files."""
+    write_json(INGESTED_FILE, {"source": "data/raw/rig", "truth": truth, "load": "none"})
+    return Params.model_construct(compare=SETTINGS)
 
 
 @pytest.fixture
@@ -99,6 +74,10 @@ def workplace(
     for name in ("hybrid", "paper_hybrid"):
         curve = {"epoch": [1, 2], "train_mae_n": [9.0, 5.0], "validation_mae_n": [9.5, 6.0], "best_epoch": 2}
         write_json(Path("models") / name / "learning_curve.json", curve)
+    chosen = {"layers": 1, "nodes": 8, "dropout": 0.0, "learning_rate": 1e-3, "forest_trees": 4, "forest_depth": 3}
+    write_json(CHOSEN_FILE, chosen)
+    ranges = {"learning_rate": [1e-3, 1e-2], "forest_trees": [4, 8], "forest_depth": [3, 5]}
+    write_json(SPACE_FILE, {"layers": [1], "nodes": [8], "dropout": [0.0], **ranges})
     write_json(Path("reports/runs/train.json"), {"kept": True})
     write_json(Path("data/processed/audit/audit.json"), {"savitzky_golay": {"all": {"steady": {"mae_n": 12.25}}}})
     return tmp_path

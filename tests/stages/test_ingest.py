@@ -129,12 +129,12 @@ def test_unknown_unit_is_refused() -> None:
     ("changes", "message"),
     [
         (
-            ["label.load=measured"],
-            "label.load is measured, but ingest.channels has no 'load_force_n'; map the load cell",
+            ["ingest.load=measured"],
+            "ingest.load is measured, but ingest.channels has no 'load_force_n'; map the load cell",
         ),
         (
             ["+ingest.channels.load_force_n={channel: F, unit: kN}"],
-            "label.load is none, but ingest.channels maps a load cell",
+            "ingest.load is none, but ingest.channels maps a load cell",
         ),
     ],
 )

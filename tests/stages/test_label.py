@@ -12,9 +12,7 @@ from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.params.checking import Params
 from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams
-from cylinder_friction.params.ingest import IngestParams
-from cylinder_friction.params.learning import LugreParams
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import (
     read_metadata,
@@ -28,7 +26,8 @@ from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import label
 from cylinder_friction.stages._stage import (
     AUDIT_FOLDER,
-    PROCESSED_FOLDERS,
+    INGESTED_FILE,
+    LABELLED_FOLDER,
     RECORDINGS_FOLDER,
     RIG_TRUTH_FOLDER,
     SIGNALS_FOLDER,
@@ -42,22 +41,15 @@ RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
 TRUTH = ["time_s", "friction_n", "velocity_m_s"]
 
 
-def params_for(cylinder: Cylinder, lugre_condition: str = "1", **label_changes: Any) -> Params:
+def params_for(cylinder: Cylinder, **label_changes: Any) -> Params:
     content = {
-        "ingest": yaml.safe_load((CONF / "ingest/rig.yaml").read_text(encoding="utf-8")),
         "filter": yaml.safe_load((CONF / "filter/savitzky_golay.yaml").read_text(encoding="utf-8")),
-        "label": yaml.safe_load((CONF / "label/default.yaml").read_text(encoding="utf-8"))
-        | {"split": {"test_sessions": 1, "validation_sessions": 1, "seed": 1}}
-        | label_changes,
+        "label": yaml.safe_load((CONF / "label/default.yaml").read_text(encoding="utf-8")) | label_changes,
     }
     return Params.model_construct(
         cylinder=CylinderParams(**cylinder.__dict__),
-        ingest=IngestParams.model_construct(truth=content["ingest"]["truth"]),
         filter=FilterParams.model_validate(content["filter"]),
         label=LabelParams.model_validate(content["label"]),
-        lugre=LugreParams.model_validate(
-            yaml.safe_load((CONF / "lugre/default.yaml").read_text(encoding="utf-8")) | {"condition": lugre_condition}
-        ),
     )
 
 
@@ -80,30 +72,31 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinde
     for recording in made:
         write_recording(RECORDINGS_FOLDER, Recording(recording.metadata, recording.table[RAW]))
         recording.table[TRUTH].to_parquet(RIG_TRUTH_FOLDER / f"{recording.name}.parquet")
+    write_json(INGESTED_FILE, {"source": "data/raw/rig", "truth": RIG_TRUTH_FOLDER.as_posix(), "load": "none"})
     filter_stage.run(params_for(cylinder))
     return tmp_path
 
 
-def test_labels_are_near_friction_and_sessions_are_split(
-    workplace: Path, cylinder: Cylinder, made: list[Recording]
-) -> None:
+def test_labels_are_near_friction(workplace: Path, cylinder: Cylinder, made: list[Recording]) -> None:
     record = label.run(params_for(cylinder))
     by_name = {recording.name: recording for recording in made}
-    seen = []
-    for role, folder in PROCESSED_FOLDERS.items():
-        recordings = read_recordings(folder)
-        assert {recording.metadata.condition for recording in recordings} == {"1", "2"}
-        assert record.metrics[f"{role}.recordings"] == len(recordings) == 2
-        for recording in recordings:
-            seen.append(recording.name)
-            true_n = by_name[recording.name].column("friction_n")
-            usable = recording.usable()
-            assert not usable[:20].any()
-            assert usable[20:-20].all()
-            assert np.abs(recording.column("friction_n") - true_n)[usable].mean() < 0.05 * np.abs(true_n).mean()
-            assert set(recording.table.columns) - set(RAW) == {"velocity_m_s", "friction_n", "usable"}
-    assert sorted(seen) == sorted(by_name)
+    recordings = read_recordings(LABELLED_FOLDER)
+    assert sorted(recording.name for recording in recordings) == sorted(by_name)
+    assert record.metrics["recordings"] == len(recordings) == 6
+    for recording in recordings:
+        true_n = by_name[recording.name].column("friction_n")
+        usable = recording.usable()
+        assert not usable[:20].any()
+        assert usable[20:-20].all()
+        assert np.abs(recording.column("friction_n") - true_n)[usable].mean() < 0.05 * np.abs(true_n).mean()
+        assert set(recording.table.columns) - set(RAW) == {"velocity_m_s", "friction_n", "usable"}
     assert record == label.run(params_for(cylinder))
+
+
+def test_two_recordings_are_labelled_without_any_split(workplace: Path, cylinder: Cylinder) -> None:
+    for path in recording_paths(SIGNALS_FOLDER)[2:]:
+        path.unlink()
+    assert label.run(params_for(cylinder)).metrics["recordings"] == 2.0
 
 
 def test_audit_judges_every_filter_in_every_test(workplace: Path, cylinder: Cylinder) -> None:
@@ -141,16 +134,15 @@ def test_labels_do_not_depend_on_the_truth(workplace: Path, cylinder: Cylinder) 
 
 def test_end_stop_margin_is_kept(workplace: Path, cylinder: Cylinder) -> None:
     label.run(params_for(cylinder, end_stop_margin_m=0.11))
-    for folder in PROCESSED_FOLDERS.values():
-        for recording in read_recordings(folder):
-            usable = recording.usable()
-            assert np.abs(recording.column("position_m")[usable] - 0.125).max() < 0.015
-            assert 0 < usable.sum() < 0.5 * len(usable)
+    for recording in read_recordings(LABELLED_FOLDER):
+        usable = recording.usable()
+        assert np.abs(recording.column("position_m")[usable] - 0.125).max() < 0.015
+        assert 0 < usable.sum() < 0.5 * len(usable)
 
 
 def test_paper_literal_label_is_absurd(workplace: Path, cylinder: Cylinder) -> None:
     label.run(params_for(cylinder, stiffness="paper_literal"))
-    for recording in read_recordings(PROCESSED_FOLDERS["train"]):
+    for recording in read_recordings(LABELLED_FOLDER):
         assert np.abs(recording.column("friction_n")).mean() > 1e6
 
 
@@ -175,9 +167,9 @@ def test_load_and_mass_are_identified_session_by_session(workplace: Path, cylind
         # Six kilograms beside 280 N of friction are beyond such motion: the given mass stays.
         assert content["motion"]["mass_known"] is False
         assert content["moving_mass_kg"] == cylinder.moving_mass_kg
-    metrics = label.write_labelled("train", [metadata[0].name], labeller, used, found)
-    (labelled,) = read_recordings(PROCESSED_FOLDERS["train"])
-    assert metrics["train.usable_rows"] == labelled.usable().sum() > 0.7 * len(labelled)
+    metrics = label.write_labelled([metadata[0].name], labeller, used, found)
+    (labelled,) = read_recordings(LABELLED_FOLDER)
+    assert metrics["usable_rows"] == labelled.usable().sum() > 0.7 * len(labelled)
     assert {"load_force_n", "friction_n"} <= set(labelled.table.columns)
     label.write_identified(label.identify_sessions(metadata, labeller, used))
     assert label.IDENTIFIED_FILE.read_bytes() == before
@@ -194,21 +186,7 @@ def test_a_session_that_does_not_tell_its_load_is_named(workplace: Path, cylinde
         label.identify_sessions(metadata, labeller, SavitzkyGolay())
 
 
-def test_too_few_sessions_are_refused(workplace: Path, cylinder: Cylinder) -> None:
-    split = {"test_sessions": 2, "validation_sessions": 1, "seed": 1}
-    with pytest.raises(RecordingError, match=r"test '1' has 3 sessions \(1-a, 1-b, 1-c\), but 4 are needed"):
-        label.run(params_for(cylinder, split=split))
-
-
 def test_truth_of_another_campaign_is_refused(workplace: Path, cylinder: Cylinder, made: list[Recording]) -> None:
     made[0].table[TRUTH].iloc[:-5].to_parquet(RIG_TRUTH_FOLDER / f"{made[0].name}.parquet")
     with pytest.raises(RecordingError, match="has 3995 rows, but recording 'r1-a' has 4000"):
         label.run(params_for(cylinder))
-
-
-def test_a_test_that_lugre_cannot_find_is_refused_before_anything_is_trained(
-    workplace: Path, cylinder: Cylinder
-) -> None:
-    with pytest.raises(RecordingError, match=r"lugre\.test is 'no-load', but the recordings are of tests \['1', '2'\]"):
-        label.run(params_for(cylinder, lugre_condition="no-load"))
-    assert not PROCESSED_FOLDERS["train"].exists()

@@ -14,7 +14,7 @@ from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label
-from cylinder_friction.stages._stage import PROCESSED_FOLDERS
+from cylinder_friction.stages._stage import LABELLED_FOLDER
 
 nptdms = pytest.importorskip("nptdms")
 
@@ -115,7 +115,7 @@ def labelled(method: str) -> list[Recording]:
     for stage in (ingest, filter_stage, label):
         stage.run(params)
     assert read_json(ingest.QUARANTINE_FILE) == []
-    return [recording for folder in PROCESSED_FOLDERS.values() for recording in read_recordings(folder)]
+    return read_recordings(LABELLED_FOLDER)
 
 
 @pytest.mark.parametrize("method", ["window", "found"])

@@ -10,15 +10,16 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.params.checking import Params
 from cylinder_friction.params.data import CylinderParams
 from cylinder_friction.params.learning import LugreParams
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.stages import lugre
-from cylinder_friction.stages._stage import LUGRE_FOLDER, hash_of
+from cylinder_friction.stages._stage import LUGRE_FOLDER
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.tracking.run_record import RunRecord
+    from cylinder_friction.run_record import RunRecord
 
 
 def tiny_params(cylinder: Cylinder, condition: str = "1") -> Params:
@@ -69,7 +70,7 @@ def test_two_runs_leave_the_same_bytes(workplace: Path, cylinder: Cylinder) -> N
 
 
 def test_a_test_that_nobody_recorded_is_refused_and_nothing_is_written(workplace: Path, cylinder: Cylinder) -> None:
-    with pytest.raises(RecordingError, match=r"no recording of test '7'; got tests \['1', '2'\]; name one of them"):
+    with pytest.raises(RecordingError, match=r"no recording of condition '7'; got conditions \['1', '2'\]; name one of them"):
         lugre.run(tiny_params(cylinder, condition="7"))
     assert not LUGRE_FOLDER.exists()
 

@@ -8,9 +8,10 @@ from pydantic import ValidationError
 
 from cylinder_friction.params.checking import Params
 from cylinder_friction.params.data import CylinderParams, RecordParams
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.rig.campaign import TRUTH_COLUMNS
 from cylinder_friction.stages import record
-from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, hash_of
+from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -31,7 +31,7 @@ KILLED = """
 import os, signal, sys
 from types import SimpleNamespace
 from mlflow import MlflowClient
-from cylinder_friction.params import RegisterParams
+from cylinder_friction.params.learning import RegisterParams
 from cylinder_friction.stages import register
 
 def die(*args, **kwargs):
@@ -39,13 +39,13 @@ def die(*args, **kwargs):
 
 setattr(MlflowClient, sys.argv[1], die)
 settings = RegisterParams(model_name="friction-estimator", candidate="hybrid", tolerance_percent=0.1)
-register.run(SimpleNamespace(register_=settings, ingest=SimpleNamespace(source="data/raw/rig")))
+register.run(SimpleNamespace(register_=settings))
 """
 
 
 def parameters(**changes: Any) -> Params:
     settings = RegisterParams(**{"model_name": NAME, "candidate": "hybrid", "tolerance_percent": 0.1, **changes})
-    return SimpleNamespace(register_=settings, ingest=SimpleNamespace(source="data/raw/rig"))  # type: ignore[return-value]
+    return SimpleNamespace(register_=settings)  # type: ignore[return-value]
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ import pytest
 import yaml
 from mlflow import MlflowClient
 
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.candidate import Candidate
-from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.errors import LineageError
 from cylinder_friction.tracking.lineage import Lineage, lineage
 from cylinder_friction.tracking.registry import register

@@ -9,8 +9,8 @@ import pytest
 from mlflow import MlflowClient
 
 from candidates import candidate_in, champion, never, other_model, versions
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking import model_version, registry
-from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.store import tracking_uri
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cylinder_friction.deployment.serve import free_port
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.candidate import Candidate
-from cylinder_friction.tracking.content import hash_of
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.replay import replay

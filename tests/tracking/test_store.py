@@ -18,7 +18,7 @@ WRITER = """
 import sys
 from pathlib import Path
 from cylinder_friction.tracking.log_run import log_run
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord
 for number in range(3):
     log_run(RunRecord("label", metrics={"number": float(number)}), Path(sys.argv[1]))
 """

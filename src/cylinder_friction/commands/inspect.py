@@ -36,7 +36,7 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     """
     files = _files(path, params)
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
-    labeller, chosen = labeller_from(params), filters[params.filter.method]
+    labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
     recipe = recipe_from(params, Path(params.ingest.source))
     subjects = held(_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
     write_page(

@@ -10,9 +10,10 @@ import numpy as np
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
 from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.files import write_json
+from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
     LUGRE_FOLDER,
@@ -21,10 +22,8 @@ from cylinder_friction.stages._stage import (
     REPORTS_FOLDER,
     RUNS_FOLDER,
     artifacts,
-    hash_of,
 )
 from cylinder_friction.tracking.log_run import track_or_warn
-from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

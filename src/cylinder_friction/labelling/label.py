@@ -303,10 +303,10 @@ def _smooth_load(recording: Recording, signal_filter: SignalFilter, _: str) -> A
 def _contradiction(load: LoadMode) -> str:
     if load == "measured":
         return (
-            f"label.load is measured, but there is no column {LOAD_FORCE!r}; map the load cell's channel to it, or set "
-            "label.load to none or position"
+            f"ingest.load is measured, but there is no column {LOAD_FORCE!r}; map the load cell's channel to it, or "
+            "set ingest.load to none or position"
         )
     return (
-        f"label.load is {load}, but a load was measured (column {LOAD_FORCE!r}); set label.load to measured, or leave "
-        "its channel out of the mapping"
+        f"ingest.load is {load}, but a load was measured (column {LOAD_FORCE!r}); set ingest.load to measured, or "
+        "leave its channel out of the mapping"
     )

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
-from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams
+from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams, SplitParams
 from cylinder_friction.params.ingest import IngestParams
 from cylinder_friction.params.learning import CompareParams, LugreParams, RegisterParams, SearchParams, TrainParams
 from cylinder_friction.params.section import Section
@@ -29,6 +29,7 @@ class Params(Section):
     ingest: IngestParams
     filter: FilterParams
     label: LabelParams
+    split: SplitParams
     search: SearchParams
     train: TrainParams
     lugre: LugreParams
@@ -69,7 +70,7 @@ def checked(kind: type[Kind], content: Any, where: str) -> Kind:
 
 
 def load_params(path: Path = PARAMS_FILE) -> Params:
-    """Read and checks ``params.yaml``."""
+    """Read and check ``params.yaml``."""
     if not path.is_file():
         raise ParamsError(f"{path}: not there; run `make params` in the project's folder")
     return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))

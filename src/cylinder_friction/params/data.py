@@ -85,7 +85,7 @@ class RtsParams(Section):
 
 
 class FilterParams(Section):
-    """How raw signals become smooth ones with velocity and acceleration, off line; the audit judges all four."""
+    """How raw signals are smoothed and differentiated, off line; the label audit compares all four methods."""
 
     method: Literal["moving_average", "moving_average_centred", "savitzky_golay", "rts"]
     moving_average: MovingAverageParams
@@ -94,7 +94,7 @@ class FilterParams(Section):
 
 
 class SplitParams(Section):
-    """Which sessions are held out, for each test; sessions are drawn by a hash of their name and the seed."""
+    """Which sessions are held out in each condition; they are drawn by a hash of their name and the seed."""
 
     test_sessions: Count
     validation_sessions: Count
@@ -112,7 +112,6 @@ class IdentifyParams(Section):
 class LabelParams(Section):
     """Friction from the equation of motion, and the mask of rows that may be used."""
 
-    load: Literal["none", "measured", "position"]
     inertia: Literal["given", "identified"]
     identify: IdentifyParams
     stiffness: Literal["none", "trapped_oil", "external", "paper_literal"]
@@ -122,4 +121,3 @@ class LabelParams(Section):
     dead_volume_m3: Positive
     end_stop_margin_m: NotNegative
     event_window_s: Positive
-    split: SplitParams

@@ -113,6 +113,7 @@ class IngestParams(Section):
 
     source: str
     truth: str
+    load: Literal["none", "measured", "position"]
     pattern: str
     name_pattern: str | None
     name_table: str | None

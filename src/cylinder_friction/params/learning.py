@@ -56,6 +56,7 @@ class SearchParams(Section):
     """Optuna's search over a hybrid's hyperparameters."""
 
     seed: Seed
+    device: Literal["auto", "cpu", "cuda"]
     hybrid: Literal["force_balance", "paper"]
     trials: Count
     startup_trials: Count
@@ -70,6 +71,7 @@ class TrainParams(Section):
     seed: Seed
     device: Literal["auto", "cpu", "cuda"]
     use_search: bool
+    design: Literal["force_balance", "paper"]
     hybrid: HybridParams
     paper_hybrid: HybridParams
     training: TrainingParams
@@ -77,7 +79,7 @@ class TrainParams(Section):
 
 
 class LugreParams(Section):
-    """LuGre's identification on Test 1 alone."""
+    """LuGre's identification in one condition alone."""
 
     seed: Seed
     condition: str

@@ -1,7 +1,8 @@
-"""Output that appears whole or not at all."""
+"""Output that appears whole or not at all, and content hashes of what lies on disk."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from contextlib import contextmanager
@@ -43,3 +44,20 @@ def write_json(path: Path, content: Any) -> None:
 
 def read_json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def hash_of(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, or of a folder's relative names and their files' hashes.
+
+    Python's bytecode caches inside a folder do not count.
+
+    Raises:
+        FileNotFoundError: There is neither a file nor a folder of that name.
+    """
+    if not path.is_dir():
+        with path.open("rb", buffering=0) as file:  # in pieces: a recording need not fit into memory
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for inner in sorted(inner for inner in path.rglob("*") if inner.is_file() and "__pycache__" not in inner.parts):
+        digest.update(f"{inner.relative_to(path).as_posix()}\0{hash_of(inner)}\n".encode())
+    return digest.hexdigest()

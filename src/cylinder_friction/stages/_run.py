@@ -1,4 +1,4 @@
-"""How a stage is run: check the whole configuration, do the work, note what was done, tell MLflow."""
+"""How a stage is run: check the whole configuration, do the work, write down what was done, log it to MLflow."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pathlib import Path
 
 from cylinder_friction.params.checking import Params, ParamsError, load_params
 from cylinder_friction.recordings.files import write_json
-from cylinder_friction.stages._stage import RUNS_FOLDER
+from cylinder_friction.run_record import STAGES
+from cylinder_friction.stages._stage import PROCESSED_FOLDERS, RUNS_FOLDER
 from cylinder_friction.tracking.log_run import track_or_warn
-from cylinder_friction.tracking.replay import PIPELINE_ORDER
 from cylinder_friction.tracking.resources import sampled_resources
 
 
@@ -18,13 +18,26 @@ def run_stage(name: str) -> None:
 
     Raises:
         ParamsError: There is no such stage; or anything in ``params.yaml`` is refused, in whichever section, so that
-            no stage starts on half a truth.
+            no stage starts on half a configuration.
     """
-    if name not in PIPELINE_ORDER:
-        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(PIPELINE_ORDER)}")
+    if name not in STAGES:
+        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
     params: Params = load_params()
+    if name in ("search", "train"):
+        _refuse_unknown_condition(params.lugre.condition)
     root = Path.cwd()
     with sampled_resources(name, root):
         record = importlib.import_module(f"cylinder_friction.stages.{name}").run(params)
     write_json(RUNS_FOLDER / f"{name}.json", record.to_dict())
     track_or_warn(record, root)
+
+
+def _refuse_unknown_condition(condition: str) -> None:
+    """Refuse ``lugre.condition`` before hours of search and training: the stage that needs it may come after them.
+
+    Raises:
+        RecordingError: No training recording is of that condition.
+    """
+    from cylinder_friction.stages.lugre import paths_of_condition
+
+    paths_of_condition(PROCESSED_FOLDERS["train"], condition)

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.files import hash_of
 
 if TYPE_CHECKING:
-    from cylinder_friction.params.data import CylinderParams
-    from cylinder_friction.tracking.run_record import Scalar
+    from pydantic import BaseModel
 
-from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.tracking.content import hash_of as hash_of  # noqa: PLC0414 - stages take it from here
+    from cylinder_friction.params.data import CylinderParams
+    from cylinder_friction.run_record import Scalar
 
 RIG_FOLDER = Path("data/raw/rig")
 RIG_TRUTH_FOLDER = Path("data/raw/rig_truth")
 RECORDINGS_FOLDER = Path("data/interim/recordings")
 SIGNALS_FOLDER = Path("data/interim/signals")
+LABELLED_FOLDER = Path("data/processed/labelled")
 PROCESSED_FOLDERS = {role: Path("data/processed") / role for role in ("train", "validation", "test")}
 AUDIT_FOLDER = Path("data/processed/audit")
 SEARCH_FOLDER = Path("models/search")
@@ -29,6 +28,20 @@ BASELINES_FOLDER = Path("models/baselines")
 LUGRE_FOLDER = Path("models/lugre")
 REGISTERED_FILE = Path("models/registered.json")
 REPORTS_FOLDER = Path("reports")
+AUDIT_FILE = AUDIT_FOLDER / "audit.json"
+METRICS_FILE = REPORTS_FOLDER / "metrics.json"
+
+# What an earlier stage decided, for the later ones: nobody looks into another stage's section of the parameters.
+INGESTED_FILE = Path("data/interim/ingested.json")
+"""From ``ingest``: the folders ``source`` and ``truth``, and ``load``, what the rod worked against."""
+FILTERS_FILE = SIGNALS_FOLDER / "filters.json"
+"""From ``filter``: the ``method`` that smoothed the signals, and the settings of every method."""
+BEST_FILE = SEARCH_FOLDER / "best.json"
+"""From ``search``: the ``design`` and the best hyperparameters of the hybrid."""
+SPACE_FILE = SEARCH_FOLDER / "space.json"
+"""From ``search``: the ranges that were searched."""
+CHOSEN_FILE = HYBRID_FOLDER / "chosen.json"
+"""From ``train``: the hyperparameters that the hybrid was trained with."""
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``, from which its MLflow run is logged, now or later."""
 
@@ -56,11 +69,3 @@ def _flatten(key: str, value: Any, into: dict[str, Scalar]) -> None:
 def artifacts(*paths: Path) -> dict[str, str]:
     """Return ``{path: hash}`` for a run record."""
     return {path.as_posix(): hash_of(path) for path in paths}
-
-
-def resume_folder(stage: str, *depends_on: BaseModel | dict[str, str] | dict[str, Any]) -> Path:
-    """Return where a killed stage finds what it had finished; a hash of all it depends on, the code included."""
-    content = [part.model_dump() if isinstance(part, BaseModel) else part for part in depends_on]
-    code = hash_of(Path(__file__).parent.parent / "estimators")
-    key = hashlib.sha256(json.dumps([content, code], sort_keys=True).encode()).hexdigest()[:16]
-    return Path(".cylinder-friction/resume") / f"{stage}-{key}"

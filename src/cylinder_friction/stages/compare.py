@@ -17,7 +17,7 @@ from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, m
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
-from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
+from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.reporting.comparison_tables import markdown_tables
@@ -26,20 +26,22 @@ from cylinder_friction.reporting.plot_data import plot_tables
 from cylinder_friction.reporting.report.report import ReportInputs, report_html
 from cylinder_friction.reporting.style import png_bytes
 from cylinder_friction.reporting.summary import summary
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
-    AUDIT_FOLDER,
+    AUDIT_FILE,
     BASELINES_FOLDER,
+    CHOSEN_FILE,
     HYBRID_FOLDER,
+    INGESTED_FILE,
     LUGRE_FOLDER,
+    METRICS_FILE,
     PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
     REPORTS_FOLDER,
+    SPACE_FILE,
     artifacts,
     flat,
-    hash_of,
 )
-from cylinder_friction.stages.train import chosen_hybrid
-from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,19 +52,17 @@ if TYPE_CHECKING:
     from cylinder_friction.params.learning import CompareParams
     from cylinder_friction.recordings.recording import Recording
 
-METRICS_FILE = REPORTS_FOLDER / "metrics.json"
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
 TABLE_FILE = REPORTS_FOLDER / "table.md"
 REPORT_FILE = REPORTS_FOLDER / "report.html"
 FIGURES_FOLDER = REPORTS_FOLDER / "figures"
 PLOTS_FOLDER = REPORTS_FOLDER / "plots"
 LEARNING_CURVE_FILE = "learning_curve.json"
-AUDIT_FILE = AUDIT_FOLDER / "audit.json"
 MAIN, RIVAL = "hybrid", "lugre"
 
 
 def run(params: Params) -> RunRecord:
-    """Read the models, ``data/processed/test`` and the true friction, writes ``reports/`` but for ``reports/runs``.
+    """Read the models, ``data/processed/test`` and the true friction, write ``reports/`` but for ``reports/runs``.
 
     Raises:
         FileNotFoundError: A model or the test recordings are not there.
@@ -71,7 +71,7 @@ def run(params: Params) -> RunRecord:
     settings = params.compare
     recordings = read_recordings(PROCESSED_FOLDERS["test"])
     estimators = load_estimators()
-    truth_n = known_truth(params.ingest.truth, recordings)
+    truth_n = known_truth(read_json(INGESTED_FILE)["truth"], recordings)
     comparison = compare(estimators, recordings, comparison_settings(settings), truth_n)
     curves = {
         folder.name: LearningCurve.from_dict(read_json(path), path.as_posix())
@@ -81,10 +81,10 @@ def run(params: Params) -> RunRecord:
     analysis = analyse(comparison, MAIN, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
     times = {
         name: time_steps(estimator, recordings[0], settings.timing_repeats)
-        for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator")
+        for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator", disable=None)
     }
     tree = metric_tree(comparison)
-    _write(params, analysis, times, tree)
+    _write(analysis, times, tree)
     return RunRecord(
         name="compare",
         params=flat(settings),
@@ -142,13 +142,12 @@ def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArr
     return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}
 
 
-def _write(params: Params, analysis: Analysis, times: dict[str, StepTime], tree: MetricTree) -> None:
-    chosen = chosen_hybrid(params)[1].model_dump()
+def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree) -> None:
     audit: dict[str, Any] | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
-    inputs = ReportInputs(times, params.search.space.model_dump(), chosen, audit)
+    inputs = ReportInputs(times, read_json(SPACE_FILE), read_json(CHOSEN_FILE), audit)
     report = report_html(analysis, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:
-        for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure"):
+        for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure", disable=None):
             (folder / f"{name}.png").write_bytes(png_bytes(figure))
     with whole_folder(PLOTS_FOLDER) as folder:
         for name, text in plot_tables(analysis).items():

@@ -10,53 +10,58 @@ from tqdm import tqdm
 
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.stages._stage import RECORDINGS_FOLDER, artifacts, cylinder_from, flat, hash_of
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, cylinder_from, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.ingest import IngestParams
 
 QUARANTINE_FILE = Path("data/interim/quarantine.json")
 """Every file, or piece of one, that did not become a recording, and why."""
 
 
 def run(params: Params) -> RunRecord:
-    """Read ``ingest.source``, writes ``data/interim/recordings``, one file a recording, and ``quarantine.json``.
+    """Read ``ingest.source``, write ``data/interim/recordings``, one file per recording, and ``quarantine.json``.
+
+    ``ingested.json`` beside them states where truth lies and what the rod worked against, for later stages.
 
     Raises:
-        RecordingError: Mapping and ``label.load`` contradict each other, there is no file, or not one is usable.
+        RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or not one is usable.
     """
-    refuse_unlike_load(params)
+    refuse_unlike_load(params.ingest)
     ingested = ingest_folder(source_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE)
+    write_json(INGESTED_FILE, params.ingest.model_dump(include={"source", "truth", "load"}))
     tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(
         name="ingest",
         params=flat(params.ingest),
         metrics=_metrics(ingested),
-        artifacts=artifacts(QUARANTINE_FILE),
+        artifacts=artifacts(QUARANTINE_FILE, INGESTED_FILE),
         datasets={"recordings": hash_of(RECORDINGS_FOLDER)},
     )
 
 
-def refuse_unlike_load(params: Params) -> None:
+def refuse_unlike_load(settings: IngestParams) -> None:
     """Refuse what the stage ``label`` would refuse after all files were read.
 
     Raises:
         RecordingError: A load cell is mapped that the label does not take, or the label takes one that is not mapped.
     """
-    mapped, load = LOAD_FORCE in params.ingest.channels, params.label.load
+    mapped, load = LOAD_FORCE in settings.channels, settings.load
     if mapped and load != "measured":
         raise RecordingError(
-            f"label.load is {load}, but ingest.channels maps a load cell ({LOAD_FORCE!r}); set label.load to measured, "
-            "or leave its channel out of the mapping"
+            f"ingest.load is {load}, but ingest.channels maps a load cell ({LOAD_FORCE!r}); set ingest.load to "
+            "measured, or leave its channel out of the mapping"
         )
     if load == "measured" and not mapped:
         raise RecordingError(
-            f"label.load is measured, but ingest.channels has no {LOAD_FORCE!r}; map the load cell's channel to it, or "
-            "set label.load to none or position"
+            f"ingest.load is measured, but ingest.channels has no {LOAD_FORCE!r}; map the load cell's channel to it, "
+            "or set ingest.load to none or position"
         )
 
 
@@ -71,7 +76,7 @@ def recipe_from(params: Params, folder: Path) -> Recipe:
     settings = params.ingest
     table = None if settings.name_table is None else folder / settings.name_table
     names = NameRules(settings.name_pattern, table)
-    return Recipe.from_settings(settings.model_dump(), names, cylinder_from(params.cylinder), params.label.load)
+    return Recipe.from_settings(settings.model_dump(), names, cylinder_from(params.cylinder), settings.load)
 
 
 def _metrics(ingested: Ingested) -> dict[str, float]:

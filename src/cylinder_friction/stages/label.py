@@ -1,4 +1,4 @@
-"""Stage ``label``: friction from the equation of motion, usable rows, splits, and the audit of labels against truth."""
+"""Stage ``label``: friction from the equation of motion, usable rows, and the audit of labels against truth."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from cylinder_friction.labelling.audit import Audit, AuditRow
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.recordings.files import whole_folder, write_json, write_text
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.splits import split_sessions
+from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
 from cylinder_friction.recordings.truth import read_truth
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages._stage import (
+    AUDIT_FILE,
     AUDIT_FOLDER,
-    PROCESSED_FOLDERS,
+    FILTERS_FILE,
+    INGESTED_FILE,
+    LABELLED_FOLDER,
     SIGNALS_FOLDER,
     artifacts,
     cylinder_from,
     flat,
-    hash_of,
 )
-from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,57 +37,46 @@ if TYPE_CHECKING:
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import LabelParams
+    from cylinder_friction.recordings.checks.limits import LoadMode
     from cylinder_friction.recordings.recording import Recording, RecordingMetadata
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 IDENTIFIED_FILE = Path("data/processed/identified.json")
 """Load and moving mass of each session."""
 
-NOTHING_IDENTIFIED = "the load is not asked of position, and the moving mass is given, so nothing was identified"
+NOTHING_IDENTIFIED = "the load does not depend on position, and the moving mass is given, so nothing was identified"
 
 NO_TRUTH = "true friction of no recording is known, so labels cannot be audited"
 
 
 def run(params: Params) -> RunRecord:
-    """Read ``data/interim/signals``, writes ``data/processed/{train,validation,test,audit}`` and ``identified.json``.
+    """Read ``data/interim/signals``, write ``data/processed/{labelled,audit}`` and ``identified.json``.
+
+    Which filter smoothed the signals, where truth lies and what the rod worked against stand beside the signals.
 
     Raises:
-        RecordingError: A test has too few sessions to split, truth does not belong to its recording, or a session does
-            not tell the load that it is asked.
+        RecordingError: Truth does not belong to its recording, or a session does not determine the load that is asked
+            of it.
     """
     settings = params.label
-    filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
-    labeller = labeller_from(params)
+    ingested, filtering = read_json(INGESTED_FILE), read_json(FILTERS_FILE)
+    method = filtering.pop("method")
+    filters = filters_by_method(**filtering)
+    labeller = labeller_from(params, ingested["load"])
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
-    refuse_unknown_condition(params.lugre.condition, [entry.condition for entry in metadata])
-    split = split_sessions(metadata, **settings.split.model_dump())
-    identified = identify_sessions(metadata, labeller, filters[params.filter.method])
+    names = [entry.name for entry in metadata]
+    identified = identify_sessions(metadata, labeller, filters[method])
     write_identified(identified)
-    metrics: dict[str, float] = {}
-    for role, names in split.items():
-        metrics |= write_labelled(role, names, labeller, filters[params.filter.method], identified)
-    audit, audited = audit_labels([entry.name for entry in metadata], params, labeller, filters, identified)
+    metrics = write_labelled(names, labeller, filters[method], identified)
+    audit, audited = audit_labels(names, ingested["truth"], settings.event_window_s, labeller, filters, identified)
     write_audit(audit)
     return RunRecord(
         name="label",
-        params=flat(settings) | {"filter": params.filter.method},
+        params=flat(settings) | {"filter": method, "load": ingested["load"]},
         metrics=metrics | {"audited_recordings": float(audited)} | _audit_metrics(audit),
         artifacts=artifacts(AUDIT_FOLDER, IDENTIFIED_FILE),
-        datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
+        datasets={"labelled": hash_of(LABELLED_FOLDER)},
     )
-
-
-def refuse_unknown_condition(lugre_condition: str, conditions: Sequence[str]) -> None:
-    """Refuse ``lugre.condition`` here already: the stage that needs it comes after hours of search and training.
-
-    Raises:
-        RecordingError: No recording is of that test.
-    """
-    if lugre_condition not in conditions:
-        raise RecordingError(
-            f"lugre.condition is {lugre_condition!r}, but the recordings are of conditions {sorted(set(conditions))}; "
-            "name the one without load: LuGre is identified on it"
-        )
 
 
 def stiffness_from(settings: LabelParams) -> Stiffness:
@@ -101,14 +90,14 @@ def stiffness_from(settings: LabelParams) -> Stiffness:
     )
 
 
-def labeller_from(params: Params) -> Labeller:
-    """Return how labels are made, from the configuration."""
+def labeller_from(params: Params, load: LoadMode) -> Labeller:
+    """Return how labels are made, from the configuration and what the rod works against."""
     settings = params.label
     return Labeller(
         cylinder_from(params.cylinder),
         stiffness_from(settings),
         settings.end_stop_margin_m,
-        settings.load,
+        load,
         settings.inertia,
         LoadPlan(**settings.identify.model_dump()),
     )
@@ -119,7 +108,7 @@ def identify_sessions(
 ) -> dict[str, SessionIdentification]:
     """Return load and mass of each session; nothing where neither is to be identified.
 
-    A session is whole in one role, so no held-out recording contributes to a training label.
+    Sessions are split whole, so no held-out recording contributes to a training label.
 
     Raises:
         RecordingError: A session does not determine its load.
@@ -132,43 +121,39 @@ def identify_sessions(
 
 
 def write_identified(identified: Mapping[str, SessionIdentification]) -> None:
-    """Write what was identified, one entry a session; names carry their units, ``_interval`` is a pair."""
+    """Write what was identified, one entry per session; names carry their units, ``_interval`` is a pair."""
     content: dict[str, Any] = {session: each.to_dict() for session, each in identified.items()}
     write_json(IDENTIFIED_FILE, content or {"note": NOTHING_IDENTIFIED})
 
 
 def write_labelled(
-    role: str,
     names: Sequence[str],
     labeller: Labeller,
     used_filter: SignalFilter,
     identified: Mapping[str, SessionIdentification],
 ) -> dict[str, float]:
-    """Write one role's recordings with their labels; returns how many recordings, rows and usable rows."""
+    """Write the recordings with their labels; return how many recordings, rows and usable rows."""
     rows, usable = 0, 0
-    with whole_folder(PROCESSED_FOLDERS[role]) as folder:
-        for recording in _filtered(names, f"label {role}"):
+    with whole_folder(LABELLED_FOLDER) as folder:
+        for recording in _filtered(names, "label"):
             labelled = labeller.labelled(recording, used_filter, identified.get(recording.metadata.session))
             write_recording(folder, labelled)
             rows, usable = rows + len(labelled), usable + int(labelled.usable().sum())
-    return {
-        f"{role}.recordings": float(len(names)),
-        f"{role}.rows": float(rows),
-        f"{role}.usable_rows": float(usable),
-    }
+    return {"recordings": float(len(names)), "rows": float(rows), "usable_rows": float(usable)}
 
 
 def audit_labels(
     names: Sequence[str],
-    params: Params,
+    truth_folder: str,
+    event_window_s: float,
     labeller: Labeller,
     filters: Mapping[str, SignalFilter],
     identified: Mapping[str, SessionIdentification],
 ) -> tuple[list[AuditRow], int]:
-    """Return the audit of every filter and the number of recordings whose truth is known."""
-    folder = Path(params.ingest.truth)
-    known = [name for name in names if params.ingest.truth and (folder / f"{name}.parquet").is_file()]
-    audit = Audit(params.label.event_window_s)
+    """Return the audit of every filter and the number of recordings whose truth is known, below ``truth_folder``."""
+    folder = Path(truth_folder)
+    known = [name for name in names if truth_folder and (folder / f"{name}.parquet").is_file()]
+    audit = Audit(event_window_s)
     for recording in _filtered(known, "audit labels"):
         truth = read_truth(folder, recording)
         assert truth is not None
@@ -177,7 +162,7 @@ def audit_labels(
 
 
 def write_audit(rows: Sequence[AuditRow]) -> None:
-    """Write ``audit.json``, nested by filter, test and stratum, and ``audit.csv``, one line a row."""
+    """Write ``audit.json``, nested by filter, condition and stratum, and ``audit.csv``, one line per entry."""
     nested: dict[str, Any] = {} if rows else {"note": NO_TRUTH}
     for row in rows:
         content = row.to_dict()
@@ -188,7 +173,7 @@ def write_audit(rows: Sequence[AuditRow]) -> None:
     writer.writeheader()
     writer.writerows(row.to_dict() for row in rows)
     with whole_folder(AUDIT_FOLDER) as folder:
-        write_json(folder / "audit.json", nested)
+        write_json(folder / AUDIT_FILE.name, nested)
         write_text(folder / "audit.csv", text.getvalue())
 
 

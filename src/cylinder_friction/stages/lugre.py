@@ -1,4 +1,4 @@
-"""Stage ``lugre``: identifies LuGre, plain and pressure-scaled, on one test's training recordings alone."""
+"""Stage ``lugre``: LuGre, plain and pressure-scaled, identified on the training recordings of one condition alone."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
-from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths
-from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, cylinder_from, flat, hash_of
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, cylinder_from, flat
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,10 +23,10 @@ STRIBECK_FILE = "stribeck_points.json"
 
 
 def run(params: Params) -> RunRecord:
-    """Read ``data/processed/train``, writes ``models/lugre`` with one folder an estimator and the Stribeck points.
+    """Read ``data/processed/train``, write ``models/lugre`` with one folder per estimator and the Stribeck points.
 
     Raises:
-        RecordingError: No training recording is of the test that ``lugre.condition`` names.
+        RecordingError: No training recording is of the condition that ``lugre.condition`` names.
     """
     paths = paths_of_condition(PROCESSED_FOLDERS["train"], params.lugre.condition)
     recordings = [read_recording(path) for path in paths]
@@ -59,7 +59,7 @@ KINDS = (LugreEstimator, PressureLugreEstimator)
 
 
 def paths_of_condition(folder: Path, condition: str) -> list[Path]:
-    """Return the recordings of one test in a folder, sorted by name; raises ``RecordingError`` if there is none."""
+    """Return the recordings of one condition in a folder, sorted; raises ``RecordingError`` if there is none."""
     conditions = {path: read_metadata(path).condition for path in recording_paths(folder)}
     chosen = [path for path, its_condition in conditions.items() if its_condition == condition]
     if not chosen:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from cylinder_friction.recordings.files import whole_folder, write_text
+from cylinder_friction.recordings.files import hash_of, whole_folder, write_text
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.rig.sensors import DECIMALS
-from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat, hash_of
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,7 +26,7 @@ EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_condition is 0.
 
 
 def run(params: Params) -> RunRecord:
-    """Write ``data/raw/rig`` (CSV: s, bar, bar, mm, °C) and ``data/raw/rig_truth`` (Parquet, SI): a file a recording.
+    """Write ``data/raw/rig`` (CSV: s, bar, bar, mm, °C) and ``data/raw/rig_truth`` (Parquet, SI), file by file.
 
     With ``record.sessions_per_condition`` 0, when one's own recordings are used, both folders hold a note alone.
 

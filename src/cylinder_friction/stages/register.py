@@ -10,36 +10,35 @@ import numpy as np
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.metrics import errors
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
+    INGESTED_FILE,
+    METRICS_FILE,
     PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
     REGISTERED_FILE,
-    REPORTS_FOLDER,
     artifacts,
     flat,
-    hash_of,
 )
 from cylinder_friction.tracking.errors import TrackingError
-from cylinder_friction.tracking.run_record import RunRecord
 from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
 
-METRICS_FILE = REPORTS_FOLDER / "metrics.json"
 EXAMPLE_ROWS = 5
 _FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
 
 def run(params: Params) -> RunRecord:
-    """Register the candidate and writes ``models/registered.json``: the decision and what it was made on.
+    """Register the candidate and write ``models/registered.json``: the decision and what it was made on.
 
     Raises:
         TrackingError: The registry cannot be reached: without it nobody knows the incumbent, so nothing is decided.
-        LineageError: ``dvc.lock`` does not say which data the candidate was made from.
+        LineageError: ``dvc.lock`` does not state which data the candidate was made from.
     """
     from cylinder_friction.tracking.candidate import Candidate
     from cylinder_friction.tracking.registry import register
@@ -47,7 +46,9 @@ def run(params: Params) -> RunRecord:
     settings = params.register_
     folder = _FOLDERS[settings.candidate]
     test_folder = PROCESSED_FOLDERS["test"]
-    origin = origin_of(Path(), params.ingest.source, [path.as_posix() for path in PROCESSED_FOLDERS.values()])
+    origin = origin_of(
+        Path(), read_json(INGESTED_FILE)["source"], [path.as_posix() for path in PROCESSED_FOLDERS.values()]
+    )
     candidate = Candidate(
         model_name=settings.model_name,
         folder=folder.as_posix(),
@@ -71,7 +72,7 @@ def run(params: Params) -> RunRecord:
 
 
 def measured_errors(folder: Path) -> dict[str, float]:
-    """Return the error a test [percent of mean |label|] of the estimator in ``folder`` on the held-out recordings."""
+    """Return the error by condition [percent of mean |label|] of a saved estimator on the held-out recordings."""
     estimator = load_estimator(folder)
     labels: dict[str, list[np.ndarray]] = {}
     estimates: dict[str, list[np.ndarray]] = {}
@@ -88,7 +89,7 @@ def measured_errors(folder: Path) -> dict[str, float]:
 
 
 def _reported_errors(candidate: str) -> dict[str, float]:
-    """Return the candidate's error a test from the comparison's report."""
+    """Return the candidate's error by condition from the comparison's report."""
     report = read_json(METRICS_FILE)
     if candidate not in report:
         raise TrackingError(
@@ -101,6 +102,6 @@ def _example(folder: Path) -> dict[str, list[float]]:
     """Return the first rows of the first held-out recording, by column."""
     paths = recording_paths(folder)
     if not paths:
-        raise TrackingError(f"{folder}: holds no held-out recording; run the label stage")
+        raise TrackingError(f"{folder}: holds no held-out recording; run the split stage")
     first = read_recording(paths[0])
     return {column: first.column(column)[:EXAMPLE_ROWS].tolist() for column in SAMPLE_COLUMNS}

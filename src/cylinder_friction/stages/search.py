@@ -1,4 +1,4 @@
-"""Stage ``search``: looks for the hybrid's best hyperparameters on the validation recordings."""
+"""Stage ``search``: the hybrid's best hyperparameters, by their error on the validation recordings."""
 
 from __future__ import annotations
 
@@ -8,24 +8,22 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from cylinder_friction.estimators.front_end import feature_count
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
-from cylinder_friction.estimators.training_plan import Architecture
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
-from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.reporting.search_figures import write_search_page
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
+    BEST_FILE,
     PROCESSED_FOLDERS,
     SEARCH_FOLDER,
+    SPACE_FILE,
     artifacts,
     cylinder_from,
     flat,
-    hash_of,
-    resume_folder,
 )
-from cylinder_friction.stages._training import device_from, training_plan
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.stages._training import RESUMED_CODE, hybrid_from, resume_folder
 from cylinder_friction.tuning.search import SearchPlan, SearchSpace, Trial, best_trial, run_search
 
 if TYPE_CHECKING:
@@ -33,35 +31,22 @@ if TYPE_CHECKING:
     from cylinder_friction.params.learning import SearchParams
     from cylinder_friction.tuning.search import Report, Value
 
-BEST_FILE = SEARCH_FOLDER / "best.json"
+SEARCHED_CODE = ("cylinder_friction.tuning.search", "cylinder_friction.evaluation.validation", *RESUMED_CODE)
 
 
 def run(params: Params) -> RunRecord:
-    """Read the training and validation recordings, writes the trials, the best parameters and the plots."""
+    """Read the training and validation recordings, write the trials, the best parameters and the plots."""
     settings = params.search
     train = read_recordings(PROCESSED_FOLDERS["train"])
     validation = read_recordings(PROCESSED_FOLDERS["validation"])
     cylinder = cylinder_from(params.cylinder)
     datasets = {role: hash_of(PROCESSED_FOLDERS[role]) for role in ("train", "validation")}
-    journal = resume_folder("search", settings, params.cylinder, datasets) / "trials.json"
+    journal = resume_folder("search", SEARCHED_CODE, settings, params.cylinder, datasets) / "trials.json"
     epochs = settings.training.epochs
-    bar = tqdm(total=settings.trials * epochs, desc="search", unit="epoch")
+    bar = tqdm(total=settings.trials * epochs, desc="search", unit="epoch", disable=None)
 
     def objective(values: dict[str, Value], report: Report) -> float:
-        estimator = HybridEstimator(
-            cylinder,
-            settings.hybrid,
-            Architecture(int(values["layers"]), int(values["nodes"]), values["dropout"], values["learning_rate"]),
-            training_plan(settings.training),
-            ForestPlan(
-                int(values["forest_trees"]),
-                int(values["forest_depth"]),
-                settings.training.forest_rows,
-                settings.training.forest_leaf,
-            ),
-            settings.seed,
-            device_from(params.train.device),
-        )
+        estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, settings.seed, settings.device)
 
         def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
             bar.update(1)
@@ -83,7 +68,8 @@ def run(params: Params) -> RunRecord:
     best = best_trial(trials)
     with whole_folder(SEARCH_FOLDER) as folder:
         write_json(folder / "trials.json", [asdict(trial) for trial in trials])
-        write_json(folder / "best.json", {"hybrid": settings.hybrid, **best.params})
+        write_json(folder / BEST_FILE.name, {"design": settings.hybrid, **best.params})
+        write_json(folder / SPACE_FILE.name, settings.space.model_dump())
         write_search_page(trials, space, plan, folder / "search.html")
     return RunRecord(
         name="search",

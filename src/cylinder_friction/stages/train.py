@@ -2,42 +2,41 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
 from cylinder_friction.estimators.checkpoint import Checkpoint
 from cylinder_friction.estimators.forest_alone import ForestEstimator
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
-from cylinder_friction.params.learning import HybridParams, TrainingParams
 from cylinder_friction.realtime.guard import largest_friction_n
-from cylinder_friction.recordings.files import read_json, whole_folder, write_json
+from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
 from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
     BASELINES_FOLDER,
+    BEST_FILE,
+    CHOSEN_FILE,
     HYBRID_FOLDER,
     PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
     artifacts,
     cylinder_from,
     flat,
-    hash_of,
-    resume_folder,
 )
-from cylinder_friction.stages._training import architecture_of, device_from, forest_plan, training_plan
-from cylinder_friction.stages.search import BEST_FILE
-from cylinder_friction.tracking.run_record import RunRecord
+from cylinder_friction.stages._training import RESUMED_CODE, forest_plan, hybrid_from, resume_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.front_end import Design
+    from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.estimators.training_plan import LearningCurve
     from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.learning import TrainingParams, TrainParams
     from cylinder_friction.recordings.recording import Recording
 
 RIDGE_LAGS = 20
@@ -46,14 +45,16 @@ REAL_TIME_BASELINES = ("random_forest", "lstm", "paper_lstm")
 
 
 def run(params: Params) -> RunRecord:
-    """Read the training and validation recordings and the best parameters, writes every learnt estimator."""
+    """Read the training and validation recordings and the best hyperparameters, write every trained estimator."""
     train = read_recordings(PROCESSED_FOLDERS["train"])
     validation = read_recordings(PROCESSED_FOLDERS["validation"])
     datasets = {role: hash_of(PROCESSED_FOLDERS[role]) for role in ("train", "validation")}
     settings = params.train
-    design, chosen = chosen_hybrid(params)
+    design, chosen = chosen_hybrid(settings)
     hybrid = _trained(params, design, chosen, settings.training, train, validation, datasets)
-    paper = _trained(params, "paper", settings.paper_hybrid, settings.paper_training, train, validation, datasets)
+    paper = _trained(
+        params, "paper", settings.paper_hybrid.model_dump(), settings.paper_training, train, validation, datasets
+    )
     baselines = _baselines(params, train) | {"lstm": hybrid.without_forest(), "paper_lstm": paper.without_forest()}
     for name in REAL_TIME_BASELINES:
         baselines[name].calibrate(largest_friction_n(train), validation)
@@ -62,13 +63,15 @@ def run(params: Params) -> RunRecord:
             estimator.save(draft)
             _write_curve(draft / "learning_curve.json", estimator.learning_curve)
             write_json(draft / "training_data.json", _sources(train, validation))
+            if estimator is hybrid:
+                write_json(draft / CHOSEN_FILE.name, chosen)
     with whole_folder(BASELINES_FOLDER) as draft:
         for name, baseline in baselines.items():
             baseline.save(draft / name)
     named: dict[str, FrictionEstimator] = {"hybrid": hybrid, "paper_hybrid": paper, **baselines}
     return RunRecord(
         name="train",
-        params=flat(settings) | flat(chosen, "chosen."),
+        params=flat(settings) | {f"chosen.{key}": value for key, value in chosen.items()},
         metrics={f"{name}_validation_mae_n": mean_absolute_error_n(each, validation) for name, each in named.items()}
         | {f"{name}_multiply_adds": float(each.multiply_adds()) for name, each in named.items()},
         curves={
@@ -81,36 +84,28 @@ def run(params: Params) -> RunRecord:
     )
 
 
-def chosen_hybrid(params: Params) -> tuple[Design, HybridParams]:
-    """Return the design and hyperparameters to train: the search's best, or those in ``train.hybrid``."""
-    if not params.train.use_search:
-        return params.search.hybrid, params.train.hybrid
-    best = read_json(BEST_FILE)
-    return best.pop("hybrid"), HybridParams(**best)
+def chosen_hybrid(settings: TrainParams) -> tuple[Design, dict[str, Any]]:
+    """Return the design and the hyperparameters to train: the best of the search, or those of ``train.hybrid``."""
+    if not settings.use_search:
+        return settings.design, settings.hybrid.model_dump()
+    best: dict[str, Any] = read_json(BEST_FILE)
+    return best.pop("design"), best
 
 
 def _trained(
     params: Params,
     design: Design,
-    chosen: HybridParams,
+    chosen: Mapping[str, Any],
     training: TrainingParams,
     train: Sequence[Recording],
     validation: Sequence[Recording],
     datasets: dict[str, str],
 ) -> HybridEstimator:
-    estimator = HybridEstimator(
-        cylinder_from(params.cylinder),
-        design,
-        architecture_of(chosen),
-        training_plan(training),
-        forest_plan(chosen, training),
-        params.train.seed,
-        device_from(params.train.device),
-    )
-    folder = resume_folder(
-        "train", params.cylinder, chosen, training, datasets, {"design": design, "seed": params.train.seed}
-    )
-    with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch") as bar:
+    settings = params.train
+    estimator = hybrid_from(cylinder_from(params.cylinder), design, chosen, training, settings.seed, settings.device)
+    own = {"design": design, "seed": settings.seed}
+    folder = resume_folder("train", RESUMED_CODE, params.cylinder, chosen, training, datasets, own)
+    with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch", disable=None) as bar:
 
         def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:
             bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
@@ -122,7 +117,7 @@ def _trained(
 
 def _baselines(params: Params, train: Sequence[Recording]) -> dict[str, FrictionEstimator]:
     cylinder = cylinder_from(params.cylinder)
-    trees = forest_plan(params.train.paper_hybrid, params.train.paper_training)
+    trees = forest_plan(params.train.paper_hybrid.model_dump(), params.train.paper_training)
     baselines: dict[str, FrictionEstimator] = {
         "force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none"),
         "force_balance_paper": ForceBalanceEstimator(cylinder, "paper"),
@@ -130,7 +125,7 @@ def _baselines(params: Params, train: Sequence[Recording]) -> dict[str, Friction
         "ridge": RidgeEstimator(RIDGE_LAGS),
         "random_forest": ForestEstimator(cylinder, trees, params.train.seed),
     }
-    for estimator in tqdm(baselines.values(), desc="train baselines", unit="estimator"):
+    for estimator in tqdm(baselines.values(), desc="train baselines", unit="estimator", disable=None):
         estimator.fit(train)
     return baselines
 
@@ -148,7 +143,7 @@ def _write_curve(path: Path, curve: LearningCurve) -> None:
 
 
 def _sources(train: Sequence[Recording], validation: Sequence[Recording]) -> dict[str, dict[str, str]]:
-    """Return the hash of every source file that was learnt from or listened to."""
+    """Return the hash of every source file used for training and validation."""
     return {
         role: {recording.name: recording.metadata.source_sha256 for recording in recordings}
         for role, recordings in (("train", train), ("validation", validation))

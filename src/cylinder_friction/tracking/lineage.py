@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from mlflow.exceptions import MlflowException
 
-from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.data_versions import where_data_lies
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import (

@@ -22,7 +22,7 @@ from mlflow.utils.mlflow_tags import (
     MLFLOW_USER,
 )
 
-from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.repository import Commit, commit_of
 from cylinder_friction.tracking.resources import resource_metrics
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from cylinder_friction.tracking.run_record import RunRecord
+    from cylinder_friction.run_record import RunRecord
 
 KEY_TAG = "record_key"
 """Content key of a top-level run's record: how a run is recognised."""

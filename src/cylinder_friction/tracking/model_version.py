@@ -15,12 +15,12 @@ from mlflow.entities.logged_model_status import LoggedModelStatus
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 
-from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.model_folder import save_model_folder
 from cylinder_friction.tracking.repository import commit_of
-from cylinder_friction.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
     from mlflow.entities.model_registry import ModelVersion

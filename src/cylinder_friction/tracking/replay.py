@@ -6,17 +6,16 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cylinder_friction.run_record import STAGES, RunRecord
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import find_run, log_in
 from cylinder_friction.tracking.registry import register_again
-from cylinder_friction.tracking.run_record import RunRecord
 from cylinder_friction.tracking.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 RUNS_FOLDER = "reports/runs"
-PIPELINE_ORDER = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
 
 
 @dataclass(frozen=True)
@@ -71,5 +70,4 @@ def replay(root: Path) -> Replayed:
 
 
 def _place(path: Path) -> tuple[int, str]:
-    known = path.stem in PIPELINE_ORDER
-    return (PIPELINE_ORDER.index(path.stem) if known else len(PIPELINE_ORDER), path.stem)
+    return (STAGES.index(path.stem) if path.stem in STAGES else len(STAGES), path.stem)

@@ -15,7 +15,7 @@ from mlflow.entities import Metric
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cylinder_friction.tracking.run_record import RunRecord
+    from cylinder_friction.run_record import RunRecord
 
 RESOURCES_FOLDER = Path(".cylinder-friction/resources")
 """One ``<stage>.json`` each; it differs with every run and machine, so DVC does not track it."""

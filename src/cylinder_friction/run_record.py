@@ -9,6 +9,9 @@ from typing import Any, Self
 
 Scalar = str | int | float | bool
 
+STAGES = ("record", "ingest", "filter", "label", "split", "search", "train", "lugre", "compare", "register")
+"""The stages of the pipeline, in its order."""
+
 
 @dataclass(frozen=True)
 class RunRecord:

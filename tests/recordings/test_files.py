@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.tracking.content import hash_of
+from cylinder_friction.recordings.files import hash_of
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,0 +1,69 @@
+"""What ``dvc.yaml`` says about each stage: the code that it uses, its own parameters, and nothing else."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from cylinder_friction.run_record import STAGES
+
+PROJECT = Path(__file__).parents[2]
+TEXT = (PROJECT / "dvc.yaml").read_text(encoding="utf-8")
+PIPELINE = yaml.safe_load(TEXT)["stages"]
+
+sys.path.append(str(PROJECT / "tools"))
+import stage_dependencies  # noqa: E402
+
+
+def test_every_stage_depends_on_the_code_that_it_uses_and_on_no_other() -> None:
+    assert not stage_dependencies.differences(TEXT), "run `make stages`"
+    assert stage_dependencies.rewritten(TEXT) == TEXT
+
+
+@pytest.mark.parametrize(
+    ("stage", "used", "not_used"),
+    [
+        ("train", "estimators/hybrid.py", "reporting/search_figures.py"),
+        ("ingest", "recordings/formats/delimited.py", "signals/zero_phase.py"),
+        ("label", "signals/methods.py", "recordings/splits.py"),
+        ("split", "recordings/splits.py", "labelling/label.py"),
+        ("record", "rig/simulate.py", "tracking/log_run.py"),
+    ],
+)
+def test_the_derivation_is_neither_blind_nor_greedy(stage: str, used: str, not_used: str) -> None:
+    code = [entry.removeprefix("src/cylinder_friction/") for entry in stage_dependencies.code_of(stage)]
+    assert any(used == entry or used.startswith(f"{entry}/") for entry in code)
+    assert not any(not_used == entry or not_used.startswith(f"{entry}/") for entry in code)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_no_stage_depends_on_the_benchmark_the_commands_or_what_only_logs(stage: str) -> None:
+    code = " ".join(stage_dependencies.code_of(stage))
+    unwanted = ["friction_benchmark", "cylinder_friction/commands", "deployment/fmu", "deployment/latency", "stages/_run"]
+    if stage != "register":
+        unwanted.append("tracking")
+    assert not [name for name in unwanted if name in code]
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_takes_its_own_parameters_and_the_cylinder_alone(stage: str) -> None:
+    assert set(PIPELINE[stage]["params"]) <= {stage, "cylinder"}
+
+
+def test_one_name_four_times() -> None:
+    assert tuple(PIPELINE) == STAGES
+    for stage in STAGES:
+        assert PIPELINE[stage]["cmd"] == f"cylinder-friction stage {stage}"
+        assert (PROJECT / "src/cylinder_friction/stages" / f"{stage}.py").is_file()
+        assert (PROJECT / "conf" / stage).is_dir()
+        assert stage in yaml.safe_load((PROJECT / "params.yaml").read_text(encoding="utf-8"))
+
+
+def test_no_stage_that_makes_an_estimator_reads_truth_or_test_recordings() -> None:
+    for stage in ("ingest", "filter", "search", "train", "lugre"):
+        read = " ".join(PIPELINE[stage]["deps"])
+        assert "truth" not in read.replace("recordings/truth.py", "")
+        assert "processed/test" not in read
