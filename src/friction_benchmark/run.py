@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import SOURCE, code_key, used_files
-from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.stages._stage import artifacts, cylinder_from, flat, hash_of
+from cylinder_friction.stages._stage import artifacts, cylinder_from, flat
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.repository import repository_root

@@ -11,14 +11,13 @@ import pytest
 import yaml
 
 from cylinder_friction.recordings.files import hash_of
-from pipeline_workspace import PROJECT, commit, copy_of, new_repository, run
+from cylinder_friction.run_record import STAGES
+from pipeline_workspace import commit, copy_of, new_repository, run
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
-
-STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare", "register")
 
 
 def client_of(folder: Path) -> mlflow.MlflowClient:
@@ -33,15 +32,6 @@ def runs_of(folder: Path, name: str = "cylinder-friction") -> list[mlflow.entiti
 
 def metrics_of(folder: Path) -> str:
     return (folder / "reports/metrics.json").read_text(encoding="utf-8")
-
-
-def test_one_name_four_times() -> None:
-    stages = list(yaml.safe_load((PROJECT / "dvc.yaml").read_text())["stages"])
-    assert stages == list(STAGES)
-    for stage in stages:
-        assert (PROJECT / "src/cylinder_friction/stages" / f"{stage}.py").is_file()
-        assert (PROJECT / "conf" / stage).is_dir()
-        assert stage in yaml.safe_load((PROJECT / "params.yaml").read_text())
 
 
 def test_a_second_repro_runs_nothing(finished_pipeline: Path) -> None:
@@ -70,14 +60,6 @@ def test_every_estimator_is_scored_in_every_test_against_label_and_truth(finishe
         for numbers in metrics[name].values():
             assert 0.0 < numbers["label_percent"] < 200.0
             assert 0.0 < numbers["truth_percent"] < 200.0
-
-
-def test_no_estimator_stage_reads_truth_or_test_recordings() -> None:
-    stages = yaml.safe_load((PROJECT / "dvc.yaml").read_text())["stages"]
-    for stage in ("ingest", "filter", "search", "train", "lugre"):
-        read = " ".join(stages[stage]["deps"])
-        assert "truth" not in read
-        assert "processed/test" not in read
 
 
 def test_nothing_that_is_stored_is_a_pickle(finished_pipeline: Path) -> None:

@@ -51,7 +51,7 @@ def test_a_refused_candidate_is_a_version_that_says_why(pipeline: Path) -> None:
     first, second = versions(pipeline)
     assert champion(pipeline) == str(first.version)
     assert second.tags["gate_decision"] == "refused"
-    assert "worse in test 2: 2.500 % against 2.000 %" in second.tags["gate_reason"]
+    assert "worse in condition 2: 2.500 % against 2.000 %" in second.tags["gate_reason"]
     assert second.description == second.tags["gate_reason"]
     assert "promoted_to" not in second.tags
 

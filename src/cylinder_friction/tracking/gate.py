@@ -21,14 +21,14 @@ class Decision:
 def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None, tolerance_percent: float) -> Decision:
     """Decide whether a candidate is promoted.
 
-    A candidate is promoted when there is no incumbent, or when it is better overall (mean over the tests) and in
-    no single test worse. A regression in one test refuses it however good the mean: a controller works in one
+    A candidate is promoted when there is no incumbent, or when it is better overall (mean over the conditions) and in
+    no single one worse. A regression in one refuses it however good the mean: a controller works in one
     operating condition at a time, not in their average.
 
     Args:
         candidate: Error a test [percent of mean |friction|], measured on the held-out recordings.
         incumbent: The same of the model in use, on the same recordings; None where there is none.
-        tolerance_percent: How many percentage points worse in one test still count as not worse.
+        tolerance_percent: How many percentage points worse in one condition still count as not worse.
 
     Raises:
         ValueError: The tolerance is negative or not finite.
@@ -58,12 +58,12 @@ def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None
             f"refused: worse in {'; '.join(worse)} (tolerance {tolerance_percent:g} percentage points), "
             f"although better overall, {means}",
         )
-    return Decision(True, f"promoted: better overall and in no test worse, {means}")
+    return Decision(True, f"promoted: better overall and in no condition worse, {means}")
 
 
 def _unusable(who: str, errors: Mapping[str, float]) -> str | None:
     if not errors:
-        return f"refused: the {who} has no figure of any test; run the compare stage"
+        return f"refused: the {who} has no error in any condition; run the compare stage"
     for condition in sorted(errors):
         if not (math.isfinite(errors[condition]) and errors[condition] >= 0.0):
             return (
@@ -79,7 +79,7 @@ def _uncompared(candidate: Mapping[str, float], incumbent: Mapping[str, float]) 
         ("incumbent", sorted(set(candidate) - set(incumbent))),
     ):
         if missing:
-            return f"refused: the {who} has no figure of condition {', '.join(missing)}; both need the same tests"
+            return f"refused: the {who} has no error in condition {', '.join(missing)}; both need the same conditions"
     return None
 
 
