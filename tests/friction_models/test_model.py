@@ -1,4 +1,4 @@
-"""Laws that every friction model obeys, and those of one model alone."""
+"""The contract of every friction model in the catalogue, and what holds for one model alone."""
 
 from __future__ import annotations
 
@@ -41,6 +41,23 @@ def test_numbers_stand_in_the_order_of_their_specs(name: str) -> None:
     assert specs[-2:] == ["retract_ratio", "pressure_slope_n_pa"]
     if name != "dahl":
         assert specs[:5] == [field.name for field in fields(StribeckCurve)][:5]
+
+
+def test_every_model_of_the_catalogue_is_under_contract() -> None:
+    assert set(MODELS) == {*NAMES, *(f"pressure_{name}" for name in NAMES)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_below_zero_gauge_pressure_relieves_the_seal_no_further(name: str) -> None:
+    """A noisy sensor on an open port reads below zero; dry friction is then that of zero pressure, never less."""
+    model, values = model_named(f"pressure_{name}"), replace(SIDED[name], pressure_slope_n_pa=1e-3).packed()
+    path = np.concatenate([np.full(50, 0.02), np.zeros(10), np.full(50, -0.02), np.full(20, 1e-4)])
+
+    def at(pressure_pa: float) -> np.ndarray:
+        return model.simulate(values, path, STEP_S, model.new_state(), np.full(len(path), pressure_pa))
+
+    np.testing.assert_array_equal(at(-2e5), at(0.0))
+    assert np.abs(at(2e5) - at(0.0)).max() > 100.0
 
 
 @settings(deadline=None)
