@@ -21,8 +21,8 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.storage import read_recordings
-from friction_benchmark.roster.analytical import ENTRIES
-from friction_benchmark.roster.entry import Making
+from friction_benchmark.registry.analytical import MODELS
+from friction_benchmark.registry.model import BuildConfiguration
 
 ALLOWED = 1.10
 TIMES = 10.0
@@ -49,7 +49,7 @@ def larger(effort: SearchEffort, number: int) -> SearchEffort:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--train", type=Path, default=Path("data/processed/train"))
-    parser.add_argument("--models", nargs="+", default=[entry.name for entry in ENTRIES])
+    parser.add_argument("--models", nargs="+", default=[entry.name for entry in MODELS])
     parser.add_argument("--effort", type=float, default=0.25, help="of the fit; the two-core benchmark takes 0.25")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
@@ -57,10 +57,10 @@ def main() -> int:
     print(f"{len(recordings)} recordings, effort {arguments.effort}; MAE against the label, of mean |label|")
     print("model            fit %   best %   fit s   best s   fit 10^6 samples   best 10^6   budget   fit / best")
     missed = []
-    for entry in ENTRIES:
+    for entry in MODELS:
         if entry.name not in arguments.models:
             continue
-        estimator = entry.make(Making(CYLINDER, SAMPLE_COLUMNS, arguments.seed, arguments.effort, {}))
+        estimator = entry.build(BuildConfiguration(CYLINDER, SAMPLE_COLUMNS, arguments.seed, arguments.effort, {}))
         assert isinstance(estimator, AnalyticalEstimator)
         began = time.perf_counter()
         estimator.fit(recordings)

@@ -26,8 +26,8 @@ from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.rig.campaign import CampaignPlan
 from friction_benchmark.campaigns import labelled_campaign
-from friction_benchmark.roster.entry import Making
-from friction_benchmark.roster.twin import ENTRIES
+from friction_benchmark.registry.learned_gain import MODELS
+from friction_benchmark.registry.model import BuildConfiguration
 from friction_benchmark.twin import TwinPlan, teaching_recordings
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ Piece = tuple["Array", "Array", "Mask"]
 
 def twin_taught(cylinder: Cylinder, rigs: int, effort: float) -> FrictionEstimator:
     """Return the hybrid taught by so many simulated rigs, as the benchmark makes it before any tuning."""
-    entry = next(one for one in ENTRIES if one.teacher == "twin")
-    estimator = entry.make(Making(cylinder, SAMPLE_COLUMNS, 0, effort, entry.first))
+    entry = next(one for one in MODELS if one.teacher == "twin")
+    estimator = entry.build(BuildConfiguration(cylinder, SAMPLE_COLUMNS, 0, effort, entry.defaults))
     estimator.fit([lesson.recording for lesson in teaching_recordings(TwinPlan(rigs=rigs), cylinder)])
     return estimator
 

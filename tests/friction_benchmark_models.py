@@ -15,7 +15,7 @@ from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator, Ri
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
 from friction_benchmark.data import TRUE_FRICTION, TRUE_LOAD, Case, Kind, Sizes, Sources
-from friction_benchmark.roster.entry import Making, Range, RosterEntry, needs_raw_pressures
+from friction_benchmark.registry.model import BuildConfiguration, Range, RegisteredModel, needs_raw_pressures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -123,48 +123,48 @@ class ConstantEstimator(FrictionEstimator):
         return estimator
 
 
-def _low_pass(making: Making) -> FrictionEstimator:
+def _low_pass(making: BuildConfiguration) -> FrictionEstimator:
     return LowPassForceBalanceEstimator(making.cylinder)
 
 
-def _ridge(making: Making) -> FrictionEstimator:
-    return RidgeEstimator(int(making.choice["lags"]), float(making.choice["penalty"]))
+def _ridge(making: BuildConfiguration) -> FrictionEstimator:
+    return RidgeEstimator(int(making.hyperparameters["lags"]), float(making.hyperparameters["penalty"]))
 
 
-def _constant(making: Making) -> FrictionEstimator:
+def _constant(making: BuildConfiguration) -> FrictionEstimator:
     return ConstantEstimator(making.inputs)
 
 
-def _position(making: Making) -> FrictionEstimator:
+def _position(making: BuildConfiguration) -> FrictionEstimator:
     return ConstantEstimator(("position_m",))
 
 
-def _raises(making: Making) -> FrictionEstimator:
+def _raises(making: BuildConfiguration) -> FrictionEstimator:
     return ConstantEstimator(making.inputs, "raises")
 
 
-def _nan(making: Making) -> FrictionEstimator:
+def _nan(making: BuildConfiguration) -> FrictionEstimator:
     return ConstantEstimator(making.inputs, "nan")
 
 
-def dies(making: Making) -> FrictionEstimator:
+def dies(making: BuildConfiguration) -> FrictionEstimator:
     return ConstantEstimator(making.inputs, "dies")
 
 
-ENTRIES = (
-    RosterEntry("low_pass", "Low-pass", "baseline", "own", _low_pass, can=needs_raw_pressures),
-    RosterEntry("hold", "Hold", "baseline", "own", _constant),
-    RosterEntry("constant_by_direction", "Constant", "analytical", "own", _position),
-    RosterEntry(
+MODELS = (
+    RegisteredModel("low_pass", "Low-pass", "baseline", "own", _low_pass, supports=needs_raw_pressures),
+    RegisteredModel("hold", "Hold", "baseline", "own", _constant),
+    RegisteredModel("constant_by_direction", "Constant", "analytical", "own", _position),
+    RegisteredModel(
         "ridge",
         "Ridge",
         "modern",
         "own",
         _ridge,
         space={"lags": Range(2, 20, integer=True), "penalty": Range(1e-2, 1e2, logarithmic=True)},
-        first={"lags": 5, "penalty": 1.0},
-        can=needs_raw_pressures,
+        defaults={"lags": 5, "penalty": 1.0},
+        supports=needs_raw_pressures,
     ),
-    RosterEntry("raises", "Raises", "modern", "own", _raises),
-    RosterEntry("nan", "Nan", "modern", "own", _nan),
+    RegisteredModel("raises", "Raises", "modern", "own", _raises),
+    RegisteredModel("nan", "Nan", "modern", "own", _nan),
 )

@@ -13,8 +13,8 @@ from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UN
 from friction_benchmark.judging import denominators, judged
 from friction_benchmark.pool import Died, Workers
 from friction_benchmark.programme import Programme, problem_of
+from friction_benchmark.registry.listing import registered_models
 from friction_benchmark.results import BenchmarkResults, ModelInfo, TaskResult
-from friction_benchmark.roster import roster
 from friction_benchmark.running import Question, answer_questions, tune_model
 from friction_benchmark.tasks import inputs_of, task_named
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from friction_benchmark.data import Kind
     from friction_benchmark.pool import Work
+    from friction_benchmark.registry.model import RegisteredModel
     from friction_benchmark.results import Entry
-    from friction_benchmark.roster.entry import RosterEntry
     from friction_benchmark.running import Bench, Failures
     from friction_benchmark.scoring import ScoreSettings
     from friction_benchmark.tasks import Task
@@ -81,15 +81,15 @@ def run_benchmark(
     )
 
 
-def _participants(bench: Bench, programme: Programme) -> dict[str, RosterEntry]:
-    known = roster(bench.modules)
+def _participants(bench: Bench, programme: Programme) -> dict[str, RegisteredModel]:
+    known = registered_models(bench.modules)
     for name in programme.models:
         if name not in known:
             raise ValueError(f"no participant {name!r}; expected some of {', '.join(known)}")
     return {name: entry for name, entry in known.items() if name in programme.models or not programme.models}
 
 
-def _simulate(bench: Bench, programme: Programme, entries: Mapping[str, RosterEntry], work: _Work) -> None:
+def _simulate(bench: Bench, programme: Programme, entries: Mapping[str, RegisteredModel], work: _Work) -> None:
     kinds: set[Kind] = set()
     for name in programme.tasks:
         task = task_named(name)
@@ -97,7 +97,7 @@ def _simulate(bench: Bench, programme: Programme, entries: Mapping[str, RosterEn
             kinds.add(task.campaign)
             if name in programme.splits.get(UNSEEN_RIG, ()):
                 kinds.add(unseen_kind(task))
-        if any(entry.teacher == "twin" for entry in entries.values()):
+        if any(entry.trained_on == "twin" for entry in entries.values()):
             kinds.add(twin_kind(task))
     pieces: list[Work] = [
         partial(simulate_campaign, bench.sources, bench.cylinder, kind, seed)
@@ -126,12 +126,12 @@ def _choose(bench: Bench, programme: Programme, course: _Course) -> None:
                 course.asked.append((task, split))
 
 
-def _tune(bench: Bench, course: _Course, entries: Mapping[str, RosterEntry], work: _Work) -> None:
+def _tune(bench: Bench, course: _Course, entries: Mapping[str, RegisteredModel], work: _Work) -> None:
     names = list(dict.fromkeys(task.tuned_as or task.name for task, _ in course.asked))
     pieces: list[Work] = []
     about: list[tuple[str, list[str]]] = []
     for entry in reversed(list(entries.values())):
-        tasks = [name for name in names if entry.space and entry.can(_inputs(bench, task_named(name)))]
+        tasks = [name for name in names if entry.space and entry.supports(_inputs(bench, task_named(name)))]
         if tasks:
             pieces.append(partial(tune_model, bench, entry.name, tuple(tasks)))
             about.append((entry.name, tasks))
@@ -144,7 +144,7 @@ def _tune(bench: Bench, course: _Course, entries: Mapping[str, RosterEntry], wor
 def _answer(
     bench: Bench,
     course: _Course,
-    entries: Mapping[str, RosterEntry],
+    entries: Mapping[str, RegisteredModel],
     work: _Work,
 ) -> None:
     """One piece is one model and seed on recordings of one kind: what it shares in fits stays with one worker."""
@@ -181,7 +181,7 @@ Lines = dict[tuple[str, str], list["Entry"]]
 def _judge(
     bench: Bench,
     course: _Course,
-    entries: Mapping[str, RosterEntry],
+    entries: Mapping[str, RegisteredModel],
     how: ScoreSettings,
     work: _Work,
 ) -> Lines:
@@ -208,7 +208,7 @@ def _judge(
 def _task_result(
     bench: Bench,
     course: _Course,
-    entries: Mapping[str, RosterEntry],
+    entries: Mapping[str, RegisteredModel],
     how: ScoreSettings,
     task: Task,
     split: str,
@@ -236,10 +236,10 @@ def _task_result(
     )
 
 
-def _excuse(bench: Bench, course: _Course, entry: RosterEntry, task: Task) -> str:
+def _excuse(bench: Bench, course: _Course, entry: RegisteredModel, task: Task) -> str:
     """Return why a participant does not take part in a task; empty where it does."""
     inputs = _inputs(bench, task)
-    if not entry.can(inputs):
+    if not entry.supports(inputs):
         return f"it needs more than {', '.join(inputs)}"
     return course.untuned.get((entry.name, task.tuned_as or task.name), "")
 

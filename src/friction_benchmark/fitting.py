@@ -16,7 +16,7 @@ import numpy as np
 
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.files import read_json, write_json
-from friction_benchmark.roster.entry import Making
+from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.roster.entry import RosterEntry, Value
+    from friction_benchmark.registry.model import RegisteredModel, Value
 
 FIT_FILE = "fit.json"
 
@@ -38,8 +38,8 @@ class Fitted:
 
 
 def fitted(
-    entry: RosterEntry,
-    making: Making,
+    entry: RegisteredModel,
+    making: BuildConfiguration,
     recordings: Sequence[Recording],
     store: Path,
 ) -> Fitted:
@@ -54,7 +54,7 @@ def fitted(
         recordings: Labelled.
         store: Folder of the taught ones, by content.
     """
-    estimator = entry.make(making)
+    estimator = entry.build(making)
     folder = store / _key(entry, making, estimator.inputs, recordings)
     if not folder.is_dir():
         before = process_time()
@@ -64,15 +64,15 @@ def fitted(
 
 
 def making_of(
-    entry: RosterEntry,
+    entry: RegisteredModel,
     cylinder: Cylinder,
     inputs: tuple[str, ...],
     seed: int,
     effort: float,
     choice: Mapping[str, Value],
-) -> Making:
+) -> BuildConfiguration:
     """Return what a participant is made from; what was not chosen is its first guess."""
-    return Making(cylinder, inputs, seed, effort, {**entry.first, **choice})
+    return BuildConfiguration(cylinder, inputs, seed, effort, {**entry.defaults, **choice})
 
 
 def _keep(estimator: FrictionEstimator, training_s: float, folder: Path) -> None:
@@ -90,13 +90,15 @@ def _keep(estimator: FrictionEstimator, training_s: float, folder: Path) -> None
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def _key(entry: RosterEntry, making: Making, inputs: Sequence[str], recordings: Sequence[Recording]) -> str:
+def _key(
+    entry: RegisteredModel, making: BuildConfiguration, inputs: Sequence[str], recordings: Sequence[Recording]
+) -> str:
     told = {
         "entry": entry.name,
         "cylinder": repr(making.cylinder),
         "seed": making.seed,
         "effort": making.effort,
-        "choice": dict(making.choice),
+        "choice": dict(making.hyperparameters),
         "inputs": list(inputs),
     }
     digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())

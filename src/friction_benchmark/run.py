@@ -22,8 +22,8 @@ from friction_benchmark.conducting import run_benchmark
 from friction_benchmark.data import Sizes, Sources
 from friction_benchmark.params import RIG
 from friction_benchmark.programme import Programme
+from friction_benchmark.registry.listing import MODULES
 from friction_benchmark.report.write import write_report
-from friction_benchmark.roster import MODULES
 from friction_benchmark.running import Bench
 from friction_benchmark.scoring import ScoreSettings
 

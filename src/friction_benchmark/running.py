@@ -20,7 +20,7 @@ from friction_benchmark.data import (
 from friction_benchmark.fitting import Fitted, fitted, making_of
 from friction_benchmark.flags import outside, taught_range, with_causal_velocity
 from friction_benchmark.folds import HELD_OUT, UNSEEN_RIG
-from friction_benchmark.roster import MODULES, roster
+from friction_benchmark.registry.listing import MODULES, registered_models
 from friction_benchmark.storing import Answer, Estimates, Store
 from friction_benchmark.tasks import inputs_of, task_named
 from friction_benchmark.tuning import tune
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from friction_benchmark.bounds import ErrorBounds
     from friction_benchmark.data import Sources
     from friction_benchmark.folds import Fold
-    from friction_benchmark.roster.entry import RosterEntry, Value
+    from friction_benchmark.registry.model import RegisteredModel, Value
     from friction_benchmark.tasks import Exam, Task
 
 POSITION_ALONE = ("position_m",)
@@ -67,8 +67,8 @@ class Bench:
     trials: int
     modules: tuple[str, ...] = MODULES
 
-    def entry(self, model: str) -> RosterEntry:
-        return roster(self.modules)[model]
+    def entry(self, model: str) -> RegisteredModel:
+        return registered_models(self.modules)[model]
 
 
 @dataclass(frozen=True, order=True)
@@ -113,7 +113,7 @@ def answer_questions(bench: Bench, questions: Sequence[Question]) -> Failures:
     return failures
 
 
-def _tune(bench: Bench, store: Store, entry: RosterEntry, name: str) -> None:
+def _tune(bench: Bench, store: Store, entry: RegisteredModel, name: str) -> None:
     task, seed = task_named(name), bench.seeds[0]
     exams = exams_of(bench.sources, task, task.campaign, seed)
     fold = folds_of(bench.sources, task, HELD_OUT, seed)[0]
@@ -128,7 +128,7 @@ def _tune(bench: Bench, store: Store, entry: RosterEntry, name: str) -> None:
 def _answer(bench: Bench, store: Store, question: Question) -> Answer:
     entry, task, seed = bench.entry(question.model), task_named(question.task), question.seed
     tuned = store.tuned(task.tuned_as or task.name, entry.name)
-    choice = entry.first if tuned is None else tuned.choice
+    choice = entry.defaults if tuned is None else tuned.choice
     own = exams_of(bench.sources, task, task.campaign, seed)
     asked = exams_of(bench.sources, task, unseen_kind(task), seed) if question.split == UNSEEN_RIG else own
     estimates: dict[str, Estimates] = {}
@@ -136,7 +136,7 @@ def _answer(bench: Bench, store: Store, question: Question) -> Answer:
     for fold in folds_of(bench.sources, task, question.split, seed):
         taught = _fit(bench, store, entry, task, fold, seed, choice)
         estimator = taught.estimator
-        names = () if entry.teacher == "twin" else fold.train
+        names = () if entry.trained_on == "twin" else fold.train
         inputs = inputs_of(task, asked[fold.test[0]].recording)
         known = taught_range(bench.sources, task, seed, names, inputs, causal=True)
         validation = [own[name].recording for name in fold.validation]
@@ -153,7 +153,7 @@ def _answer(bench: Bench, store: Store, question: Question) -> Answer:
 def _fit(
     bench: Bench,
     store: Store,
-    entry: RosterEntry,
+    entry: RegisteredModel,
     task: Task,
     fold: Fold,
     seed: int,
@@ -161,15 +161,15 @@ def _fit(
 ) -> Fitted:
     recordings = _lessons(bench, entry, task, fold, seed)
     inputs = inputs_of(task, next(iter(cases_of(bench.sources, task.campaign, seed).values())).recording)
-    if entry.family == "analytical" and entry.can(POSITION_ALONE):
+    if entry.family == "analytical" and entry.supports(POSITION_ALONE):
         inputs = POSITION_ALONE  # it looks at nothing else, and so is identified once for many tasks
     making = making_of(entry, bench.cylinder, inputs, seed, bench.effort, choice)
     return fitted(entry, making, recordings, store.fits)
 
 
-def _lessons(bench: Bench, entry: RosterEntry, task: Task, fold: Fold, seed: int) -> list[Recording]:
+def _lessons(bench: Bench, entry: RegisteredModel, task: Task, fold: Fold, seed: int) -> list[Recording]:
     """Return what a participant is taught on."""
-    if entry.teacher == "twin":
+    if entry.trained_on == "twin":
         return list(twin_lessons_of(bench.sources, task, seed))
     lessons = lessons_of(bench.sources, task, seed, of_now=_sees_no_future(entry))
     return [lessons[name].recording for name in fold.train]
@@ -218,7 +218,7 @@ def median_step_us(estimator: FrictionEstimator, recording: Recording) -> float:
     return float(np.median(durations)) / 1e3
 
 
-def _sees_no_future(entry: RosterEntry) -> bool:
+def _sees_no_future(entry: RegisteredModel) -> bool:
     """A model given by equations has nothing to learn from friction ahead: its estimate of now is its forecast."""
     return entry.family == "analytical"
 

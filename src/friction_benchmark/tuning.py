@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import optuna
 
-from friction_benchmark.roster.entry import OneOf, Range
+from friction_benchmark.registry.model import OneOf, Range
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from optuna.distributions import BaseDistribution
 
-    from friction_benchmark.roster.entry import RosterEntry, Value
+    from friction_benchmark.registry.model import RegisteredModel, Value
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class TuningError(RuntimeError):
 
 
 def tune(
-    entry: RosterEntry,
+    entry: RegisteredModel,
     trials: int,
     seed: int,
     percent_of: Callable[[Mapping[str, Value]], float],
@@ -54,11 +54,11 @@ def tune(
         TuningError: Every trial failed.
     """
     if not entry.space:
-        return Tuned(dict(entry.first), None)
+        return Tuned(dict(entry.defaults), None)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=max(2, trials // 2))
     study = optuna.create_study(sampler=sampler, direction="minimize")
-    study.enqueue_trial(dict(entry.first))
+    study.enqueue_trial(dict(entry.defaults))
     space = {name: _distribution(where) for name, where in entry.space.items()}
     tried: list[tuple[float | None, dict[str, Value]]] = []
     problems: list[str] = []

@@ -20,15 +20,15 @@ from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEsti
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from friction_benchmark.roster import roster
-from friction_benchmark.roster.entry import Making
+from friction_benchmark.registry.listing import registered_models
+from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
-    from friction_benchmark.roster.entry import RosterEntry
+    from friction_benchmark.registry.model import RegisteredModel
 
 PLAN = TrainingPlan(epochs=1, patience=1, sequence_length=200, burn_in=20, batch_size=4)
 FOREST = ForestPlan(trees=4, depth=4, rows=2000, leaf=5)
@@ -49,11 +49,15 @@ MAKERS: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
 EFFORT = 0.02
 
 
-def made(entry: RosterEntry, cylinder: Cylinder, inputs: tuple[str, ...] = SAMPLE_COLUMNS) -> FrictionEstimator:
-    return entry.make(Making(cylinder, inputs, 0, EFFORT, entry.first))
+def made(entry: RegisteredModel, cylinder: Cylinder, inputs: tuple[str, ...] = SAMPLE_COLUMNS) -> FrictionEstimator:
+    return entry.build(BuildConfiguration(cylinder, inputs, 0, EFFORT, entry.defaults))
 
 
-MAKERS |= {f"roster_{entry.name}": partial(made, entry) for entry in roster().values() if entry.can(SAMPLE_COLUMNS)}
+MAKERS |= {
+    f"benchmark_{entry.name}": partial(made, entry)
+    for entry in registered_models().values()
+    if entry.supports(SAMPLE_COLUMNS)
+}
 
 
 @pytest.fixture(scope="module", params=sorted(MAKERS))

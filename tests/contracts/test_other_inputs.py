@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.loading import load_estimator
-from friction_benchmark.roster import roster
-from friction_benchmark.roster.entry import Making
+from friction_benchmark.registry.listing import registered_models
+from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +23,12 @@ INPUTS = {
     "pressure_free": ("position_m", "oil_temperature_c"),
     "pressure_level": ("position_m", "oil_temperature_c", "pressure_1_level_pa", "pressure_2_level_pa"),
 }
-CASES = [(task, name) for task, inputs in INPUTS.items() for name, entry in roster().items() if entry.can(inputs)]
+CASES = [
+    (task, name)
+    for task, inputs in INPUTS.items()
+    for name, entry in registered_models().items()
+    if entry.supports(inputs)
+]
 EFFORT = 0.02
 
 
@@ -41,8 +46,8 @@ def recordings(labelled_recordings: list[Recording]) -> list[Recording]:
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: "-".join(case))
 def estimator(request: pytest.FixtureRequest, cylinder: Cylinder, recordings: list[Recording]) -> FrictionEstimator:
     task, name = request.param
-    entry = roster()[name]
-    made = entry.make(Making(cylinder, INPUTS[task], 0, EFFORT, entry.first))
+    entry = registered_models()[name]
+    made = entry.build(BuildConfiguration(cylinder, INPUTS[task], 0, EFFORT, entry.defaults))
     made.fit(recordings)
     return made
 

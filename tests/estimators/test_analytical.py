@@ -14,21 +14,21 @@ from cylinder_friction.friction_models.dahl import Dahl
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from friction_benchmark.roster.analytical import ENTRIES
-from friction_benchmark.roster.entry import Making
+from friction_benchmark.registry.analytical import MODELS
+from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
 
-NAMES = [entry.name for entry in ENTRIES]
+NAMES = [entry.name for entry in MODELS]
 LEVELS = ("position_m", "oil_temperature_c", "pressure_1_level_pa", "pressure_2_level_pa")
 
 
 def made(name: str, cylinder: Cylinder, inputs: tuple[str, ...] = SAMPLE_COLUMNS, seed: int = 1) -> AnalyticalEstimator:
-    entry = next(entry for entry in ENTRIES if entry.name == name)
-    estimator = entry.make(Making(cylinder, inputs, seed, 0.02, {}))
+    entry = next(entry for entry in MODELS if entry.name == name)
+    estimator = entry.build(BuildConfiguration(cylinder, inputs, seed, 0.02, {}))
     assert isinstance(estimator, AnalyticalEstimator)
     return estimator
 
@@ -50,9 +50,9 @@ def with_levels(recording: Recording) -> Recording:
     return recording.with_columns(oil_temperature_c=np.full(len(recording), 40.0), **levels)
 
 
-def test_the_roster_has_the_models_of_the_literature() -> None:
+def test_the_registry_has_the_models_of_the_literature() -> None:
     assert NAMES == ["stribeck", "dahl", "lugre", "pressure_lugre", "film_lugre", "gms"]
-    assert all(entry.family == "analytical" and not entry.space and entry.source for entry in ENTRIES)
+    assert all(entry.family == "analytical" and not entry.space and entry.source for entry in MODELS)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_the_roster_has_the_models_of_the_literature() -> None:
     ],
 )
 def test_a_model_takes_part_where_it_has_its_inputs(inputs: tuple[str, ...], able: list[str]) -> None:
-    assert [entry.name for entry in ENTRIES if entry.can(inputs)] == able
+    assert [entry.name for entry in MODELS if entry.supports(inputs)] == able
 
 
 @pytest.mark.parametrize("name", NAMES)

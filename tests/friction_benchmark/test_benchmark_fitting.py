@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_benchmark.fitting import FIT_FILE, fitted, making_of
-from friction_benchmark.roster import roster
+from friction_benchmark.registry.listing import registered_models
 from friction_benchmark.storing import Answer, Estimates, Store
 from friction_benchmark.tuning import Tuned
 from friction_benchmark_models import CYLINDER, MODULES, made_case
@@ -17,7 +17,7 @@ from friction_benchmark_models import CYLINDER, MODULES, made_case
 if TYPE_CHECKING:
     from pathlib import Path
 
-ENTRIES = roster(MODULES)
+MODELS = registered_models(MODULES)
 RECORDINGS = [made_case(test, session).recording for test in "12" for session in (1, 2)]
 
 
@@ -26,8 +26,8 @@ def fits(store: Path) -> int:
 
 
 def teach(store: Path, name: str = "ridge", seed: int = 0, recordings=RECORDINGS, **choice: float):
-    making = making_of(ENTRIES[name], CYLINDER, ("pressure_1_pa", "pressure_2_pa", "position_m"), seed, 0.5, choice)
-    return fitted(ENTRIES[name], making, recordings, store)
+    making = making_of(MODELS[name], CYLINDER, ("pressure_1_pa", "pressure_2_pa", "position_m"), seed, 0.5, choice)
+    return fitted(MODELS[name], making, recordings, store)
 
 
 def test_what_is_taught_alike_is_taught_once_and_says_the_same(tmp_path: Path) -> None:

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from friction_benchmark.roster import roster
-from friction_benchmark.roster.entry import OneOf, RosterEntry, Value
+from friction_benchmark.registry.listing import registered_models
+from friction_benchmark.registry.model import OneOf, RegisteredModel, Value
 from friction_benchmark.tuning import TuningError, tune
-from friction_benchmark_models import ENTRIES, MODULES
+from friction_benchmark_models import MODELS, MODULES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-RIDGE = roster(MODULES)["ridge"]
+RIDGE = registered_models(MODULES)["ridge"]
 
 
 def tried(trials: int, seed: int) -> list[dict[str, Value]]:
@@ -30,7 +30,7 @@ def tried(trials: int, seed: int) -> list[dict[str, Value]]:
 
 def test_the_first_guess_is_tried_first_and_nobody_has_more_trials() -> None:
     seen = tried(6, 0)
-    assert seen[0] == dict(RIDGE.first)
+    assert seen[0] == dict(RIDGE.defaults)
     assert len(seen) == 6
     assert len({choice["penalty"] for choice in seen}) == 6
 
@@ -57,18 +57,18 @@ def test_who_has_nothing_to_tune_is_not_tried() -> None:
     def percent_of(choice: Mapping[str, Value]) -> float:
         raise AssertionError(choice)
 
-    assert tune(ENTRIES[0], 5, 0, percent_of).validation_percent is None
+    assert tune(MODELS[0], 5, 0, percent_of).validation_percent is None
 
 
 def test_a_failed_trial_does_not_end_the_tuning() -> None:
     def percent_of(choice: Mapping[str, Value]) -> float:
-        if choice == RIDGE.first:
+        if choice == RIDGE.defaults:
             raise ValueError("no")
         return 3.0
 
     tuned = tune(RIDGE, 3, 0, percent_of)
     assert tuned.trials == (None, 3.0, 3.0)
-    assert tuned.choice != RIDGE.first
+    assert tuned.choice != RIDGE.defaults
 
 
 def test_tuning_that_never_succeeds_says_why() -> None:
@@ -80,5 +80,5 @@ def test_tuning_that_never_succeeds_says_why() -> None:
 
 
 def test_one_of_several_words_may_be_tuned() -> None:
-    entry = RosterEntry("a", "A", "modern", "own", RIDGE.make, {"way": OneOf(("up", "down"))}, {"way": "down"})
+    entry = RegisteredModel("a", "A", "modern", "own", RIDGE.build, {"way": OneOf(("up", "down"))}, {"way": "down"})
     assert tune(entry, 4, 0, lambda choice: 1.0 if choice["way"] == "up" else 2.0).choice == {"way": "up"}

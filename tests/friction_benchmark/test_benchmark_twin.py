@@ -10,15 +10,15 @@ from numpy.testing import assert_array_equal
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned_gain import LearnedGainEstimator
-from friction_benchmark.roster.entry import Making
-from friction_benchmark.roster.twin import ENTRIES
+from friction_benchmark.registry.learned_gain import MODELS
+from friction_benchmark.registry.model import BuildConfiguration
 from friction_benchmark.twin import TwinPlan, teaching_recordings
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.campaigns import LabelledRecording
-    from friction_benchmark.roster.entry import RosterEntry
+    from friction_benchmark.registry.model import RegisteredModel
 
 PLAN = TwinPlan(seed=3, rigs=2, duration_s=10.0)
 
@@ -66,12 +66,12 @@ def test_a_plan_out_of_range_is_refused(seed: int, rigs: int, words: str) -> Non
         TwinPlan(seed, rigs)
 
 
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+@pytest.mark.parametrize("entry", MODELS, ids=lambda entry: entry.name)
 def test_every_participant_is_made_and_learns(
-    entry: RosterEntry, cylinder: Cylinder, labelled_recordings: list[Recording]
+    entry: RegisteredModel, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
-    assert not entry.can(("position_m",))
-    estimator = entry.make(Making(cylinder, SAMPLE_COLUMNS, 1, 0.02, entry.first))
+    assert not entry.supports(("position_m",))
+    estimator = entry.build(BuildConfiguration(cylinder, SAMPLE_COLUMNS, 1, 0.02, entry.defaults))
     assert isinstance(estimator, LearnedGainEstimator)
     estimator.fit(labelled_recordings[:4])
     assert np.isfinite(estimator.estimate(labelled_recordings[5])).all()

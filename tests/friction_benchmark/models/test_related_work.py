@@ -15,8 +15,8 @@ from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.models.elman import ElmanPlan
 from friction_benchmark.models.han import HanEstimator, HanPlan
 from friction_benchmark.models.machado import MachadoEstimator, MachadoPlan
-from friction_benchmark.roster.entry import Making
-from friction_benchmark.roster.related_work import ENTRIES
+from friction_benchmark.registry import elman, han, machado
+from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 PRESSURE_FREE = ("position_m",)
 WITH_TEMPERATURE = ("position_m", "oil_temperature_c")
-NAMES = [entry.name for entry in ENTRIES]
+MODELS = (*machado.MODELS, *elman.MODELS, *han.MODELS)
+NAMES = [entry.name for entry in MODELS]
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +42,8 @@ def warm_recordings(labelled_recordings: list[Recording]) -> list[Recording]:
 def made(
     name: str, cylinder: Cylinder, inputs: tuple[str, ...], seed: int = 0, effort: float = 0.02
 ) -> FrictionEstimator:
-    entry = next(entry for entry in ENTRIES if entry.name == name)
-    return entry.make(Making(cylinder, inputs, seed, effort, entry.first))
+    entry = next(entry for entry in MODELS if entry.name == name)
+    return entry.build(BuildConfiguration(cylinder, inputs, seed, effort, entry.defaults))
 
 
 def error_n(estimator: FrictionEstimator, recordings: list[Recording]) -> float:
@@ -172,5 +173,5 @@ def test_impossible_plans_are_refused(plan: type, bad: dict[str, float], words: 
 
 
 def test_importing_them_imports_no_torch() -> None:
-    code = "import sys, friction_benchmark.roster.related_work;sys.exit('torch' in sys.modules)"
+    code = "import sys; from friction_benchmark.registry import elman, han, machado; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, scaled_effort
 from cylinder_friction.friction_models.catalogue import model_named
-from friction_benchmark.roster.entry import Making, RosterEntry, needs_only_position
+from friction_benchmark.registry.model import RegisteredModel, needs_only_position
+
+if TYPE_CHECKING:
+    from friction_benchmark.registry.model import BuildConfiguration
 
 _SOURCES = {
     "stribeck": ("Armstrong-Hélouvry, Dupont and Canudas de Wit 1994", "At standstill a share, identified, is kept."),
@@ -27,25 +31,24 @@ _SOURCES = {
 }
 
 
-def _make(name: str, making: Making) -> AnalyticalEstimator:
-    """Return one model; effort cuts generations and the simulations of each local search."""
-    return AnalyticalEstimator(
-        making.cylinder, model_named(name), making.inputs, effort=scaled_effort(making.effort, making.seed)
-    )
+def _build(name: str, build: BuildConfiguration) -> AnalyticalEstimator:
+    """Effort cuts generations and the simulations of each local search."""
+    effort = scaled_effort(build.effort, build.seed)
+    return AnalyticalEstimator(build.cylinder, model_named(name), build.inputs, effort=effort)
 
 
 def _needs_pressures_of_some_kind(inputs: tuple[str, ...]) -> bool:
     return needs_only_position(inputs) and any(set(pair) <= set(inputs) for pair in PRESSURE_PAIRS)
 
 
-ENTRIES = tuple(
-    RosterEntry(
+MODELS = tuple(
+    RegisteredModel(
         name=name,
         title=model_named(name).title,
         family="analytical",
         source=source,
-        make=partial(_make, name),
-        can=_needs_pressures_of_some_kind if model_named(name).pressure_scaled else needs_only_position,
+        build=partial(_build, name),
+        supports=_needs_pressures_of_some_kind if model_named(name).pressure_scaled else needs_only_position,
         chosen=chosen,
     )
     for name, (source, chosen) in _SOURCES.items()

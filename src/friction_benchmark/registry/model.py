@@ -1,0 +1,122 @@
+"""What a registered model is: how it is built, what may be tuned in it, and where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import FrictionEstimator
+
+Value = float | int | str
+Family = Literal["baseline", "analytical", "related work", "modern"]
+TrainedOn = Literal["recordings", "twin"]
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers that tuning may choose from, both ends included."""
+
+    low: float
+    high: float
+    logarithmic: bool = False
+    integer: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.high or (self.logarithmic and self.low <= 0.0):
+            raise ValueError(f"expected low <= high, above 0 if logarithmic, but got {self}")
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Values that tuning may choose from."""
+
+    values: tuple[Value, ...]
+
+
+Space = Mapping[str, Range | OneOf]
+Values = Mapping[str, Value]
+
+
+@dataclass(frozen=True)
+class BuildConfiguration:
+    """What an estimator is built from.
+
+    Attributes:
+        cylinder: Its areas and moving mass.
+        inputs: The columns that the task shows.
+        seed: Seeds everything random in it.
+        effort: Share of the full training it may spend, in (0, 1]; each model states what it cuts.
+        hyperparameters: One value for each name in the model's ``space``.
+    """
+
+    cylinder: Cylinder
+    inputs: tuple[str, ...]
+    seed: int
+    effort: float
+    hyperparameters: Values
+
+    def share(self, full: float, least: int = 1) -> int:
+        """Return this effort's share of what full training spends, at least ``least``."""
+        return max(least, round(self.effort * full))
+
+    def number(self, name: str) -> float:
+        return float(self.hyperparameters[name])
+
+    def whole(self, name: str) -> int:
+        return int(self.hyperparameters[name])
+
+
+def needs_only_position(inputs: tuple[str, ...]) -> bool:
+    """Return whether a model that needs no more than the position can be built."""
+    return "position_m" in inputs
+
+
+def needs_raw_pressures(inputs: tuple[str, ...]) -> bool:
+    """Return whether both raw pressures are there, besides the position."""
+    return set(SAMPLE_COLUMNS) <= set(inputs)
+
+
+@dataclass(frozen=True)
+class RegisteredModel:
+    """One model of the benchmark.
+
+    Attributes:
+        name: In files and tables.
+        title: In words.
+        family: Where it stands in the leaderboard's legend.
+        source: Author and year.
+        build: Returns the estimator, not yet fitted. Importable: it is sent to worker processes by name.
+        space: What is tuned, and where.
+        defaults: What is tried first: the source's values or our own best guess, one for each name in ``space``.
+        supports: Whether it can be built for given inputs.
+        trained_on: The task's recordings, or the simulated twin's with their true friction.
+        chosen: What the source leaves open, and what was taken.
+    """
+
+    name: str
+    title: str
+    family: Family
+    source: str
+    build: Callable[[BuildConfiguration], FrictionEstimator]
+    space: Space = field(default_factory=dict)
+    defaults: Values = field(default_factory=dict)
+    supports: Callable[[tuple[str, ...]], bool] = needs_only_position
+    trained_on: TrainedOn = "recordings"
+    chosen: str = ""
+
+    def __post_init__(self) -> None:
+        if set(self.space) != set(self.defaults):
+            raise ValueError(
+                f"{self.name}: space has {sorted(self.space)}, but defaults have {sorted(self.defaults)}; expected "
+                "equal names"
+            )
+
+    @property
+    def module(self) -> str:
+        """The registry's module that builds it; with all that this imports, it decides what the model does."""
+        return str(getattr(self.build, "func", self.build).__module__)

@@ -1,0 +1,29 @@
+"""Ridge regression on lagged samples; effort cuts nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.estimators.linear import RidgeEstimator
+from friction_benchmark.registry.model import Range, RegisteredModel
+
+if TYPE_CHECKING:
+    from friction_benchmark.registry.model import BuildConfiguration
+
+
+def _build(build: BuildConfiguration) -> RidgeEstimator:
+    return RidgeEstimator(build.whole("lags"), build.number("penalty"), build.inputs)
+
+
+MODELS = (
+    RegisteredModel(
+        name="ridge",
+        title="Ridge regression on lagged samples",
+        family="modern",
+        source="Hoerl and Kennard 1970",
+        build=_build,
+        space={"lags": Range(5, 60, integer=True), "penalty": Range(1e-3, 1e3, logarithmic=True)},
+        defaults={"lags": 20, "penalty": 1.0},
+        chosen="Raw samples, no features: linear in everything.",
+    ),
+)
