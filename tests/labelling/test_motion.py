@@ -55,7 +55,7 @@ def test_mass_and_friction_are_found() -> None:
     assert found.coulomb_n == pytest.approx(20.0, rel=0.03)
     assert found.offset_n == pytest.approx(-3.0, abs=0.3)
     assert found.mass_known
-    assert found.sentence().startswith("the moving mass came out as 9")
+    assert found.sentence().startswith("the moving mass was identified as 9")
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
@@ -72,7 +72,7 @@ def test_a_light_piston_beside_its_friction_is_not_told() -> None:
     assert not found.mass_known
     low, high = found.mass_interval_kg
     assert high - low > found.mass_kg
-    assert found.sentence().startswith("the motion does not tell the moving mass: it came out as ")
+    assert found.sentence().startswith("the motion does not determine the moving mass: got ")
 
 
 def test_standstill_does_not_count() -> None:

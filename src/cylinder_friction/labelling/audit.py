@@ -1,4 +1,4 @@
-"""How far labels are from true friction, filter by filter, where the truth is known. Nothing is taught by this."""
+"""Errors of the labels against true friction, by filter, where the truth is known; nothing is trained on them."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-ALL_TESTS = "all"
+ALL_CONDITIONS = "all"
 STRATA = ("all", "steady", "events", *EVENTS)
-"""All usable rows; those away from and those near starts, stops and reversals; and each kind of event alone."""
+"""All usable rows; those away from and those near starts, stops and reversals; and each kind of event."""
 
 
 @dataclass(frozen=True)
 class AuditRow:
-    """Label less truth, of one filter in one test and stratum.
+    """Label less truth, of one filter in one condition and stratum.
 
     Attributes:
         filter: Name of the filter.
-        test: Name of the test, or ``all``.
+        condition: Name of the operating condition, or ``all``.
         stratum: One of ``STRATA``.
-        rows: Samples that were judged.
+        rows: Number of samples.
         mae_n: Mean absolute error [N].
         max_n: Largest absolute error [N].
         bias_n: Mean error, positive where the label is above the truth [N].
@@ -90,10 +90,10 @@ class Audit:
         """Add one recording.
 
         Args:
-            test: Which test it is of.
+            condition: Its operating condition.
             sample_time_s: Time between two rows [s].
             labels_n: Label by name of filter [N], each of shape ``(n,)``.
-            usable: Rows that are judged: usable for every filter, so that all are judged on the same rows.
+            usable: Rows usable for every filter, so that all are compared on the same rows.
             true_friction_n: [N], shape ``(n,)``.
             true_velocity_m_s: [m/s], shape ``(n,)``.
         """
@@ -104,14 +104,14 @@ class Audit:
             error = label - true_friction_n
             for stratum, mask in strata.items():
                 rows = mask & usable
-                for group in (condition, ALL_TESTS):
+                for group in (condition, ALL_CONDITIONS):
                     sums = self._sums.setdefault((name, group, stratum), _Sums())
                     sums.add(error[rows], true_friction_n[rows])
 
     def rows(self) -> list[AuditRow]:
-        """Return the audit, sorted by filter, test and stratum; a stratum without rows is left out."""
+        """Return the audit, sorted by filter, condition and stratum; a stratum without rows is left out."""
         order = {stratum: index for index, stratum in enumerate(STRATA)}
-        keys = sorted(self._sums, key=lambda key: (key[0], key[1] == ALL_TESTS, key[1], order[key[2]]))
+        keys = sorted(self._sums, key=lambda key: (key[0], key[1] == ALL_CONDITIONS, key[1], order[key[2]]))
         return [_row(*key, self._sums[key]) for key in keys if self._sums[key].rows]
 
 

@@ -7,8 +7,8 @@ opposes extension:
 
 Where a drive force was measured in place of the pressures, it stands for P1·A1 - P2·A2.
 
-The measured pressures already are what the oil does to the piston, its compressibility included. A stiffness of the
-oil therefore has no place beside them. Three further modes are offered, each for its own reason:
+The measured pressures already are the action of the oil on the piston, its compressibility included. A stiffness of
+the oil therefore has no place beside them. Three further modes exist, each for its own reason:
 
 ``trapped_oil``
     For ports that are closed and pressures that are not measured: the oil's spring *replaces* the pressure term,
@@ -16,7 +16,7 @@ oil therefore has no place beside them. Three further modes are offered, each fo
     two pressures balance.
 
 ``external``
-    A real spring between rod and frame: k·(x - x_ref) is taken off beside the load.
+    A real spring between rod and frame: k·(x - x_ref) is subtracted beside the load.
 
 ``paper_literal``
     Equations (3) and (4) of Jamshidi et al. as printed: K_eq·x stands beside the measured pressures, with
@@ -52,7 +52,7 @@ StiffnessMode = Literal["none", "trapped_oil", "external", "paper_literal"]
 
 @dataclass(frozen=True)
 class Stiffness:
-    """Which spring, if any, enters the equation of motion; the module's text says what each mode means.
+    """Which spring, if any, enters the equation of motion; the module's docstring explains each mode.
 
     Attributes:
         mode: ``none`` (default), ``trapped_oil``, ``external`` or ``paper_literal``.

@@ -303,10 +303,10 @@ def _smooth_load(recording: Recording, signal_filter: SignalFilter, _: str) -> A
 def _contradiction(load: LoadMode) -> str:
     if load == "measured":
         return (
-            f"ingest.load is measured, but there is no column {LOAD_FORCE!r}; map the load cell's channel to it, or "
-            "set ingest.load to none or position"
+            f"load (ingest.load) is measured, but there is no column {LOAD_FORCE!r}; map the load cell's channel to "
+            "it, or set load to none or position"
         )
     return (
-        f"ingest.load is {load}, but a load was measured (column {LOAD_FORCE!r}); set ingest.load to measured, or "
+        f"load (ingest.load) is {load}, but a load was measured (column {LOAD_FORCE!r}); set load to measured, or "
         "leave its channel out of the mapping"
     )

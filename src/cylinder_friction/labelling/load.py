@@ -7,8 +7,8 @@ load at a position does not:
 
 L is a polynomial in position, whose order cross-validation chooses; friction is Coulomb and viscous, the same in
 both directions, over rows that clearly move. **A difference of friction between the directions that does not depend
-on position cannot be told from load**: half of it goes into L. How large it may be is therefore stated, as a share of
-Coulomb friction, and carried in the load's uncertainty beside what the strokes themselves scatter.
+on position is indistinguishable from load**: half of it goes into L. How large it may be is therefore stated, as a
+share of Coulomb friction, and enters the load's uncertainty beside the scatter of the strokes.
 """
 
 from __future__ import annotations
@@ -20,19 +20,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial import legendre
 
-from cylinder_friction.labelling.coverage import Coverage, coverage_of
 from cylinder_friction.labelling.robust import (
     bootstrap_coefficients,
     quantile_interval,
     refuse_no_probability,
     robust_fit,
 )
+from cylinder_friction.labelling.strokes import Coverage, StrokePoints, coverage_of
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from cylinder_friction.labelling.strokes import StrokePoints
 
     Array = NDArray[np.float64]
 
@@ -40,11 +38,12 @@ GRID = 51
 """Positions at which the uncertainty is kept."""
 
 _FOLDS = 5
-_BLOCKS_A_WAY = 10
+_BLOCKS_PER_DIRECTION = 10
 _AS_GOOD = 1.01
+"""Cross-validated error of the chosen order over the least one, at most."""
 _OWN_SHARE = 0.05
-_NOT_TRUSTED = 4
-"""Points a coefficient that a fit needs at least."""
+"""Viscous friction is identified if position and direction leave this share of velocity's square unexplained."""
+_LEAST_POINTS_PER_COEFFICIENT = 4
 
 
 @dataclass(frozen=True)
@@ -52,13 +51,13 @@ class LoadPlan:
     """How a load is identified.
 
     Attributes:
-        slowest_m_s: Slower rows do not tell it: there friction depends on speed and direction in its own ways [m/s].
+        slowest_m_s: Slower rows are left out: there friction is neither Coulomb nor viscous [m/s].
         settling_travel_m: Travel after a start or reversal that does not count [m].
-        greatest_order: Of the polynomial in position.
+        greatest_order: Greatest order of the polynomial in position.
         asymmetry: Standard uncertainty of the difference of friction between the directions, half of it over Coulomb
-            friction; what the data cannot tell.
-        repeats: Of the bootstrap.
-        seed: Of the bootstrap.
+            friction; the data cannot determine it.
+        repeats: Bootstrap samples.
+        seed: Seed of the bootstrap.
         confidence: Probability of the intervals.
 
     Raises:
@@ -89,18 +88,18 @@ class LoadIdentification:
     """A load that depends on position, and the friction found beside it.
 
     Attributes:
-        coefficients_n: Of Legendre polynomials in position, scaled so that ``range_m`` becomes -1 to 1 [N].
+        coefficients_n: Coefficients of Legendre polynomials in position, scaled so that ``range_m`` is -1 to 1 [N].
         coverage: Where strokes of both directions went; elsewhere the load is not known.
-        scatter_n: Standard uncertainty of the load from the scatter of strokes, at ``GRID`` even positions [N].
+        scatter_n: Standard uncertainty of the load from the scatter of strokes, at ``GRID`` equidistant positions [N].
         asymmetry_n: Standard uncertainty of the load from friction that may differ between the directions [N].
         coulomb_n: Coulomb friction, half the difference between up and down at no speed [N].
         coulomb_interval_n: Its confidence interval [N].
-        coulomb_extend_n, coulomb_retract_n: Median of what is left in either direction when load and viscous friction
-            are taken off [N]; a constant difference between them has gone into the load.
-        viscous_n_s_m: Viscous friction [N s/m]; 0 where the speeds do not tell it.
-        viscous_interval_n_s_m: Its confidence interval, (0, 0) where it is not told.
+        coulomb_extend_n, coulomb_retract_n: Median residual in either direction after subtracting load and viscous
+            friction [N]; a constant difference between them has gone into the load.
+        viscous_n_s_m: Viscous friction [N s/m]; 0 where the speeds do not determine it.
+        viscous_interval_n_s_m: Its confidence interval, then (0, 0).
         load_range_n: Least and greatest load over the coverage [N].
-        strokes_extend, strokes_retract: How many strokes it rests on.
+        strokes_extend, strokes_retract: Number of strokes.
         residual_n: Median absolute residual of the points [N].
         confidence: Probability of the intervals.
     """
@@ -136,7 +135,7 @@ class LoadIdentification:
         return np.hypot(scatter, self.asymmetry_n)
 
     def sentence(self) -> str:
-        """Return what was found, for a person."""
+        """Return the result in words."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
         return (
             f"the load is {low_n:.4g} to {high_n:.4g} N between {from_m:.3g} and {to_m:.3g} m, from strokes "
@@ -146,7 +145,7 @@ class LoadIdentification:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON takes it."""
+        """Return the content as JSON-compatible values."""
         content = asdict(self)
         content["range_m"], content["order"] = list(self.coverage.range_m), self.order
         content["stretches_m"] = [list(each) for each in content.pop("coverage")["stretches_m"]]
@@ -154,28 +153,28 @@ class LoadIdentification:
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
-    """Return the load that the strokes of one session tell.
+    """Return the load identified from the strokes of one session.
 
     Args:
         points: Strokes of all its recordings, their force less inertia, by the plan's settings.
-        plan: How.
+        plan: Orders, bootstrap and asymmetry.
 
     Raises:
         RecordingError: Strokes of both directions do not overlap, or there are too few points.
     """
     coverage = coverage_of(points)
     points = points.where(coverage.holds(points.position_m))
-    if len(points) < _NOT_TRUSTED * 3:
+    if len(points) < _LEAST_POINTS_PER_COEFFICIENT * 3:
         raise RecordingError(
-            f"the load cannot be told from friction: got {len(points)} points of 0.1 s where strokes of both "
-            f"directions overlap; expected at least {_NOT_TRUSTED * 3}; record slower or more strokes, or measure the "
-            "load"
+            f"load and friction cannot be separated: got {len(points)} points of 0.1 s where strokes of both "
+            f"directions overlap; expected at least {_LEAST_POINTS_PER_COEFFICIENT * 3}; record slower or more "
+            "strokes, or measure the load"
         )
-    way = np.sign(points.velocity_m_s)
-    blocks, groups = _blocks(points, way)
+    direction = np.sign(points.velocity_m_s)
+    blocks, groups = _blocks(points, direction)
     order = _order(points, coverage, blocks, plan)
     shape = _polynomials(points.position_m, coverage, order)
-    design = np.column_stack([shape, way, points.velocity_m_s])
+    design = np.column_stack([shape, direction, points.velocity_m_s])
     fit = robust_fit(design, points.force_n)
     drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
     viscous_interval = quantile_interval(drawn[:, -1], plan.confidence)
@@ -187,12 +186,12 @@ def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
     coulomb = float(fit.coefficients[order + 1])
     if coulomb <= 0.0:
         raise RecordingError(
-            f"the load cannot be told from friction: Coulomb friction came out as {coulomb:.4g} N, which would drive "
-            "the motion; check the sign of position and of the forces in the mapping"
+            f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N, which drives the "
+            "motion; check the sign of position and of the forces in the mapping"
         )
     grid = np.linspace(*coverage.range_m, GRID)
     along = _polynomials(grid, coverage, order)
-    dry = points.force_n - shape @ fit.coefficients[: order + 1] - viscous * points.velocity_m_s
+    dry_n = points.force_n - shape @ fit.coefficients[: order + 1] - viscous * points.velocity_m_s
     loads = (along @ fit.coefficients[: order + 1])[coverage.holds(grid)]
     return LoadIdentification(
         coefficients_n=tuple(float(value) for value in fit.coefficients[: order + 1]),
@@ -201,13 +200,13 @@ def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
         asymmetry_n=plan.asymmetry * coulomb,
         coulomb_n=coulomb,
         coulomb_interval_n=quantile_interval(drawn[:, order + 1], plan.confidence),
-        coulomb_extend_n=float(np.median(dry[way > 0.0])),
-        coulomb_retract_n=float(-np.median(dry[way < 0.0])),
+        coulomb_extend_n=float(np.median(dry_n[direction > 0.0])),
+        coulomb_retract_n=float(-np.median(dry_n[direction < 0.0])),
         viscous_n_s_m=viscous,
         viscous_interval_n_s_m=viscous_interval,
         load_range_n=(float(loads.min()), float(loads.max())),
-        strokes_extend=len(np.unique(points.stroke[way > 0.0])),
-        strokes_retract=len(np.unique(points.stroke[way < 0.0])),
+        strokes_extend=len(np.unique(points.stroke[direction > 0.0])),
+        strokes_retract=len(np.unique(points.stroke[direction < 0.0])),
         residual_n=float(np.median(np.abs(fit.residuals))),
         confidence=plan.confidence,
     )
@@ -225,39 +224,39 @@ def _polynomials(position_m: Array, coverage: Coverage, order: int) -> Array:
 def _own_share(design: Array) -> float:
     """Return the share of velocity's square, the last column, that position and direction do not explain.
 
-    Where every stroke of a direction has one speed, it is next to nothing: viscous friction then cannot be told from
-    Coulomb friction, nor, where the directions differ in speed, from a constant load.
+    Where all strokes of a direction have one speed, it is nearly zero: viscous friction is then indistinguishable from
+    Coulomb friction and, where the directions differ in speed, from a constant load.
     """
     others, velocity = design[:, :-1], design[:, -1]
-    rest = velocity - others @ np.linalg.lstsq(others, velocity, rcond=None)[0]
-    return float(rest @ rest / (velocity @ velocity))
+    residual = velocity - others @ np.linalg.lstsq(others, velocity, rcond=None)[0]
+    return float(residual @ residual / (velocity @ velocity))
 
 
-def _blocks(points: StrokePoints, way: Array) -> tuple[NDArray[np.int64], Array]:
+def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], Array]:
     """Return the block of each point and the direction of each block.
 
     A stroke is a block, but where one direction has few strokes they are cut, so that each direction has about
-    ``_BLOCKS_A_WAY`` blocks or more.
+    ``_BLOCKS_PER_DIRECTION`` blocks or more.
     """
     piece = np.zeros(len(points), dtype=np.int64)
     for each in (-1.0, 1.0):
-        own = np.flatnonzero(way == each)
-        longest = max(1, math.ceil(len(own) / _BLOCKS_A_WAY))
+        own = np.flatnonzero(direction == each)
+        longest = max(1, math.ceil(len(own) / _BLOCKS_PER_DIRECTION))
         stroke = points.stroke[own]
         piece[own] = (np.arange(len(own)) - np.searchsorted(stroke, stroke, side="left")) // longest
     keys = np.stack([points.stroke, piece])
     _, first, blocks = np.unique(keys, axis=1, return_index=True, return_inverse=True)
-    return blocks.astype(np.int64).ravel(), way[first]
+    return blocks.astype(np.int64).ravel(), direction[first]
 
 
 def _order(points: StrokePoints, coverage: Coverage, blocks: NDArray[np.int64], plan: LoadPlan) -> int:
     """Return the least order that predicts left-out blocks as well as the best one does, within a hundredth."""
-    way = np.sign(points.velocity_m_s)
-    greatest = min(plan.greatest_order, len(points) // _NOT_TRUSTED - 2)
+    direction = np.sign(points.velocity_m_s)
+    greatest = min(plan.greatest_order, len(points) // _LEAST_POINTS_PER_COEFFICIENT - 2)
     fold = blocks % _FOLDS
     errors = []
     for order in range(max(greatest, 0) + 1):
-        design = np.column_stack([_polynomials(points.position_m, coverage, order), way, points.velocity_m_s])
+        design = np.column_stack([_polynomials(points.position_m, coverage, order), direction, points.velocity_m_s])
         total = 0.0
         for each in range(_FOLDS):
             out = fold == each

@@ -1,4 +1,4 @@
-"""Which rows have a label that means friction."""
+"""The rows whose label is friction."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ def usable_rows(
 ) -> NDArray[np.bool_]:
     """Return the mask of usable rows, shape ``(n,)``.
 
-    Not usable: rows within ``margin_m`` of an end stop, whose reaction the equation of motion would take for
-    friction; every row whose filter saw such a row; and the rows at either edge of the recording that the filter
-    could not see whole.
+    Not usable: rows within ``margin_m`` of an end stop, whose reaction would be counted as friction; every row whose
+    filter's support includes such a row; and the rows at either edge of the recording whose support is incomplete.
 
     Args:
         position_m: Position [m], shape ``(n,)``, 0 to ``stroke_m``.

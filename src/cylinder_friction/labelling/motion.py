@@ -1,48 +1,47 @@
-"""The moving mass, and friction beside it, identified from how force and acceleration go together.
+"""The moving mass, and friction beside it, identified from how force and acceleration vary together.
 
     F_drive - F_load = m·a + s_2·v + F_C·sgn(v) + F_0
 
 Force, velocity and acceleration come from one filter; before the regression every column of it, the direction's sign
 included, is averaged over the same short blocks (parallel filtering: Gautier, Janot and Vandanjon 2013). What the
-filters leave of one signal and not of another lies above the blocks' pass band and so bends nothing, and residuals of
-neighbouring blocks are nearly independent. Noise of the acceleration still draws the mass towards zero: filter
-windows that leave acceleration clean belong to the identification, not only to the label.
+filters remove from one signal and not from another lies above the blocks' pass band and so causes no bias, and
+residuals of neighbouring blocks are nearly independent. Noise of the acceleration still draws the mass towards zero:
+filter windows that leave acceleration clean belong to the identification, not only to the label.
 
-A hydraulic cylinder seldom tells its mass: six kilograms at 1 m/s² are 6 N beside hundreds of friction. The interval
-says so, and ``mass_known`` is then False.
+A hydraulic cylinder's motion seldom determines its mass: six kilograms at 1 m/s² are 6 N beside hundreds of friction.
+The interval then shows it, and ``mass_known`` is False.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import legendre
 
+from cylinder_friction.labelling.averages import Averages
 from cylinder_friction.labelling.robust import clustered_half_widths, refuse_no_probability, robust_fit
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
 _LEAST_BLOCKS = 40
 _OUTLIER_MULTIPLE = 3.0
-"""Huber's threshold: residuals hold friction that Coulomb and viscous do not, which is to be weighed as it is."""
+"""Huber's threshold: residuals contain friction that is neither Coulomb nor viscous, which keeps its full weight."""
 
 
 @dataclass(frozen=True)
 class MotionPlan:
-    """How motion is identified.
+    """How the moving mass is identified.
 
     Attributes:
         slowest_m_s: A block with a slower row is left out: sticking has no Coulomb friction [m/s].
-        block_s: What is averaged before the regression [s].
+        block_s: Duration that is averaged before the regression [s].
         cluster_s: Residuals this far apart count as independent [s].
         confidence: Probability of the intervals.
 
@@ -66,45 +65,23 @@ class MotionPlan:
 
 
 @dataclass(frozen=True)
-class MotionPoints:
-    """Means over blocks, each of shape ``(blocks,)``.
+class MotionPoints(Averages):
+    """Means over blocks in motion, each of shape ``(blocks,)``.
 
     Attributes:
-        force_n: Drive force less load [N].
-        position_m: [m].
-        velocity_m_s: [m/s].
-        acceleration_m_s2: [m/s²].
-        direction: Mean sign of velocity, within -1 to 1.
+        direction: Mean sign of velocity.
         cluster: Which stretch of ``cluster_s`` the block belongs to, counted from 0.
     """
 
-    force_n: Array
-    position_m: Array
-    velocity_m_s: Array
-    acceleration_m_s2: Array
+    group = "cluster"
+
     direction: Array
     cluster: NDArray[np.int64]
-
-    def where(self, mask: NDArray[np.bool_]) -> MotionPoints:
-        """Return the blocks of a mask; clusters are counted anew."""
-        columns: dict[str, Any] = {name: values[mask] for name, values in vars(self).items()}
-        columns["cluster"] = np.unique(columns["cluster"], return_inverse=True)[1].astype(np.int64)
-        return MotionPoints(**columns)
-
-    @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the blocks of several recordings; clusters are counted on from one to the next."""
-        columns: dict[str, Any] = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
-        }
-        counts = [int(part.cluster.max(initial=-1)) + 1 for part in parts]
-        columns["cluster"] += np.repeat(np.cumsum([0, *counts[:-1]]), [len(part.cluster) for part in parts])
-        return cls(**columns)
 
 
 @dataclass(frozen=True)
 class MotionIdentification:
-    """What a regression found; intervals are pairs in the unit of their number.
+    """The coefficients of the regression; intervals are pairs in the unit of their coefficient.
 
     Attributes:
         mass_kg: Moving mass, m [kg].
@@ -116,8 +93,8 @@ class MotionIdentification:
         offset_n: Constant force, F_0 [N]: offset of a sensor, friction that differs between the directions, or the
             mean of a load that was identified beside it.
         offset_interval_n: Its interval [N].
-        residual_n: Root of the mean square residual of the blocks [N].
-        blocks: How many blocks it rests on.
+        residual_n: Root mean square residual of the blocks [N].
+        blocks: Number of blocks in the regression.
         confidence: Probability of the intervals.
     """
 
@@ -135,12 +112,12 @@ class MotionIdentification:
 
     @property
     def mass_known(self) -> bool:
-        """Whether the motion tells the mass: it is positive, and its interval no wider than itself."""
+        """Whether the motion determines the mass: it is positive, and its interval no wider than itself."""
         low, high = self.mass_interval_kg
         return self.mass_kg > 0.0 and high - low <= self.mass_kg
 
     def force(self, acceleration_m_s2: Array, velocity_m_s: Array) -> Array:
-        """Return the force that this motion asks for [N], of the velocity's shape."""
+        """Return the force that this motion requires [N], of the velocity's shape."""
         return np.asarray(
             self.mass_kg * acceleration_m_s2
             + self.viscous_n_s_m * velocity_m_s
@@ -149,16 +126,16 @@ class MotionIdentification:
         )
 
     def sentence(self) -> str:
-        """Return in words whether the mass was told."""
+        """Return in words whether the mass could be determined."""
         low, high = self.mass_interval_kg
         found = f"{self.mass_kg:.4g} kg, {100 * self.confidence:g} % interval {low:.4g} to {high:.4g} kg"
         if self.mass_known:
-            return f"the moving mass came out as {found}"
-        return f"the motion does not tell the moving mass: it came out as {found}; record faster strokes or give it"
+            return f"the moving mass was identified as {found}"
+        return f"the motion does not determine the moving mass: got {found}; record faster strokes or give it"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON takes it."""
-        content = asdict(self) | {"mass_known": self.mass_known, "mass_said": self.sentence()}
+        """Return the content as JSON-compatible values."""
+        content = asdict(self) | {"mass_known": self.mass_known, "mass_summary": self.sentence()}
         return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
 
 
@@ -171,15 +148,15 @@ def motion_points(
     plan: MotionPlan,
     usable: NDArray[np.bool_] | None = None,
 ) -> MotionPoints:
-    """Return the blocks of one recording whose rows are all usable and all move.
+    """Return the blocks of one recording whose rows are all usable and all in motion.
 
     Args:
         force_n: Smooth drive force less load [N], shape ``(n,)``.
         position_m: [m], shape ``(n,)``.
         velocity_m_s, acceleration_m_s2: Smooth, shape ``(n,)``.
         sample_time_s: Time between two rows [s].
-        plan: How.
-        usable: Rows whose force means something, shape ``(n,)``; all where there is no mask.
+        plan: Block and cluster durations, least speed.
+        usable: Rows whose force is meaningful, shape ``(n,)``; all without a mask.
     """
     size = max(1, round(plan.block_s / sample_time_s))
     count = len(force_n) // size
@@ -189,36 +166,27 @@ def motion_points(
 
     moving = np.abs(velocity_m_s) >= plan.slowest_m_s
     whole = pieces(moving if usable is None else moving & usable).all(axis=1)
-    blocks_a_cluster = max(1, round(plan.cluster_s / (size * sample_time_s)))
-    cluster = np.unique(np.flatnonzero(whole) // blocks_a_cluster, return_inverse=True)[1]
-
-    def mean(values: Array) -> Array:
-        return np.asarray(pieces(values)[whole].mean(axis=1))
-
-    return MotionPoints(
-        force_n=mean(force_n),
-        position_m=mean(position_m),
-        velocity_m_s=mean(velocity_m_s),
-        acceleration_m_s2=mean(acceleration_m_s2),
-        direction=mean(np.sign(velocity_m_s)),
-        cluster=cluster.astype(np.int64),
-    )
+    cluster_size = max(1, round(plan.cluster_s / (size * sample_time_s)))
+    cluster = np.unique(np.flatnonzero(whole) // cluster_size, return_inverse=True)[1]
+    columns = (force_n, position_m, velocity_m_s, acceleration_m_s2, np.sign(velocity_m_s))
+    means = [pieces(values)[whole].mean(axis=1) for values in columns]
+    return MotionPoints(*means, cluster=cluster.astype(np.int64))
 
 
 def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: int = 0) -> MotionIdentification:
-    """Return mass, viscous and Coulomb friction and offset that the blocks tell, with their intervals.
+    """Return mass, viscous and Coulomb friction and offset with their intervals.
 
     Args:
         points: Of one session.
         confidence: Probability of the intervals.
-        load_order: Of a polynomial in position that stands for an unknown load beside them; its constant is the offset.
+        load_order: Order of a polynomial in position that represents an unknown load; its constant is the offset.
 
     Raises:
         RecordingError: There are too few blocks in motion.
     """
-    if len(points.force_n) < _LEAST_BLOCKS:
+    if len(points) < _LEAST_BLOCKS:
         raise RecordingError(
-            f"the moving mass cannot be identified: got {len(points.force_n)} blocks of steady motion; expected at "
+            f"the moving mass cannot be identified: got {len(points)} blocks of steady motion; expected at "
             f"least {_LEAST_BLOCKS}; record longer strokes, or give the mass (label.inertia: given)"
         )
     first, last = float(points.position_m.min()), float(points.position_m.max())
@@ -227,21 +195,9 @@ def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: 
     design = np.hstack([motion, legendre.legvander(along, load_order)])
     fit = robust_fit(design, points.force_n, _OUTLIER_MULTIPLE)
     half = clustered_half_widths(design, fit, points.cluster, confidence)
-    mass, viscous, coulomb, offset = (float(value) for value in fit.coefficients[:4])
-    intervals = [
-        (float(value - reach), float(value + reach))
-        for value, reach in zip(fit.coefficients[:4], half[:4], strict=True)
-    ]
-    return MotionIdentification(
-        mass_kg=mass,
-        mass_interval_kg=intervals[0],
-        viscous_n_s_m=viscous,
-        viscous_interval_n_s_m=intervals[1],
-        coulomb_n=coulomb,
-        coulomb_interval_n=intervals[2],
-        offset_n=offset,
-        offset_interval_n=intervals[3],
-        residual_n=float(np.sqrt(np.mean(fit.residuals**2))),
-        blocks=len(points.force_n),
-        confidence=confidence,
+    mass, viscous, coulomb, offset = (
+        (float(value), (float(value - width), float(value + width)))
+        for value, width in zip(fit.coefficients[:4], half[:4], strict=True)
     )
+    residual_n = float(np.sqrt(np.mean(fit.residuals**2)))
+    return MotionIdentification(*mass, *viscous, *coulomb, *offset, residual_n, len(points), confidence)

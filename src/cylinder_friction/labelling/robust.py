@@ -1,4 +1,4 @@
-"""Linear regression in which outliers count less, and how sure it is when neighbouring residuals are alike."""
+"""Robust linear regression, and its uncertainty when neighbouring residuals are correlated."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class RobustFit:
 
     Attributes:
         coefficients: Shape ``(k,)``.
-        weights: What each row counted, in (0, 1], shape ``(n,)``.
+        weights: Weight of each row, in (0, 1], shape ``(n,)``.
         residuals: Target less fit, shape ``(n,)``.
     """
 
@@ -39,8 +39,7 @@ def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTI
     """Return the fit of ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``.
 
     Huber's loss, by iteratively reweighted least squares. Its threshold is a ``multiple`` of the noise, measured anew
-    in each round as a standard deviation from the median absolute residual. Columns that say the same share their
-    coefficient.
+    in each round as a standard deviation from the median absolute residual. Identical columns share their coefficient.
 
     Source: Huber 1981, section 7.8.
     """
@@ -66,7 +65,7 @@ def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTI
 def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.int64], confidence: float) -> Array:
     """Return half the width of each coefficient's confidence interval, shape ``(k,)``; infinite with too few clusters.
 
-    Residuals of one cluster may be as alike as they wish, those of two clusters must not be.
+    Residuals of one cluster may be correlated, those of two clusters must not be.
 
     Source: sandwich covariance by clusters, Liang and Zeger 1986, with Student's t of as many degrees of freedom as
     there are clusters beyond coefficients.
@@ -80,8 +79,8 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
     np.add.at(scores, clusters, weighted * fit.residuals[:, None])
     bread = np.linalg.pinv(weighted.T @ design, hermitian=True)
     covariance = bread @ (scores.T @ scores) @ bread * (count / free)
-    reach = float(stdtrit(free, 0.5 + 0.5 * confidence))
-    return np.asarray(reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    quantile = float(stdtrit(free, 0.5 + 0.5 * confidence))
+    return np.asarray(quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 
 
 def bootstrap_coefficients(
@@ -98,8 +97,8 @@ def bootstrap_coefficients(
         target: Shape ``(n,)``.
         blocks: Block of each row, counted from 0, shape ``(n,)``.
         groups: Group of each block, shape ``(blocks,)``.
-        repeats: How many draws.
-        seed: Of the draws.
+        repeats: Number of draws.
+        seed: Seed of the draws.
 
     Source: Künsch 1989 for blocks; Davison and Hinkley 1997, section 3.8, for draws within strata.
     """
@@ -123,7 +122,7 @@ def bootstrap_coefficients(
 
 
 def quantile_interval(values: Array, confidence: float) -> tuple[float, float]:
-    """Return the interval that holds ``confidence`` of the values, as much left out below as above."""
+    """Return the central interval that contains ``confidence`` of the values."""
     outside = 0.5 * (1.0 - confidence)
     low, high = np.quantile(values, [outside, 1.0 - outside])
     return float(low), float(high)

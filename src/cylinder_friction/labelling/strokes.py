@@ -1,63 +1,66 @@
-"""Strokes: where the cylinder moves one way, long enough that its friction has settled."""
+"""Strokes: where the cylinder moves one way, long enough that its friction has settled, and where they went."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.labelling.averages import Averages
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.motion import direction_of_motion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-    Counts = NDArray[np.int64]
 
 POINT_DURATION_S = 0.1
-"""A point is the mean of this much of a stroke."""
+"""A point is the mean over this much of a stroke."""
+
+BINS = 100
+LEAST_SHARE = 0.1
+"""Least share of the travel of all strokes that must be common to both directions."""
 
 
 @dataclass(frozen=True)
-class StrokePoints:
-    """Means over short pieces of strokes, all of shape ``(points,)``.
+class StrokePoints(Averages):
+    """Means over short pieces of strokes, all of shape ``(points,)``; velocity is never zero.
 
     Attributes:
-        force_n: What drives the piston, in ``identify_load`` less inertia: load and friction together [N].
-        position_m: [m].
-        velocity_m_s: [m/s], never zero.
-        acceleration_m_s2: [m/s²].
         first_m, last_m: Position where the piece begins and ends [m].
         stroke: Which stroke the piece belongs to, counted from 0.
     """
 
-    force_n: Array
-    position_m: Array
-    velocity_m_s: Array
-    acceleration_m_s2: Array
+    group = "stroke"
+
     first_m: Array
     last_m: Array
-    stroke: Counts
+    stroke: NDArray[np.int64]
 
-    def __len__(self) -> int:
-        return len(self.force_n)
 
-    @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the points of several recordings; strokes are counted on from one to the next."""
-        columns: dict[str, Any] = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
-        }
-        counts = [int(part.stroke.max(initial=-1)) + 1 for part in parts]
-        columns["stroke"] += np.repeat(np.cumsum([0, *counts[:-1]]), [len(part) for part in parts])
-        return cls(**columns)
+@dataclass(frozen=True)
+class Coverage:
+    """Sections of the travel that strokes of both directions passed through.
 
-    def where(self, mask: NDArray[np.bool_]) -> StrokePoints:
-        """Return the points of a mask; strokes keep their numbers."""
-        return StrokePoints(*(values[mask] for values in vars(self).values()))
+    Attributes:
+        stretches_m: Disjoint pairs of first and last position, ascending [m].
+    """
+
+    stretches_m: tuple[tuple[float, float], ...]
+
+    @property
+    def range_m(self) -> tuple[float, float]:
+        """First and last position of all sections [m]."""
+        return self.stretches_m[0][0], self.stretches_m[-1][1]
+
+    def holds(self, position_m: Array) -> NDArray[np.bool_]:
+        """Return whether each position lies in one of the sections, of the positions' shape."""
+        inside = np.zeros(np.shape(position_m), dtype=np.bool_)
+        for first, last in self.stretches_m:
+            inside |= (position_m >= first) & (position_m <= last)
+        return inside
 
 
 def stroke_points(
@@ -73,33 +76,29 @@ def stroke_points(
     """Return the strokes of one recording as points.
 
     A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster; its first
-    ``settling_travel_m``, in which bristles bend and the rig takes up its play, is left out.
+    ``settling_travel_m``, in which bristles bend and the rig takes up its backlash, is left out.
 
     Args:
         force_n: Drive force [N], shape ``(n,)``.
         position_m: [m], shape ``(n,)``.
         velocity_m_s, acceleration_m_s2: Smooth, shape ``(n,)``.
-        usable: Rows whose force means something, shape ``(n,)``.
+        usable: Rows whose force is meaningful, shape ``(n,)``.
         sample_time_s: Time between two rows [s].
         slowest_m_s: Slower rows belong to no stroke [m/s].
         settling_travel_m: Travel after a start or reversal that does not count [m].
     """
-    way = np.where(usable, direction_of_motion(velocity_m_s, slowest_m_s), 0.0)
-    run = np.concatenate([[0], np.cumsum(way[1:] != way[:-1])]) if len(way) else np.zeros(0, dtype=np.int64)
+    direction = np.where(usable, direction_of_motion(velocity_m_s, slowest_m_s), 0.0)
+    run = np.cumsum(np.diff(direction, prepend=direction[:1]) != 0.0)
     path = np.cumsum(np.abs(velocity_m_s)) * sample_time_s
     starts = np.flatnonzero(np.diff(run, prepend=-1))
-    travel = path - path[starts][run] if len(way) else path
-    rows = np.flatnonzero((way != 0.0) & (travel >= settling_travel_m))
-    if len(rows) == 0:
-        nothing = np.zeros(0)
-        return StrokePoints(nothing, nothing, nothing, nothing, nothing, nothing, np.zeros(0, dtype=np.int64))
+    rows = np.flatnonzero((direction != 0.0) & (path - path[starts][run] >= settling_travel_m))
     first_of_run = np.searchsorted(run[rows], run[rows], side="left")
     piece = (np.arange(len(rows)) - first_of_run) // max(1, round(POINT_DURATION_S / sample_time_s))
     begins = np.flatnonzero((np.diff(run[rows], prepend=-1) != 0) | (np.diff(piece, prepend=-1) != 0))
     counts = np.diff(np.append(begins, len(rows)))
 
     def mean(values: Array) -> Array:
-        return np.asarray(np.add.reduceat(values[rows], begins) / counts)
+        return np.asarray(np.add.reduceat(values[rows], begins) / counts) if len(rows) else np.zeros(0)
 
     return StrokePoints(
         force_n=mean(force_n),
@@ -110,3 +109,41 @@ def stroke_points(
         last_m=position_m[rows[begins + counts - 1]],
         stroke=np.unique(run[rows][begins], return_inverse=True)[1].astype(np.int64),
     )
+
+
+def coverage_of(points: StrokePoints) -> Coverage:
+    """Return where strokes of both directions went.
+
+    Raises:
+        RecordingError: There is no stroke in one of the directions, or they have hardly any travel in common.
+    """
+    spans = {}
+    for name, sign in (("extend", 1.0), ("retract", -1.0)):
+        own = points.where(points.velocity_m_s * sign > 0.0)
+        if not len(own):
+            raise RecordingError(
+                f"load and friction cannot be separated: got no stroke that {name}s; expected strokes of both "
+                "directions over the same travel; record slow strokes up and down, or measure the load"
+            )
+        spans[name] = np.minimum(own.first_m, own.last_m), np.maximum(own.first_m, own.last_m)
+    low = float(min(firsts.min() for firsts, _ in spans.values()))
+    high = float(max(lasts.max() for _, lasts in spans.values()))
+    both = np.logical_and(*(_visited(*span, low, high) for span in spans.values()))
+    if both.sum() < LEAST_SHARE * BINS:
+        extend, retract = (f"{firsts.min():.4g} to {lasts.max():.4g} m" for firsts, lasts in spans.values())
+        raise RecordingError(
+            f"load and friction cannot be separated: strokes that extend cover {extend} and strokes that retract "
+            f"{retract}, with {both.sum()} % of the travel in common; expected at least {100 * LEAST_SHARE:.0f} %; "
+            "record slow strokes up and down over the same travel, or measure the load"
+        )
+    edges = np.linspace(low, high, BINS + 1)
+    change = np.flatnonzero(np.diff(both, prepend=False, append=False))
+    return Coverage(tuple((float(edges[a]), float(edges[b])) for a, b in zip(change[::2], change[1::2], strict=True)))
+
+
+def _visited(firsts_m: Array, lasts_m: Array, low: float, high: float) -> NDArray[np.bool_]:
+    """Return which bins between ``low`` and ``high`` some piece touches, shape ``(BINS,)``."""
+    scale = BINS / (high - low) if high > low else 0.0
+    first, last = (np.clip(((ends - low) * scale).astype(np.int64), 0, BINS - 1) for ends in (firsts_m, lasts_m))
+    change = np.bincount(first, minlength=BINS + 1) - np.bincount(last + 1, minlength=BINS + 1)
+    return np.asarray(np.cumsum(change[:BINS]) > 0)

@@ -1,4 +1,4 @@
-"""How sure a friction label is, in newtons, from what is stated of the sensors behind it."""
+"""Uncertainty of a friction label [N], from the stated uncertainty of the sensors behind it."""
 
 from __future__ import annotations
 
@@ -33,24 +33,23 @@ def label_uncertainty(
         U² = 4·[A1²·u²(P1) + A2²·u²(P2) + u²(F_load)],    u²(x) = zero² + (span·x)² + resolution²/12
 
     where zero and span are each sensor's standard uncertainties and resolution is one step of its converter, within
-    which its reading is anywhere alike. A measured drive force takes the place of both pressures. The terms add in
-    quadrature: two sensors know nothing of each other. Left out is what the label's filter does, and the inertia, whose
-    uncertainty is newtons where the sensors' is hundreds. A sensor's zero is the same in a whole recording, so the mean
-    of many rows is no surer than one.
+    which the reading is uniformly distributed. A measured drive force takes the place of both pressures. The terms add
+    in quadrature, as two sensors are independent. The label's filter is left out, and the inertia, whose uncertainty is
+    newtons where the sensors' is hundreds. A sensor's zero is constant within a recording, so that averaging rows does
+    not reduce it.
 
     Args:
-        recording: With the raw columns in SI units; its metadata state the sensors' uncertainty.
+        recording: Its metadata state the sensors' uncertainty.
         cylinder: Its areas.
-        load_uncertainty_n: Standard uncertainty (k = 1) of a load that was identified and not measured [N], one number
-            or one a row.
-        measured_load: Whether ``load_force_n``, where the recording has it, is taken off in the label.
+        load_uncertainty_n: Standard uncertainty (k = 1) of an identified load [N], a number or shape ``(n,)``.
+        measured_load: Whether ``load_force_n``, where the recording has it, is subtracted in the label.
 
-    Returns None where nothing is stated of a sensor that enters the label, for unknown is not zero. A measured load of
-    which nothing is stated is such a sensor, unless ``load_uncertainty_n`` speaks for it.
+    Returns None where the uncertainty of a sensor that enters the label is not stated, as unknown is not zero; that of
+    a measured load may come from ``load_uncertainty_n`` instead.
     """
     areas = _sensitivities(recording, cylinder)
-    spoken_for = LOAD_FORCE not in recording.metadata.uncertainty and bool(np.any(load_uncertainty_n))
-    if measured_load and LOAD_FORCE in recording.table.columns and not spoken_for:
+    load_covered = LOAD_FORCE not in recording.metadata.uncertainty and bool(np.any(load_uncertainty_n))
+    if measured_load and LOAD_FORCE in recording.table.columns and not load_covered:
         areas[LOAD_FORCE] = 1.0
     if any(column not in recording.metadata.uncertainty for column in areas):
         return None
@@ -65,7 +64,7 @@ def label_uncertainty(
 
 
 def _sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
-    """Return the change of friction with each column that makes the driving force [m², or 1 for a force]."""
+    """Return the derivative of friction by each column of the driving force [m², or 1 for a force]."""
     if has_pressures(recording):
         return {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": cylinder.annulus_area_m2}
     return {DRIVE_FORCE: 1.0}

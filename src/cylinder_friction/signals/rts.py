@@ -50,7 +50,7 @@ class RtsSmoother(SignalFilter):
         for values in (samples[:, P1], samples[:, P2]):
             model = self._pressure_model(quantisation_step(values), sample_time_s)
             pressures.append(smooth_states(model, values)[:, 0])
-        return SmoothSignals(*pressures, *self.motion(samples[:, X], sample_time_s))
+        return SmoothSignals(pressures[0], pressures[1], *self.motion(samples[:, X], sample_time_s))
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         # How much is smoothed follows from pressure_rate over pressure_noise alone, so their pascals cancel.

@@ -81,8 +81,8 @@ class SignalFilter(ABC):
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         """Return the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
-        pressures = (self.smooth_force(samples[:, side], sample_time_s) for side in (P1, P2))
-        return SmoothSignals(*pressures, *self.motion(samples[:, X], sample_time_s))
+        p1, p2 = (self.smooth_force(samples[:, side], sample_time_s) for side in (P1, P2))
+        return SmoothSignals(p1, p2, *self.motion(samples[:, X], sample_time_s))
 
 
 def has_pressures(recording: Recording) -> bool:

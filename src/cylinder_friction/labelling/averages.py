@@ -1,0 +1,52 @@
+"""Means over short pieces of recordings, from which load and mass are identified."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Averages:
+    """Means over pieces of recordings, all of shape ``(pieces,)``; a subclass adds its group's numbers, from 0.
+
+    Attributes:
+        force_n: Drive force less whatever load is known, inertia included [N].
+        position_m: [m].
+        velocity_m_s: [m/s].
+        acceleration_m_s2: [m/s²].
+    """
+
+    group: ClassVar[str]
+    """Field that numbers the stroke or cluster a piece belongs to."""
+
+    force_n: Array
+    position_m: Array
+    velocity_m_s: Array
+    acceleration_m_s2: Array
+
+    def __len__(self) -> int:
+        return len(self.force_n)
+
+    def where(self, mask: NDArray[np.bool_]) -> Self:
+        """Return the pieces of a mask; groups keep their numbers."""
+        return type(self)(*(values[mask] for values in vars(self).values()))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return the pieces of several recordings, with their groups numbered consecutively."""
+        columns: dict[str, Any] = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
+        }
+        counts = [int(getattr(part, cls.group).max(initial=-1)) + 1 for part in parts]
+        columns[cls.group] += np.repeat(np.cumsum([0, *counts[:-1]]), [len(part) for part in parts])
+        return cls(**columns)
