@@ -182,7 +182,8 @@ def test_a_session_that_does_not_tell_its_load_is_named(workplace: Path, cylinde
     write_recording(SIGNALS_FOLDER, one_way)
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     metadata = [read_metadata(each) for each in recording_paths(SIGNALS_FOLDER)]
-    with pytest.raises(RecordingError, match=f"session '{recording.metadata.session}': load and friction cannot be separated"):
+    problem = "load and friction cannot be separated"
+    with pytest.raises(RecordingError, match=f"session '{recording.metadata.session}': {problem}"):
         label.identify_sessions(metadata, labeller, SavitzkyGolay())
 
 

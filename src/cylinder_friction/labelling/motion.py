@@ -42,7 +42,7 @@ class MotionPlan:
     Attributes:
         slowest_m_s: A block with a slower row is left out: sticking has no Coulomb friction [m/s].
         block_s: Duration that is averaged before the regression [s].
-        cluster_s: Residuals this far apart count as independent [s].
+        cluster_s: Residuals of two such intervals count as independent [s].
         confidence: Probability of the intervals.
 
     Raises:
@@ -168,9 +168,11 @@ def motion_points(
     whole = pieces(moving if usable is None else moving & usable).all(axis=1)
     cluster_size = max(1, round(plan.cluster_s / (size * sample_time_s)))
     cluster = np.unique(np.flatnonzero(whole) // cluster_size, return_inverse=True)[1]
-    columns = (force_n, position_m, velocity_m_s, acceleration_m_s2, np.sign(velocity_m_s))
-    means = [pieces(values)[whole].mean(axis=1) for values in columns]
-    return MotionPoints(*means, cluster=cluster.astype(np.int64))
+    force, position, velocity, acceleration, direction = (
+        pieces(values)[whole].mean(axis=1)
+        for values in (force_n, position_m, velocity_m_s, acceleration_m_s2, np.sign(velocity_m_s))
+    )
+    return MotionPoints(force, position, velocity, acceleration, direction, cluster.astype(np.int64))
 
 
 def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: int = 0) -> MotionIdentification:
