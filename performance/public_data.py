@@ -17,7 +17,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.recordings.timeline.time_rules import TimeRules
+from cylinder_friction.recordings.timeline.timestamps import TimeRules
 from cylinder_friction.signals.smooth_signals import smooth_columns
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 

@@ -145,7 +145,7 @@ def _ingest_init(options: argparse.Namespace) -> None:
     if options.output.exists():
         raise FileExistsError(f"{options.output}: is there already; name another file, or remove it first")
     write_text(options.output, text)
-    print(f"{options.output}: read every line that says guess, CHECK, AMBIGUOUS or NOT FOUND")
+    print(f"{options.output}: read every line marked guess, CHECK, AMBIGUOUS or NOT FOUND")
 
 
 def _inspect(options: argparse.Namespace) -> int:

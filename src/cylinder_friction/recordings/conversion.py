@@ -15,7 +15,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping,
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.timeline.aligning import align
-from cylinder_friction.recordings.timeline.time_rules import TimeRules
+from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

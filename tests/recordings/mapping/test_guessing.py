@@ -81,7 +81,7 @@ def test_the_file_as_it_comes_out_of_the_rig_is_all_right() -> None:
     text = text_of(values, {name: name.split("[")[1][:-1] for name in values})
     for mark in ("AMBIGUOUS", "NOT FOUND", "CHECK"):
         assert mark not in text.split("channels:")[1]
-    assert "# guess: name says pressure, piston side, name says bar, values 20 to 21" in text
+    assert "# guess: name means pressure, piston side, unit bar from the name, values 20 to 21" in text
     assert 'pressure_1_pa: {channel: "P1 [bar]", unit: bar}' in text
 
 
@@ -90,7 +90,7 @@ def test_units_of_the_file_are_taken_and_missing_ones_guessed_with_alternatives(
     text = text_of(values, {"p1": "MPa"})
     units = {column: entry["unit"] for column, entry in channels_of(text).items()}
     assert units == {"time_s": "ms", "pressure_1_pa": "MPa", "pressure_2_pa": "bar", "position_m": "m"}
-    assert "file says MPa" in comment_of(text, "pressure_1_pa")
+    assert "unit MPa from the file" in comment_of(text, "pressure_1_pa")
     assert "values 0 to 30 fit bar" in comment_of(text, "pressure_2_pa")
     assert "CHECK: the unit is stated nowhere; psi or MPa would fit too" in comment_of(text, "pressure_2_pa")
 

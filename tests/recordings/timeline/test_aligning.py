@@ -14,7 +14,7 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.signal import Piece, Signal
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.resampling import OVERSHOOT
-from cylinder_friction.recordings.timeline.time_rules import TimeRules
+from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

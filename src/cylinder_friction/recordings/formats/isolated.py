@@ -20,8 +20,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cylinder_friction.recordings.formats.arrow_pipe import read_message, read_tables, write_message
 from cylinder_friction.recordings.formats.libraries import missing_library
-from cylinder_friction.recordings.formats.table_wire import read_message, read_tables, write_message
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:

@@ -7,32 +7,64 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.columns import DRIVE_FORCE, QUANTITIES
+from cylinder_friction.recordings.columns import (
+    DRIVE_FORCE,
+    LOAD_FORCE,
+    OIL_TEMPERATURE,
+    POSITION,
+    PRESSURES,
+    QUANTITIES,
+    SAMPLE_COLUMNS,
+    TIME,
+)
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, facts_of
-from cylinder_friction.recordings.mapping.fitting_units import fitting_units, suspicion
-from cylinder_friction.recordings.mapping.sign_guess import position_sign
 from cylinder_friction.recordings.mapping.unit_spelling import electrical
-from cylinder_friction.recordings.mapping.units import quantity_of
+from cylinder_friction.recordings.mapping.units import quantity_of, to_column_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
-LOAD_FORCE, OIL_TEMPERATURE = "load_force_n", "oil_temperature_c"
-TOGETHER = ("pressure_1_pa", "pressure_2_pa", "position_m")
-"""Columns that must be of one cylinder."""
+    Array = NDArray[np.float64]
+    Ranked = Sequence[tuple[ChannelFacts, float]]
 
-SIDES = {"pressure_1_pa": 1, "pressure_2_pa": 2}
+SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
+SIDE_WORDS = {1: "piston side", 2: "rod side"}
 
 NEARLY = 3.0
-"""Candidates within so much of the best one's score are named beside it."""
+"""Candidates within this distance of the best score are named beside it."""
 
 BELOW_ZERO = 0.05
-"""A position that falls below zero by more than this share of its travel does not count from the rod in."""
+"""A position that falls below zero by more than this share of its travel does not count from the retracted end."""
 
-SIDE_WORDS = {1: "piston side", 2: "rod side"}
+LIKELY_UNITS = {
+    "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6)),
+    "pressure": (("bar", 1.0, 700.0), ("Pa", 7e4, 7e7), ("kPa", 7e3, 7e4), ("psi", 15.0, 1e4), ("MPa", 0.1, 70.0)),
+    "length": (("m", 0.01, 2.0), ("mm", 2.0, 5000.0), ("in", 1.0, 100.0), ("cm", 1.0, 300.0)),
+    "force": (("N", 100.0, 5e6), ("kN", 0.1, 5000.0)),
+    "temperature": (("°C", -40.0, 120.0), ("°F", -40.0, 250.0)),
+}
+"""Units of each quantity, likeliest first, and the bounds of the greatest value on a common cylinder.
+
+For time of the step, for length of the travel.
+"""
+
+PLAUSIBLE = {
+    "pressure": (2e4, 7e7, "bar", 1e5, "greatest pressure"),
+    "length": (2e-3, 20.0, "mm", 1e-3, "travel"),
+    "force": (1.0, 2e7, "N", 1.0, "greatest force"),
+}
+"""Least and greatest for a cylinder, in the column's unit; the unit of messages and its scale; and the name."""
+
+AREA_RATIOS = (0.5, 0.7, 0.9)
+"""A2 over A1, which is not known yet: the sign must be the same for all of them."""
+
+STROKE_SHARE = 0.02
+"""Steps over which direction is taken are this share of the travel, so that noise does not count as motion."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +79,7 @@ class GuessedColumn:
         reasons: For the guess, one sentence each.
         checks: What the user should look at, one sentence each.
         others: Other channels that could be meant, best first.
-        needed: Whether a recording is none without it.
+        needed: Whether there is no recording without it.
     """
 
     column: str
@@ -79,9 +111,9 @@ class GuessedMapping:
     stamps: dict[int, ChannelFacts] = field(default_factory=dict)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # a broken file may hold numbers at the limit of what there is
+@np.errstate(over="ignore", invalid="ignore")  # a damaged file may hold numbers at the limit of the representable
 def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
-    """Return a first mapping of a file, as far as names, units and values tell.
+    """Return a first mapping of a file, as far as names, units and values determine one.
 
     Args:
         tables: What the file holds, all channels loaded.
@@ -92,36 +124,29 @@ def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
     chosen = _of_one_cylinder(ranked)
     forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
     for column in (*forces, OIL_TEMPERATURE):
-        free = [channel for channel, _ in ranked[column] if channel not in chosen.values()]
-        if free:
-            chosen[column] = free[0]
-    wanted = _columns_for(chosen)
+        _take_first_free(column, ranked, chosen)
+    # A force stands in where no pressure was found.
+    driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
+    wanted = dict.fromkeys((TIME, *driven_by, POSITION), True)
+    wanted |= {column: False for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen}
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
-    stamps = _stamps(ranked["time_s"], chosen)
-    main = next((chosen[column].table for column in (*TOGETHER, DRIVE_FORCE) if column in chosen), None)
+    stamps = _stamps(ranked[TIME], chosen)
+    main = next((chosen[column].table for column in (*SAMPLE_COLUMNS, DRIVE_FORCE) if column in chosen), None)
     time = stamps.get(main) if main is not None else next(iter(stamps.values()), None)
     if time is not None:
-        chosen["time_s"] = time
+        chosen[TIME] = time
     sign = position_sign(chosen)
-    columns = {column: _guessed(column, chosen, ranked[column], needed, sign) for column, needed in wanted.items()}
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
     return GuessedMapping(
         path=path,
-        columns=columns,
+        columns={column: _guessed(column, chosen, ranked[column], needed, sign) for column, needed in wanted.items()},
         unused=tuple(channel for channel in facts if id(channel) not in used),
         several_tables=len({channel.table for channel in facts}) > 1,
         stamps=stamps,
     )
 
 
-def _columns_for(chosen: dict[str, ChannelFacts]) -> dict[str, bool]:
-    """Return the columns to write, and whether each is needed: a force stands in where no pressure was found."""
-    driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else tuple(SIDES)
-    needed = dict.fromkeys(("time_s", *driven_by, "position_m"), True)
-    return needed | {column: False for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen}
-
-
-def _ranked(column: str, facts: Sequence[ChannelFacts]) -> list[tuple[ChannelFacts, float]]:
+def _ranked(column: str, facts: Sequence[ChannelFacts]) -> Ranked:
     """Return the channels that could fill a column, with their scores, best first, then in the file's order."""
     scores = [(channel, _score(column, channel)) for channel in facts]
     return sorted(((channel, score) for channel, score in scores if score > 0.0), key=lambda entry: -entry[1])
@@ -130,17 +155,16 @@ def _ranked(column: str, facts: Sequence[ChannelFacts]) -> list[tuple[ChannelFac
 def _score(column: str, channel: ChannelFacts) -> float:
     """Return how well a channel fits a column; 0 or less if not at all."""
     quantity, words = QUANTITIES[column], channel.words
-    if column == "time_s":
+    if column == TIME:
         return _time_score(channel)
     measures = quantity_of(channel.unit) if channel.unit else None
     signal = electrical(channel.unit) is not None
     if channel.dates or not channel.low <= channel.high or (channel.unit and measures != quantity and not signal):
         return 0.0
     named = words.quantity == quantity
-    if not named and measures != quantity:
+    # Any force may be in newtons: only a name makes it a load.
+    if not named and (measures != quantity or column == LOAD_FORCE):
         return 0.0
-    if not named and column == LOAD_FORCE:
-        return 0.0  # any force may be in newtons
     if not named and words.quantity is not None:
         return 0.5
     side = SIDES.get(column)
@@ -164,33 +188,37 @@ def _time_score(channel: ChannelFacts) -> float:
         return 0.0
     if channel.words.quantity not in (None, "time", "temperature"):
         return 0.0
-    return 1.0 + 4.0 * named + 2.0 * (quantity_of(channel.unit) == "time" if channel.unit else 0)
+    return 1.0 + 4.0 * named + 2.0 * bool(channel.unit)
 
 
-def _of_one_cylinder(ranked: dict[str, list[tuple[ChannelFacts, float]]]) -> dict[str, ChannelFacts]:
+def _of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
     """Return pressures and position of the cylinder whose channels fit best; cylinders differ in the rest of the name.
 
     Where no cylinder has all three, the best of each column.
     """
     groups: dict[tuple[str, ...], dict[str, tuple[ChannelFacts, float]]] = {}
-    for column in TOGETHER:
+    for column in SAMPLE_COLUMNS:
         for channel, score in ranked[column]:
             group = groups.setdefault(channel.words.rest, {})
             if channel not in [taken for taken, _ in group.values()]:
                 group.setdefault(column, (channel, score))
-    whole = [group for group in groups.values() if len(group) == len(TOGETHER)]
+    whole = [group for group in groups.values() if len(group) == len(SAMPLE_COLUMNS)]
     if whole:
         best = max(whole, key=lambda group: sum(score for _, score in group.values()))
-        return {column: best[column][0] for column in TOGETHER}
+        return {column: best[column][0] for column in SAMPLE_COLUMNS}
     chosen: dict[str, ChannelFacts] = {}
-    for column in TOGETHER:
-        free = [channel for channel, _ in ranked[column] if channel not in chosen.values()]
-        if free:
-            chosen[column] = free[0]
+    for column in SAMPLE_COLUMNS:
+        _take_first_free(column, ranked, chosen)
     return chosen
 
 
-def _stamps(ranked: Sequence[tuple[ChannelFacts, float]], chosen: dict[str, ChannelFacts]) -> dict[int, ChannelFacts]:
+def _take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, ChannelFacts]) -> None:
+    free = [channel for channel, _ in ranked[column] if channel not in chosen.values()]
+    if free:
+        chosen[column] = free[0]
+
+
+def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[int, ChannelFacts]:
     """Return the best time channel of each table that another column comes from, or of every table if none does."""
     tables = {channel.table for channel in chosen.values()} or {channel.table for channel, _ in ranked}
     best: dict[int, ChannelFacts] = {}
@@ -201,48 +229,40 @@ def _stamps(ranked: Sequence[tuple[ChannelFacts, float]], chosen: dict[str, Chan
 
 
 def _guessed(
-    column: str,
-    chosen: dict[str, ChannelFacts],
-    ranked: Sequence[tuple[ChannelFacts, float]],
-    needed: bool,
-    position: tuple[int, str],
+    column: str, chosen: dict[str, ChannelFacts], ranked: Ranked, needed: bool, position: tuple[int, str]
 ) -> GuessedColumn:
     channel = chosen.get(column)
     if channel is None:
         return GuessedColumn(column, None, others=tuple(other for other, _ in ranked), needed=needed)
-    taken = [other for other in chosen.values() if other is not channel]
-    scores = {id(other): score for other, score in ranked}
-    others = tuple(
-        other
-        for other, score in ranked
-        if other is not channel
-        and not any(other is one for one in taken)
-        and score >= scores[id(channel)] - NEARLY
-        and not (column == "time_s" and other.table != channel.table)
-    )
+    taken = {id(other) for other in chosen.values()}
+    least = next(score for other, score in ranked if other is channel) - NEARLY
     unit, reasons, checks = _unit(column, channel)
-    sign, why = position if column == "position_m" else (1, "")
+    sign, why = position if column == POSITION else (1, "")
     return GuessedColumn(
         column=column,
         channel=channel,
         unit=unit,
         sign=sign,
-        reasons=(*_said(column, channel), *reasons),
+        reasons=(_meaning(column, channel), *reasons),
         checks=(*_meaning_checks(column, channel), *checks, *((why,) if why else ())),
-        others=others,
+        others=tuple(
+            other
+            for other, score in ranked
+            if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
+        ),
         needed=needed,
     )
 
 
-def _said(column: str, channel: ChannelFacts) -> list[str]:
-    """Return what the name tells of the column."""
+def _meaning(column: str, channel: ChannelFacts) -> str:
+    """Return why a channel was taken for a column."""
     quantity = QUANTITIES[column].replace("length", "position")
     side = SIDES.get(column)
     if side is not None and channel.words.side == side:
-        return [f"name says {'pressure, ' if channel.words.quantity == 'pressure' else ''}{SIDE_WORDS[side]}"]
+        return f"name means {'pressure, ' if channel.words.quantity == 'pressure' else ''}{SIDE_WORDS[side]}"
     if channel.words.quantity == QUANTITIES[column]:
-        return [f"name says {quantity}"]
-    return ["values rise steadily"] if column == "time_s" else [f"unit is one of {quantity}"]
+        return f"name means {quantity}"
+    return "values rise steadily" if column == TIME else f"unit is one of {quantity}"
 
 
 def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
@@ -252,7 +272,7 @@ def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
         return ["head is the rod side in most catalogues, but the piston side in some"]
     if column == DRIVE_FORCE:
         return ["no pressures were found, so the force stands in; it must be positive towards extension"]
-    if column == "position_m" and channel.low < -BELOW_ZERO * (channel.high - channel.low):
+    if column == POSITION and channel.low < -BELOW_ZERO * (channel.high - channel.low):
         return ["it falls below 0; state as offset what the sensor reads with the rod in"]
     if column == LOAD_FORCE:
         return ["it must be positive when it resists extension"]
@@ -263,16 +283,76 @@ def _unit(column: str, channel: ChannelFacts) -> tuple[str, list[str], list[str]
     """Return the unit, the reasons for it, and what to check about it."""
     if channel.dates:
         return "", ["holds dates"], []
-    if electrical(channel.unit) is not None:
-        return channel.unit, [f"{channel.stated_by} says {channel.unit}", channel.described()], []
     if channel.unit:
-        doubt = suspicion(column, channel.unit, channel)
-        return (
-            channel.unit,
-            [f"{channel.stated_by} says {channel.unit}", channel.described()],
-            [doubt] if doubt else [],
-        )
+        doubt = "" if electrical(channel.unit) else suspicion(column, channel.unit, channel)
+        reasons = [f"unit {channel.unit} from the {channel.stated_by}", channel.described()]
+        return channel.unit, reasons, [doubt] if doubt else []
     first, *alternatives = fitting_units(column, channel)
     also = f"; {' or '.join(alternatives)} would fit too" if alternatives else ""
-    what = f"steps of {channel.step:.4g}" if column == "time_s" else channel.described()
+    what = f"steps of {channel.step:.4g}" if column == TIME else channel.described()
     return first, [f"{what} fit {first}"], [f"the unit is stated nowhere{also}"]
+
+
+def fitting_units(column: str, channel: ChannelFacts) -> list[str]:
+    """Return the units that the values fit, likeliest first; the column's usual one if they fit none."""
+    quantity = QUANTITIES[column]
+    size = {
+        "time": channel.step,
+        "length": channel.high - channel.low,
+        "temperature": channel.high,
+    }.get(quantity, max(abs(channel.low), abs(channel.high)))  # fmt: skip
+    return [unit for unit, low, high in LIKELY_UNITS[quantity] if low <= size <= high] or [LIKELY_UNITS[quantity][0][0]]
+
+
+def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
+    """Return why a unit can hardly be right, or nothing."""
+    if QUANTITIES[column] not in PLAUSIBLE:
+        return ""
+    least, greatest, shown_in, scale, what = PLAUSIBLE[QUANTITIES[column]]
+    with np.errstate(over="ignore"):
+        low, high = to_column_unit(np.array([channel.low, channel.high]), unit, column).tolist()
+    size = high - low if QUANTITIES[column] == "length" else max(abs(low), abs(high))
+    if least <= size <= greatest:
+        return ""
+    return f"{unit} would make the {what} {size / scale:.3g} {shown_in}; is that the unit?"
+
+
+def position_sign(chosen: dict[str, ChannelFacts]) -> tuple[int, str]:
+    """Return 1, or -1 with a sentence for the user where the position seems to count the other way.
+
+    Friction takes work and gives none: with F = P1 - r·P2, less a cubic of position (any load that position alone
+    decides), the residual must have the sign of the direction of motion.
+    """
+    known = [chosen[column] for column in SAMPLE_COLUMNS if column in chosen]
+    if len(known) < len(SAMPLE_COLUMNS) or len({(channel.table, len(channel.values)) for channel in known}) > 1:
+        return 1, ""
+    if known[0].unit != known[1].unit or any(electrical(channel.unit) is not None for channel in known[:2]):
+        return 1, ""
+    finite = np.isfinite([channel.values for channel in known]).all(axis=0)
+    first, second, position = (channel.values[finite] for channel in known)
+    if all(_force_with_direction(first - ratio * second, position) < 0.0 for ratio in AREA_RATIOS):
+        return -1, (
+            "sign -1 because the pressures push against the motion, so that friction would drive the piston; it is 1 "
+            "if the two pressures are swapped instead"
+        )
+    return 1, ""
+
+
+def _force_with_direction(force: Array, position: Array) -> float:
+    """Return the part of a force that changes sign with the direction of motion, 0 where it is not significant."""
+    travel = float(np.ptp(position)) if len(position) else 0.0
+    if travel == 0.0:
+        return 0.0
+    # The rows at which the position has moved on by a step since the last such row.
+    levels = np.floor((position - position.min()) / (STROKE_SHARE * travel))
+    rows = np.concatenate([[0], np.flatnonzero(np.diff(levels) != 0.0) + 1])
+    direction = np.sign(np.diff(position[rows]))
+    middle = (rows[:-1] + rows[1:]) // 2
+    if min((direction > 0).sum(), (direction < 0).sum()) < 5:
+        return 0.0
+    scaled = (position[middle] - position.min()) / travel
+    columns = np.column_stack([np.ones_like(scaled), scaled, scaled**2, scaled**3, direction])
+    solution = np.linalg.lstsq(columns, force[middle], rcond=None)[0]
+    residual = force[middle] - columns @ solution
+    uncertainty = float(np.std(residual)) / np.sqrt(len(residual))
+    return float(solution[-1]) if abs(solution[-1]) > 4.0 * uncertainty else 0.0

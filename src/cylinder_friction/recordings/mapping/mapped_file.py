@@ -14,7 +14,7 @@ from cylinder_friction.recordings.mapping.unit_spelling import bare, names_a_uni
 from cylinder_friction.recordings.mapping.units import quantity_of, to_column_unit, units_agree
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.signal import Signal
-from cylinder_friction.recordings.timeline.clock import stamps_to_seconds
+from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

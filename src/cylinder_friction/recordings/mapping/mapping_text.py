@@ -17,27 +17,27 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
 
 NOT_FOUND = "NOT FOUND"
-"""Stands where a channel's name must be filled in; no file has a channel of that name, so ingest says what there is."""
+"""Stands where a channel's name must be filled in; no file has such a channel, so ingest lists those there are."""
 
 LISTED = 60
 """Channels that the comment below the mapping lists."""
 
 TEMPLATE = """\
 # First mapping of {file}, made from its names, units and values.
-# Look at every line that says guess, CHECK, AMBIGUOUS or NOT FOUND; then take the remark away.
+# Look at every line marked guess, CHECK, AMBIGUOUS or NOT FOUND; then take the remark away.
 defaults:
   - rules@_here_: default  # time, spikes, zeros, limits: conf/ingest/rules/default.yaml
   - _self_
 source: {source}
 truth: data/raw/rig_truth  # nobody knows your true friction; without the rig this folder is empty
 pattern: {pattern}
-# guess: the name of the file is the session, what comes before its first _ the test.
+# guess: the name of the file is the session, what comes before its first _ the condition.
 name_pattern: {name_pattern}
 name_table: null
 channels:
 {channels}
 """
-"""The part that no file tells; what takes the place of ``{channels}`` is indented by two blanks."""
+"""What cannot be guessed; the lines in place of ``{channels}`` are indented by two blanks."""
 
 
 def mapping_yaml(guess: GuessedMapping, source: str = "", template: str = TEMPLATE) -> str:

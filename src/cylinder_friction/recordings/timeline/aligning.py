@@ -1,20 +1,18 @@
-"""From columns as they were sampled to pieces at one constant rate; nothing is bridged or moved without a word."""
+"""From columns as they were sampled to pieces at one constant rate; whatever is bridged or moved is reported."""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.signal import Piece
-from cylinder_friction.recordings.timeline.aligning_notes import bridged_note, edge_note, gap_note, said_of
-from cylinder_friction.recordings.timeline.channel_timelines import Track, find_tracks
-from cylinder_friction.recordings.timeline.clock import WHOLE_HERTZ, even_rate, whole_hertz
-from cylinder_friction.recordings.timeline.resampling import fill_lost
-from cylinder_friction.recordings.timeline.uniform_segments import EvenRun, even_runs, own_rate, sampled_at
+from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
+from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
+from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, even_rate, whole_hertz
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,13 +20,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings.signal import Signal
-    from cylinder_friction.recordings.timeline.time_rules import TimeRules
+    from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
     Array = NDArray[np.float64]
     Spans = list[tuple[float, float]]
-
-SLOW_COLUMNS = ("oil_temperature_c",)
-"""Changes over minutes: logged once a second, it does not set the rate of the others."""
 
 HIGHEST_RATIO = 10.0
 """A rate more than this many times that of the fastest channel is a mistake."""
@@ -37,10 +32,10 @@ HIGHEST_RATIO = 10.0
 def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
     """Return the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
 
-    - Columns with even stamps of one clock, nothing missing, at the wanted rate: as they are, stamps included.
-    - Damaged stamps are put right (``order_stamps``, ``resolve_repeats``) or refused.
+    - Columns with even stamps of one clock, nothing missing, at the wanted rate: unchanged, stamps included.
+    - Damaged stamps are repaired (``order_stamps``, ``resolve_duplicates``) or refused.
     - Lost samples, by the stamps or as NaN in a column: up to ``longest_bridge_samples`` in a row are interpolated
-      (shape-preserving cubic) and said; more split the whole recording. The other samples stay as they are.
+      (shape-preserving cubic) and reported; more split the whole recording. The other samples are unchanged.
     - Uneven stamps: shape-preserving cubic onto an even grid of the median rate, rounded to three digits.
     - Other rates or phases: windowed sinc, anti-aliasing included (``windowed_sinc``). The grid runs in multiples of
       the sample time from the first stamp, over the time that every column covers; nothing is extrapolated.
@@ -56,37 +51,33 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
         RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
     """
     _check(signals)
-    untouched = _as_it_is(signals, rules)
-    if untouched is not None:
-        return [untouched]
-    tracks, repairs = find_tracks(signals, rules)
-    _check_segments(tracks)
-    own_hz = [own_rate(track) for track in tracks]
-    rate_hz = _common_rate(tracks, own_hz) if rules.rate_hz is None else rules.rate_hz
-    if rate_hz > HIGHEST_RATIO * max(own_hz):
+    unchanged = _unchanged(signals, rules)
+    if unchanged is not None:
+        return [unchanged]
+    timelines, repairs = find_timelines(signals, rules)
+    _check_restarts(timelines)
+    own_hz = {timeline.column: own_rate(timeline) for timeline in timelines}
+    # Oil temperature changes over minutes: logged once a second, it does not set the rate of the others.
+    fast = [rate for column, rate in own_hz.items() if column != OIL_TEMPERATURE]
+    rate_hz = min(fast or own_hz.values()) if rules.rate_hz is None else rules.rate_hz
+    if rate_hz > HIGHEST_RATIO * max(own_hz.values()):
         raise RecordingError(
-            f"cannot be resampled to {rate_hz:.6g} Hz: its fastest channel is sampled at {max(own_hz):.6g} Hz, "
-            f"expected at most {HIGHEST_RATIO:.0f} times that; lower rate_hz"
+            f"cannot be resampled to {rate_hz:.6g} Hz: its fastest channel is sampled at {max(own_hz.values()):.6g} "
+            f"Hz, expected at most {HIGHEST_RATIO:.0f} times that; lower rate_hz"
         )
-    one_grid = all(track.clock is tracks[0].clock and track.even and track.stride == 1 for track in tracks)
-    if one_grid and abs(rate_hz * tracks[0].step_s - 1.0) <= WHOLE_HERTZ:
-        pieces, more, short = _on_logged_grid(tracks, rate_hz, rules)
-    else:
-        pieces, more, short = _on_new_grid(tracks, rate_hz, rules)
+    one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
+    same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
+    pieces, more, short = (_on_logged_grid if same_rate else _on_new_grid)(timelines, rate_hz, rules)
     if not pieces:
-        why = "; ".join([*repairs, *gap_note(tracks, rules)]) or "the columns do not overlap in time"
+        why = "; ".join([*repairs, *_gap_note(timelines, rules)]) or "the columns do not overlap in time"
         raise RecordingError(
             f"has no stretch of {rules.shortest_piece_samples} samples at {rate_hz:.6g} Hz without a gap in any column "
             f"({why}), expected at least one; log without gaps, or leave the column with the gaps out of the mapping"
         )
-    whole = (*repairs, *gap_note(tracks, rules), *edge_note(tracks, rate_hz), *_short_note(short, rules), *more)
+    whole = (
+        *repairs, *_gap_note(timelines, rules), *_edge_note(timelines, rate_hz), *_short_note(short, rules), *more
+    )  # fmt: skip
     return [Piece(piece.table, piece.sample_time_s, (*whole, *piece.repairs)) for piece in pieces]
-
-
-def _common_rate(tracks: Sequence[Track], own_hz: Sequence[float]) -> float:
-    """Return the rate of the slowest channel that matters [Hz]."""
-    fast = [rate for track, rate in zip(tracks, own_hz, strict=True) if track.column not in SLOW_COLUMNS]
-    return min(fast or own_hz)
 
 
 def _check(signals: Mapping[str, Signal]) -> None:
@@ -95,7 +86,7 @@ def _check(signals: Mapping[str, Signal]) -> None:
     for column, signal in signals.items():
         if signal.time_s.shape != signal.values.shape or signal.values.ndim != 1:
             raise ValueError(
-                f"{column}: expected one time stamp a value, but got shapes {signal.time_s.shape} and "
+                f"{column}: expected one time stamp per value, but got shapes {signal.time_s.shape} and "
                 f"{signal.values.shape}"
             )
         if len(signal.values) < 3:
@@ -107,10 +98,9 @@ def _check(signals: Mapping[str, Signal]) -> None:
             )
 
 
-def _as_it_is(signals: Mapping[str, Signal], rules: TimeRules) -> Piece | None:
-    """Return columns that need nothing done, not copied; None if they need something."""
-    clocks = {id(signal.time_s): signal.time_s for signal in signals.values()}
-    time_s, *others = clocks.values()
+def _unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> Piece | None:
+    """Return columns that need no repair and no resampling, not copied; None if they do."""
+    time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
     if not all(np.array_equal(time_s, other) for other in others):
         return None
     if not all(np.isfinite(signal.values).all() for signal in signals.values()):
@@ -129,8 +119,8 @@ def _piece(time_s: Array, columns: Mapping[str, Array], rate_hz: float, repairs:
     return Piece(table, 1.0 / rate_hz, tuple(repairs))
 
 
-def _check_segments(tracks: Sequence[Track]) -> None:
-    restarts = {int(track.clock.segments[-1]): track.column for track in tracks}
+def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
+    restarts = {int(timeline.grid.segments[-1]): timeline.column for timeline in timelines}
     if len(restarts) > 1:
         (fewest, one), *_, (most, other) = sorted(restarts.items())
         raise RecordingError(
@@ -139,57 +129,60 @@ def _check_segments(tracks: Sequence[Track]) -> None:
         )
 
 
-def _on_logged_grid(tracks: Sequence[Track], rate_hz: float, rules: TimeRules) -> tuple[list[Piece], list[str], Spans]:
-    """Return pieces whose samples stay as they are but for the bridged ones, and stretches that were too short."""
-    clock = tracks[0].clock
+def _on_logged_grid(
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
+) -> tuple[list[Piece], list[str], Spans]:
+    """Return pieces whose samples are unchanged but for the bridged ones, and stretches that were too short."""
+    grid = timelines[0].grid
     spans: Spans = [(-np.inf, np.inf)]
-    for track in tracks:
-        spans = _both(spans, [(float(track.index[a]), float(track.index[b - 1])) for a, b in runs_of(track)])
+    for each in timelines:
+        spans = _overlap(spans, [(float(each.index[a]), float(each.index[b - 1])) for a, b in each.stretches()])
     pieces, short = [], []
     for first, last in ((int(a), int(b)) for a, b in spans):
-        a, b = np.searchsorted(clock.grid.index, [first, last + 1])
+        a, b = np.searchsorted(grid.index, [first, last + 1])
         if last - first + 1 < rules.shortest_piece_samples:
             if b > a:
-                short.append((float(clock.time_s[a]), float(clock.time_s[b - 1])))
+                short.append((float(grid.time_s[a]), float(grid.time_s[b - 1])))
             continue
         numbers = np.arange(first, last + 1)
-        time_s = clock.time_s[a:b]
+        time_s = grid.time_s[a:b]
         if len(time_s) < len(numbers):
-            time_s = np.interp(numbers, clock.grid.index, clock.time_s)
-        columns = {track.column: _filled(track, numbers) for track in tracks}
-        repairs = bridged_note(tracks, float(time_s[0]), float(time_s[-1]), int(clock.segments[a]))
+            time_s = np.interp(numbers, grid.index, grid.time_s)
+        columns = {each.column: _filled(each, numbers) for each in timelines}
+        repairs = _bridged_note(timelines, float(time_s[0]), float(time_s[-1]), int(grid.segments[a]))
         pieces.append(_piece(time_s, columns, rate_hz, repairs))
     return pieces, [], short
 
 
-def _filled(track: Track, numbers: NDArray[np.int64]) -> Array:
-    index = track.index
+def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
+    index = timeline.index
     a, b = np.searchsorted(index, [numbers[0], numbers[-1] + 1])
     if b - a == len(numbers):
-        return track.values[a:b]
+        return timeline.values[a:b]
     # A few samples beyond the piece, this side of the next gap: its first or last sample may be a lost one here.
-    gaps = np.flatnonzero(track.gaps) + 1
+    gaps = np.flatnonzero(timeline.gaps) + 1
     start = max(a - 3, *gaps[gaps <= a][-1:], 0)
     end = min(b + 3, *gaps[gaps > a][:1], len(index))
-    filled = fill_lost(index[start:end], track.values[start:end])
+    filled = fill_lost(index[start:end], timeline.values[start:end])
     return filled[numbers[0] - index[start] :][: len(numbers)]
 
 
-def _on_new_grid(tracks: Sequence[Track], rate_hz: float, rules: TimeRules) -> tuple[list[Piece], list[str], Spans]:
+def _on_new_grid(
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
+) -> tuple[list[Piece], list[str], Spans]:
     """Return pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
-    segments = int(tracks[0].clock.segments[-1]) + 1
     pieces: list[Piece] = []
     short: Spans = []
     methods: dict[str, list[str]] = {}
-    for segment in range(segments):
-        firsts = [track.time_s[track.segments == segment] for track in tracks]
+    for segment in range(int(timelines[0].grid.segments[-1]) + 1):
+        firsts = [each.time_s[each.segments == segment] for each in timelines]
         if not all(len(first) for first in firsts):
             continue
         start_s = min(float(first[0]) for first in firsts)
-        runs = {track.column: even_runs(track, segment, start_s, runs_of(track)) for track in tracks}
+        uniform = {each.column: uniform_segments(each, segment, start_s) for each in timelines}
         spans: Spans = [(-np.inf, np.inf)]
-        for of_column in runs.values():
-            spans = _both(spans, [(run.first_s, run.last_s) for run in of_column])
+        for of_column in uniform.values():
+            spans = _overlap(spans, [(each.first_s, each.last_s) for each in of_column])
         for first_s, last_s in spans:
             # A stamp may miss its multiple of the sample time by rounding.
             first = int(np.ceil((first_s - start_s) * rate_hz - 1e-6))
@@ -199,27 +192,17 @@ def _on_new_grid(tracks: Sequence[Track], rate_hz: float, rules: TimeRules) -> t
                 continue
             time_s = start_s + np.arange(first, last + 1) / rate_hz
             columns: dict[str, Array] = {}
-            for column, of_column in runs.items():
-                columns[column], method = sampled_at(_covering(of_column, first_s), time_s, rate_hz, rules)
+            for column, of_column in uniform.items():
+                covering = next(each for each in of_column if each.first_s <= first_s <= each.last_s)
+                columns[column], method = sampled_at(covering, time_s, rate_hz, rules)
                 if method and column not in methods.setdefault(method, []):
                     methods[method].append(column)
-            repairs = bridged_note(tracks, first_s, last_s, segment)
+            repairs = _bridged_note(timelines, first_s, last_s, segment)
             pieces.append(_piece(time_s, columns, rate_hz, repairs))
-    done = [said_of(columns, len(tracks), method) for method, columns in methods.items()]
-    return pieces, done, short
+    return pieces, _sentences(methods, len(timelines)), short
 
 
-def _covering(runs: Sequence[EvenRun], first_s: float) -> EvenRun:
-    return next(run for run in runs if run.first_s <= first_s <= run.last_s)
-
-
-def runs_of(track: Track) -> list[tuple[int, int]]:
-    """Return start and end position of each stretch of a track without a gap."""
-    bounds = [0, *(int(gap) + 1 for gap in np.flatnonzero(track.gaps)), len(track.at)]
-    return list(pairwise(bounds))
-
-
-def _both(one: Spans, other: Spans) -> Spans:
+def _overlap(one: Spans, other: Spans) -> Spans:
     """Return where both lie; each list is in order and without overlap."""
     result: Spans = []
     i = j = 0
@@ -234,11 +217,75 @@ def _both(one: Spans, other: Spans) -> Spans:
     return result
 
 
+def _sentences(done: Mapping[str, Sequence[str]], all_columns: int) -> list[str]:
+    """Return a sentence for each thing done to some columns; its subject is time where it holds for every column."""
+    return [
+        f"{'time' if len(columns) == all_columns else ', '.join(columns)}: {what}" for what, columns in done.items()
+    ]
+
+
+def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[str]:
+    """Return where gaps split the recording, and which column has no samples there; restarts are no gaps."""
+    gaps: dict[tuple[float, float], list[str]] = {}
+    for each in timelines:
+        for place in np.flatnonzero(each.gaps & (np.diff(each.segments) == 0)):
+            gaps.setdefault((float(each.time_s[place]), float(each.time_s[place + 1])), []).append(each.column)
+    if not gaps:
+        return []
+    before_s, after_s = min(gaps)
+    columns = gaps[(before_s, after_s)]
+    without = "" if len(columns) == len(timelines) else f" without {', '.join(columns)}"
+    return [
+        f"time: split at {_counted(len(gaps), 'gap')} of more than "
+        f"{_counted(rules.longest_bridge_samples, 'lost sample')} (first: {after_s - before_s:.4g} s{without} after "
+        f"{before_s:.6g} s)"
+    ]
+
+
+def _bridged_note(timelines: Sequence[ChannelTimeline], first_s: float, last_s: float, segment: int) -> list[str]:
+    """Return how many lost samples of a piece were interpolated, columns with the same ones together."""
+    done: dict[str, list[str]] = {}
+    for each in timelines:
+        time_s, lost = each.time_s, np.flatnonzero(each.lost)
+        lost = lost[(time_s[lost] < last_s) & (time_s[lost + 1] > first_s) & (each.segments[lost] == segment)]
+        if len(lost):
+            text = (
+                f"{_counted(int(each.lost[lost].sum()), 'lost sample')} interpolated (at most {each.lost[lost].max()} "
+                f"in a row, first after {time_s[lost[0]]:.6g} s)"
+            )
+            done.setdefault(text, []).append(each.column)
+    return _sentences(done, len(timelines))
+
+
+def _edge_note(timelines: Sequence[ChannelTimeline], rate_hz: float) -> list[str]:
+    """Return how much time at the ends only some of the columns cover."""
+    starts_s = ends_s = 0.0
+    for segment in range(int(timelines[0].grid.segments[-1]) + 1):
+        stamps = [each.time_s[each.segments == segment] for each in timelines]
+        spans = [(float(time_s[0]), float(time_s[-1])) for time_s in stamps if len(time_s)]
+        if not spans:
+            continue
+        firsts, lasts = zip(*spans, strict=True)
+        if len(spans) < len(timelines):
+            ends_s += max(lasts) - min(firsts)
+            continue
+        starts_s += max(firsts) - min(firsts)
+        ends_s += max(lasts) - min(lasts)
+    slowest_s = max(1.0 / rate_hz, *(each.step_s for each in timelines))
+    if max(starts_s, ends_s) <= 1.5 * slowest_s:
+        return []
+    start, end = (f"{round(lost_s, 6):.4g} s" for lost_s in (starts_s, ends_s))
+    return [f"time: {start} at the start and {end} at the end left out, not covered by every column"]
+
+
 def _short_note(short: Spans, rules: TimeRules) -> list[str]:
     if not short:
         return []
-    stretches = "1 stretch" if len(short) == 1 else f"{len(short)} stretches"
     return [
-        f"time: {stretches} of fewer than {rules.shortest_piece_samples} samples between gaps left out (first: "
-        f"{short[0][0]:.6g} to {short[0][1]:.6g} s)"
+        f"time: {_counted(len(short), 'stretch', 'es')} of fewer than {rules.shortest_piece_samples} samples between "
+        f"gaps left out (first: {short[0][0]:.6g} to {short[0][1]:.6g} s)"
     ]
+
+
+def _counted(count: int, thing: str, plural: str = "s") -> str:
+    return f"{count} {thing}{'' if count == 1 else plural}"

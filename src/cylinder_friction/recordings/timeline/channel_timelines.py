@@ -1,17 +1,17 @@
-"""One track a column: its good samples in order, each with its stamp and its number on the clock of its table."""
+"""The timeline of each channel: its valid samples in order, each with its stamp and its number on a sample grid."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.clock_order import OrderedStamps, order_stamps
-from cylinder_friction.recordings.timeline.duplicate_timestamps import resolve_repeats
-from cylinder_friction.recordings.timeline.sample_grid import Grid, find_grid
+from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
+from cylinder_friction.recordings.timeline.timestamps import explaining_resolution, follows_even_clock, whole_hertz
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings.signal import Signal
-    from cylinder_friction.recordings.timeline.time_rules import TimeRules
+    from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
     Array = NDArray[np.float64]
     Indices = NDArray[np.int64]
@@ -32,41 +32,49 @@ rows at most, or the slower shares all of its own."""
 ROUNDING = 1e-4
 """Stamps of two tables this close, as a share of a step, are one: 0.1 s + 37·0.001 s is not 137·0.001 s to the bit."""
 
+SHORT_BLOCK = 32
+"""Samples over which the step is taken where the stamps' rounding hides it from step to step."""
+
 
 @dataclass(frozen=True)
-class Clock:
-    """The clock of columns that were sampled together.
+class SampleGrid:
+    """Sample numbers of the stamps of columns that were sampled together.
 
     Attributes:
-        columns: Their names.
         time_s: Stamps in order, shape ``(n,)`` [s].
         segments: The clock restarted where this number changes, shape ``(n,)``.
-        grid: Step, sample numbers and gaps.
+        step_s: Time between two samples [s].
+        even: Whether the stamps lie on an even clock, lost samples aside; else their step is the median one.
+        index: Sample number of each stamp, shape ``(n,)``; meaningless across a gap or a restart.
+        gaps: Whether more samples than may be bridged are lost, or the clock restarts, between a stamp and the next,
+            shape ``(n - 1,)``.
     """
 
-    columns: tuple[str, ...]
     time_s: Array
     segments: Indices
-    grid: Grid
+    step_s: float
+    even: bool
+    index: Indices
+    gaps: Mask
 
 
 @dataclass(frozen=True)
-class Track:
-    """Good samples of one column.
+class ChannelTimeline:
+    """Valid samples of one column.
 
     Attributes:
         column: Its name.
-        clock: The clock it was sampled by.
-        at: Which of the clock's stamps each sample has, shape ``(m,)``.
+        grid: The grid it was sampled on.
+        at: Which of the grid's stamps each sample has, shape ``(m,)``.
         values: Shape ``(m,)``, all finite.
-        stride: Numbers of the clock's grid from one sample to the next; 1 unless the column is slower than its table.
-        even: Whether its samples lie ``stride`` numbers apart, lost samples left aside, on an even clock.
+        stride: Numbers of the grid from one sample to the next; 1 unless the column is slower than its table.
+        even: Whether its samples lie ``stride`` numbers from each other, lost samples aside, on an even clock.
         lost: Samples lost between one and the next, shape ``(m - 1,)``.
         gaps: Whether too many are lost to be bridged, or the clock restarts, shape ``(m - 1,)``.
     """
 
     column: str
-    clock: Clock
+    grid: SampleGrid
     at: Indices
     values: Array
     stride: int
@@ -77,54 +85,50 @@ class Track:
     @cached_property
     def time_s(self) -> Array:
         """Stamps of the samples, shape ``(m,)`` [s]."""
-        return self.clock.time_s[self.at]
+        return self.grid.time_s[self.at]
 
     @cached_property
     def index(self) -> Indices:
-        """Numbers of the samples on the clock's grid, shape ``(m,)``."""
-        return self.clock.grid.index[self.at]
+        """Numbers of the samples on the grid, shape ``(m,)``."""
+        return self.grid.index[self.at]
 
     @cached_property
     def segments(self) -> Indices:
         """The clock restarted where this number changes, shape ``(m,)``."""
-        return self.clock.segments[self.at]
-
-    @cached_property
-    def lost_after(self) -> Indices:
-        """Samples after which some were lost but can be bridged."""
-        return np.flatnonzero(self.lost).astype(np.int64)
+        return self.grid.segments[self.at]
 
     @property
     def step_s(self) -> float:
-        return self.stride * self.clock.grid.step_s
+        return self.stride * self.grid.step_s
+
+    def stretches(self) -> list[tuple[int, int]]:
+        """Return start and end position of each stretch without a gap."""
+        return list(pairwise([0, *(int(gap) + 1 for gap in np.flatnonzero(self.gaps)), len(self.at)]))
 
 
-def find_tracks(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[list[Track], list[str]]:
-    """Return one track a column and what was done to the clocks, one sentence each.
+def find_timelines(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[list[ChannelTimeline], list[str]]:
+    """Return one timeline per column and what was done to the stamps, one sentence each.
 
     Raises:
-        RecordingError: A clock cannot be put in order, or a column has fewer than three good samples.
+        RecordingError: A clock cannot be put in order, or a column has fewer than three valid samples.
     """
-    tracks: list[Track] = []
+    timelines: list[ChannelTimeline] = []
     repairs: list[str] = []
-    for table in _share_stamps(_tables(signals)):
-        time_s, values = table
+    for time_s, values in _share_stamps(_tables(signals)):
         blank = np.logical_and.reduce([~np.isfinite(column) for column in values.values()])
         stamps = order_stamps(time_s, blank, rules)
-        repairs += _named(stamps.repairs, values, signals)
+        repairs += _with_subject(stamps.repairs, values, signals)
         for columns, together in _sampled_together(stamps, values):
-            more, done = _tracks_of(stamps, columns, together, rules)
-            tracks += more
-            repairs += _named(done, columns, signals)
+            more, done = _timelines_of(stamps, columns, together, rules)
+            timelines += more
+            repairs += _with_subject(done, columns, signals)
     order = list(signals)
-    return sorted(tracks, key=lambda track: order.index(track.column)), repairs
+    return sorted(timelines, key=lambda timeline: order.index(timeline.column)), repairs
 
 
-def _named(repairs: Sequence[str], columns: Mapping[str, Array], signals: Mapping[str, Signal]) -> list[str]:
-    where = (
-        "time" if len(columns) == len(signals) else f"time of {', '.join(name for name in signals if name in columns)}"
-    )
-    return [f"{where}: {repair}" for repair in repairs]
+def _with_subject(repairs: Sequence[str], columns: Mapping[str, Array], signals: Mapping[str, Signal]) -> list[str]:
+    of = "" if len(columns) == len(signals) else f" of {', '.join(name for name in signals if name in columns)}"
+    return [f"time{of}: {repair}" for repair in repairs]
 
 
 def _tables(signals: Mapping[str, Signal]) -> list[tuple[Array, dict[str, Array]]]:
@@ -182,54 +186,100 @@ def _placed(values: Array, rows: Indices, length: int) -> Array:
 def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> list[tuple[dict[str, Array], Mask]]:
     """Return columns that share most of their rows, and the rows where any of them has a value, in order."""
     ordered = {name: column[stamps.rows] for name, column in values.items()}
-    counts: dict[str, tuple[int, Mask]] = {}
-    for name, column in ordered.items():
-        good = np.isfinite(column)
-        counts[name] = (int(good.sum()), good)
-        if counts[name][0] < 3:
-            raise RecordingError(
-                f"{name} has {counts[name][0]} finite values in {len(column)} rows, expected at least 3; "
-                "check its channel in the mapping"
-            )
+    valid = {name: np.isfinite(column) for name, column in ordered.items()}
+    for name, rows in valid.items():
+        _refuse_few(name, int(rows.sum()), len(rows))
     groups: list[tuple[dict[str, Array], Mask]] = []
-    for name in sorted(ordered, key=lambda name: -counts[name][0]):
-        count, good = counts[name]
+    for name in sorted(ordered, key=lambda name: -int(valid[name].sum())):
         for place, (columns, together) in enumerate(groups):
-            if (good & together).sum() >= TOGETHER * count:
-                groups[place] = ({**columns, name: ordered[name]}, together | good)
+            if (valid[name] & together).sum() >= TOGETHER * valid[name].sum():
+                groups[place] = ({**columns, name: ordered[name]}, together | valid[name])
                 break
         else:
-            groups.append(({name: ordered[name]}, good))
+            groups.append(({name: ordered[name]}, valid[name]))
     return groups
 
 
-def _tracks_of(
+def _refuse_few(column: str, valid: int, rows: int) -> None:
+    if valid < 3:
+        raise RecordingError(
+            f"{column} has {valid} finite values in {rows} rows, expected at least 3; check its channel in the mapping"
+        )
+
+
+def _timelines_of(
     stamps: OrderedStamps, columns: Mapping[str, Array], together: Mask, rules: TimeRules
-) -> tuple[list[Track], list[str]]:
+) -> tuple[list[ChannelTimeline], list[str]]:
     part = OrderedStamps(stamps.time_s[together], stamps.rows[together], stamps.segments[together], ())
     values = [column[together] for column in columns.values()]
-    time_s, keep, repairs = resolve_repeats(part, values, rules)
+    time_s, keep, repairs = resolve_duplicates(part, values, rules)
     time_s, segments = time_s[keep], part.segments[keep]
     if len(time_s) < 3:
         raise RecordingError(f"has {len(time_s)} different time stamps, expected at least 3")
-    clock = Clock(tuple(columns), time_s, segments, find_grid(time_s, segments, rules))
-    return [_track(name, clock, column[keep], rules) for name, column in zip(columns, values, strict=True)], repairs
+    grid = find_grid(time_s, segments, rules)
+    return [_timeline(name, grid, column[keep], rules) for name, column in zip(columns, values, strict=True)], repairs
 
 
-def _track(column: str, clock: Clock, values: Array, rules: TimeRules) -> Track:
-    good = np.isfinite(values)
-    at = np.flatnonzero(good).astype(np.int64)
-    if len(at) < 3:
-        raise RecordingError(
-            f"{column} has {len(at)} finite values in {len(values)} rows, expected at least 3; check its channel in "
-            "the mapping"
-        )
-    numbers = clock.grid.index[at]
-    apart = np.diff(numbers)
-    gap_before = np.concatenate([[0], np.cumsum(clock.grid.gaps)])
+def _timeline(column: str, grid: SampleGrid, values: Array, rules: TimeRules) -> ChannelTimeline:
+    valid = np.isfinite(values)
+    at = np.flatnonzero(valid).astype(np.int64)
+    _refuse_few(column, len(at), len(values))
+    distances = np.diff(grid.index[at])
+    gap_before = np.concatenate([[0], np.cumsum(grid.gaps)])
     across = np.diff(gap_before[at]) > 0
-    stride = max(1, int(np.median(apart[~across]))) if not across.all() else 1
-    samples = np.maximum(np.rint(apart / stride).astype(np.int64), 1)
+    stride = max(1, int(np.median(distances[~across]))) if not across.all() else 1
+    samples = np.maximum(np.rint(distances / stride).astype(np.int64), 1)
     gaps = across | (samples > rules.longest_bridge_samples + 1)
-    even = clock.grid.even and not (apart[~gaps] % stride).any()
-    return Track(column, clock, at, values[good], stride, even, np.where(gaps, 0, samples - 1), gaps)
+    even = grid.even and not (distances[~gaps] % stride).any()
+    return ChannelTimeline(column, grid, at, values[valid], stride, even, np.where(gaps, 0, samples - 1), gaps)
+
+
+def find_grid(time_s: Array, segments: Indices, rules: TimeRules) -> SampleGrid:
+    """Return the grid of stamps that increase within each segment, shape ``(n,)``, ``n`` at least 2."""
+    steps_s = np.diff(time_s)
+    restarts = np.diff(segments) != 0
+    usual_s = float(np.median(steps_s[~restarts])) if not restarts.all() else 1.0
+    for step_s in (usual_s, _averaged_step(time_s, restarts)):
+        if step_s is not None and (grid := _even_grid(time_s, segments, step_s, rules)) is not None:
+            return grid
+    # Over steps in which no sample was lost: with the others, 2 % lost make 199 Hz of 200.
+    single = steps_s[~restarts & (np.rint(steps_s / usual_s) == 1.0)] if usual_s > 0.0 else steps_s[:0]
+    step_s = float(np.median(single)) if len(single) else usual_s
+    return SampleGrid(time_s, segments, step_s, False, *_numbered(steps_s, restarts, step_s, rules))
+
+
+def _averaged_step(time_s: Array, restarts: Mask) -> float | None:
+    """Return the median step over short blocks, in which the rounding of 3, 3, 4 ms averages out."""
+    block = min(SHORT_BLOCK, len(time_s) // 4)
+    if block < 2:
+        return None
+    restarted = np.concatenate([[0], np.cumsum(restarts)])
+    inside = restarted[block:] == restarted[:-block]
+    slopes_s = (time_s[block:] - time_s[:-block])[inside] / block
+    return float(np.median(slopes_s)) if len(slopes_s) else None
+
+
+def _numbered(steps_s: Array, restarts: Mask, step_s: float, rules: TimeRules) -> tuple[Indices, Mask]:
+    """Return sample numbers and gaps."""
+    samples = np.maximum(np.rint(steps_s / step_s), 1.0)
+    gaps = restarts | (samples > rules.longest_bridge_samples + 1)
+    # Numbers go on after a gap as if it were one sample too long, so that none grows out of bounds.
+    samples[gaps] = rules.longest_bridge_samples + 2
+    return np.concatenate([[0], np.cumsum(samples)]).astype(np.int64), gaps
+
+
+def _even_grid(time_s: Array, segments: Indices, step_s: float, rules: TimeRules) -> SampleGrid | None:
+    steps_s = np.diff(time_s)
+    index, gaps = _numbered(steps_s, np.diff(segments) != 0, step_s, rules)
+    if gaps.all():
+        return None
+    covered_s = float(steps_s[~gaps].sum())
+    mean_s = covered_s / float(np.diff(index)[~gaps].sum())
+    resolution_s = explaining_resolution(time_s, mean_s)
+    tolerance_s = max(rules.jitter_share * mean_s, 1.05 * resolution_s)
+    bounds = np.concatenate([[0], np.flatnonzero(gaps) + 1, [len(time_s)]])
+    for start, end in pairwise(bounds):
+        if end - start > 1 and not follows_even_clock(time_s[start:end], index[start:end], mean_s, tolerance_s):
+            return None
+    step_s = 1.0 / whole_hertz(1.0 / mean_s, resolution_s / covered_s)
+    return SampleGrid(time_s, segments, step_s, True, index, gaps)

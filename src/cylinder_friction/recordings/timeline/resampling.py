@@ -1,15 +1,21 @@
-"""From one sampling to another: shape-preserving cubic for uneven stamps, windowed sinc between even rates."""
+"""From one sampling to another: uniform segments of a channel, and their values at other instants."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 
+from cylinder_friction.recordings.timeline.timestamps import BLOCK, WHOLE_HERTZ, whole_hertz
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
+    from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
     Array = NDArray[np.float64]
 
@@ -20,10 +26,13 @@ STOP_BAND_DB = 70.0
 """Attenuation the window is made for; the table between two entries and short sums leave more than 60 dB of it."""
 
 HALF_WIDTH = 22.0
-"""Reach of the kernel to either side, in samples of the lower rate: from full to no passage takes 0.1 of that rate."""
+"""Support of the kernel to either side, in samples of the lower rate: the transition band is 0.1 of that rate wide."""
 
 ENTRIES = 512
-"""Entries of the kernel's table a sample of the lower rate; linear in between is good to 1e-6."""
+"""Entries of the kernel's table per sample of the lower rate; linear interpolation is good to 1e-6."""
+
+ON_THE_LINE = 1e-3
+"""A segment whose stamps follow one straight line this closely, as a share of a step, is read off that line."""
 
 OVERSHOOT = 2.2
 """No resampled value is further from the middle of its inputs than this many times half their range (at a step, 1.26
@@ -53,7 +62,7 @@ def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
 
 
 def fill_lost(numbers: NDArray[np.int64], values: Array) -> Array:
-    """Return one value a sample number, first to last; lost ones interpolated (shape-preserving cubic).
+    """Return one value per sample number, first to last; lost ones interpolated (shape-preserving cubic).
 
     Args:
         numbers: Sample numbers that are there, increasing, shape ``(n,)``.
@@ -96,7 +105,7 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
 
 @lru_cache(maxsize=1)
 def _kernel() -> Array:
-    """Return the right half of the kernel, ``ENTRIES`` values a sample of the lower rate, and a zero at its end."""
+    """Return the right half of the kernel, ``ENTRIES`` values per sample of the lower rate, and a zero at its end."""
     distance = np.arange(int(HALF_WIDTH * ENTRIES) + 2) / ENTRIES
     from scipy.signal import kaiser_beta
 
@@ -111,7 +120,7 @@ def _kernel() -> Array:
 def _sinc(values: Array, positions: Array, lower: float, kernel: Array, half_width: float) -> Array:
     """``lower`` is the lower rate over the rate of ``values``: one sample of these is that much of the kernel."""
     last = len(values) - 1
-    reach = half_width / lower
+    support = half_width / lower
     entries = (len(kernel) - 2) / half_width
     result = np.empty(len(positions))
     for row in range(len(positions)):
@@ -119,7 +128,7 @@ def _sinc(values: Array, positions: Array, lower: float, kernel: Array, half_wid
         # Summed as what differs from the nearest sample: a constant then comes out to the last bit.
         nearest = values[min(max(round(position), 0), last)]
         total, weights = 0.0, 0.0
-        for sample in range(int(np.ceil(position - reach)), int(np.floor(position + reach)) + 1):
+        for sample in range(int(np.ceil(position - support)), int(np.floor(position + support)) + 1):
             place = abs(sample - position) * lower * entries
             entry = int(place)
             weight = kernel[entry] + (place - entry) * (kernel[entry + 1] - kernel[entry])
@@ -133,3 +142,114 @@ def _sinc(values: Array, positions: Array, lower: float, kernel: Array, half_wid
             weights += weight
         result[row] = nearest + total / weights
     return result
+
+
+@dataclass(frozen=True)
+class UniformSegment:
+    """Uniformly sampled values of one column without a gap.
+
+    Attributes:
+        values: Shape ``(n,)``.
+        knot_s: Instants at which the sample number is known, increasing, two or more [s].
+        knot_number: Sample number at these, from 0, fractions allowed.
+        rate_hz: Rate of the samples [Hz].
+        first_s: Instant of the first sample [s].
+        last_s: Instant of the last sample [s].
+        method: How uneven stamps became uniform, empty if they were.
+    """
+
+    values: Array
+    knot_s: Array
+    knot_number: Array
+    rate_hz: float
+    first_s: float
+    last_s: float
+    method: str = ""
+
+
+def own_rate(timeline: ChannelTimeline) -> float:
+    """Return the rate of a column [Hz]: whole if within 1e-4 of whole.
+
+    Where stamps are uneven, the median rate to three digits, or to a whole number from 100 Hz on: the files of one
+    logger are to share a rate.
+    """
+    rate_hz = whole_hertz(1.0 / timeline.step_s)
+    if timeline.even:
+        return rate_hz
+    return float(round(rate_hz)) if rate_hz >= 100.0 else float(f"{rate_hz:.3g}")
+
+
+def uniform_segments(timeline: ChannelTimeline, segment: int, start_s: float) -> list[UniformSegment]:
+    """Return the stretches of a column without a gap in one segment of its clock, in order.
+
+    Uneven ones are resampled to multiples of their sample time from ``start_s`` [s].
+    """
+    result = []
+    for a, b in timeline.stretches():
+        if timeline.segments[a] == segment and b - a >= 2:
+            uniform = _as_sampled(timeline, a, b) if timeline.even else _made_uniform(timeline, a, b, start_s)
+            result += [] if uniform is None else [uniform]
+    return result
+
+
+def sampled_at(segment: UniformSegment, time_s: Array, rate_hz: float, rules: TimeRules) -> tuple[Array, str]:
+    """Return the values at uniform instants within the segment, shape ``(m,)``, and the method; empty if as logged."""
+    knot_s, knot_number = segment.knot_s, segment.knot_number
+    numbers: Array = np.interp(time_s, knot_s, knot_number)
+    for beyond, edge, end in ((time_s < knot_s[0], 0, 1), (time_s > knot_s[-1], -1, -2)):
+        slope = (knot_number[edge] - knot_number[end]) / (knot_s[edge] - knot_s[end])
+        numbers[beyond] = knot_number[edge] + slope * (time_s[beyond] - knot_s[edge])
+    numbers = np.clip(numbers, 0.0, len(segment.values) - 1.0)
+    nearest = np.rint(numbers).astype(np.int64)
+    on_samples = np.abs(numbers - nearest).max() <= max(rules.jitter_share, 1e-6)
+    if on_samples and (np.diff(nearest) == 1).all():
+        return segment.values[nearest], segment.method
+    change = (
+        f"resampled from {segment.rate_hz:.6g} to {rate_hz:.6g} Hz"
+        if abs(segment.rate_hz - rate_hz) > WHOLE_HERTZ * rate_hz
+        else f"moved by part of a sample at {rate_hz:.6g} Hz"
+    )
+    method = f"{change} (windowed sinc, cut-off {CUT_OFF * min(rate_hz, segment.rate_hz):.4g} Hz)"
+    values = windowed_sinc(segment.values, numbers, rate_hz / segment.rate_hz)
+    return values, f"{segment.method}, then {method}" if segment.method else method
+
+
+def _as_sampled(timeline: ChannelTimeline, a: int, b: int) -> UniformSegment:
+    time_s = timeline.time_s[a:b]
+    numbers = (timeline.index[a:b] - timeline.index[a]) // timeline.stride
+    knots = _knots(time_s, numbers, timeline.step_s)
+    values = fill_lost(numbers, timeline.values[a:b])
+    return UniformSegment(values, *knots, own_rate(timeline), float(time_s[0]), float(time_s[-1]))
+
+
+def _knots(time_s: Array, numbers: NDArray[np.int64], step_s: float) -> tuple[Array, Array]:
+    """Return instants and sample numbers of the line through all stamps, or of blocks of them if it drifts."""
+    middle, middle_s = float(numbers.mean()), float(time_s.mean())
+    off = numbers - middle
+    slope_s = float((off * (time_s - middle_s)).sum() / (off**2).sum())
+    line_s = np.asarray(middle_s + slope_s * off, dtype=np.float64)
+    blocks = len(time_s) // BLOCK
+    if blocks < 3 or np.abs(time_s - line_s).max() <= ON_THE_LINE * step_s:
+        return line_s[[0, -1]], numbers[[0, -1]].astype(np.float64)
+    parts = np.array_split(np.arange(len(time_s)), blocks)
+    knot_s = np.array([float(time_s[part].mean()) for part in parts])
+    return knot_s, np.array([float(numbers[part].mean()) for part in parts])
+
+
+def _made_uniform(timeline: ChannelTimeline, a: int, b: int, start_s: float) -> UniformSegment | None:
+    time_s, rate_hz = timeline.time_s[a:b], own_rate(timeline)
+    first = int(np.ceil((time_s[0] - start_s) * rate_hz - 1e-6))
+    last = int(np.floor((time_s[-1] - start_s) * rate_hz + 1e-6))
+    if last - first < 1:
+        return None
+    grid_s = start_s + np.arange(first, last + 1) / rate_hz
+    values = shape_preserving_cubic(time_s, timeline.values[a:b], grid_s)
+    steps_s = np.diff(timeline.time_s)[~timeline.gaps]
+    method = (
+        f"resampled from uneven stamps ({1e3 * steps_s.min():.4g} to {1e3 * steps_s.max():.4g} ms) to "
+        f"{rate_hz:.6g} Hz (shape-preserving cubic)"
+    )
+    first_s, last_s = max(float(grid_s[0]), float(time_s[0])), min(float(grid_s[-1]), float(time_s[-1]))
+    return UniformSegment(
+        values, grid_s[[0, -1]], np.array([0.0, float(last - first)]), rate_hz, first_s, last_s, method
+    )

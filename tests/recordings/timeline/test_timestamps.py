@@ -7,8 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.clock import even_rate, printed_resolution, stamps_to_seconds, whole_hertz
-from cylinder_friction.recordings.timeline.time_rules import TimeRules
+from cylinder_friction.recordings.timeline.timestamps import (
+    TimeRules,
+    even_rate,
+    printed_resolution,
+    stamps_to_seconds,
+    whole_hertz,
+)
 
 RNG = np.random.default_rng(0)
 ROWS = np.arange(5000)

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.recordings.formats.arrow_pipe import read_tables, write_tables
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.formats.table_wire import read_tables, write_tables
 
 
 def named(names: list[str], *columns: object) -> pd.DataFrame:

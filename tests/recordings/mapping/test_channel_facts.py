@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.mapping.channel_words import words_of
+from cylinder_friction.recordings.mapping.channel_facts import words_of
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
-"""What a logger's time stamps say: seconds, how finely they are printed, and whether they run evenly."""
+"""A logger's time stamps: seconds, printed resolution, whether they run evenly, and the rules for repairing them."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numba
@@ -17,28 +19,61 @@ if TYPE_CHECKING:
     Indices = NDArray[np.int64]
 
 BLOCK = 1024
-"""Samples over which a clock must follow a straight line; a drift over more than that is a matter of its rate."""
+"""Samples over which a clock must follow a straight line; drift over more than that changes its rate."""
 
 RATE_DRIFT = 1e-3
 """How far the rate of a block may be from the rate of the whole: a velocity would be wrong by as much."""
 
 WHOLE_HERTZ = 1e-4
-"""A rate this close to a whole number of hertz is that number: clocks are off by some parts in a million."""
+"""A rate this close to a whole number of hertz is that number: clocks are off by some parts per million."""
 
 LATEST_S = 1e15
 """A stamp beyond this, thirty million years, is no time: nanoseconds since 1970 taken for seconds are 1.7e18."""
 
 USUAL_STEP_SHARE = 0.9
-"""If one step is commoner than this, the stamps are exact, and other steps are lost samples, not rounding."""
+"""If one step is more frequent than this, the stamps are exact, and other steps are lost samples, not rounding."""
+
+
+@dataclass(frozen=True)
+class TimeRules:
+    """How raw time stamps become one constant rate.
+
+    Attributes:
+        rate_hz: Rate of the recording [Hz]; None for the slowest channel's own, oil temperature not counted.
+        longest_bridge_samples: Up to this many lost samples in a row are interpolated; more split the recording.
+        jitter_share: Stamps off an even clock by less than this share of a step count as even.
+        damaged_share: With more damaged stamps than this share of the rows, the order of the rows is unknown.
+        shortest_piece_samples: A stretch between two gaps that is shorter is left out.
+
+    Raises:
+        ValueError: A value is out of its range.
+    """
+
+    rate_hz: float | None = None
+    longest_bridge_samples: int = 2
+    jitter_share: float = 0.02
+    damaged_share: float = 0.05
+    shortest_piece_samples: int = 10
+
+    def __post_init__(self) -> None:
+        for name, valid, wanted in (
+            ("rate_hz", self.rate_hz is None or 0.0 < self.rate_hz < math.inf, "positive or None"),
+            ("longest_bridge_samples", self.longest_bridge_samples >= 0, "0 or more"),
+            ("jitter_share", 0.0 <= self.jitter_share <= 0.25, "in [0, 0.25]"),
+            ("damaged_share", 0.0 <= self.damaged_share <= 0.5, "in [0, 0.5]"),
+            ("shortest_piece_samples", self.shortest_piece_samples >= 3, "3 or more"),
+        ):
+            if not valid:
+                raise ValueError(f"expected {name} to be {wanted}, but got {getattr(self, name)!r}")
 
 
 def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime64 | None = None) -> Array:
-    """Return time stamps in seconds, shape ``(n,)``; a stamp that is missing (NaT) is NaN.
+    """Return time stamps in seconds, shape ``(n,)``; a missing stamp (NaT) is NaN.
 
     Args:
-        stamps: Numbers in seconds, which pass as they are, or dates (``datetime64``, with or without time zone).
-        origin: The date that is 0 s, in UTC where the stamps know their time zone; None for the first stamp. Tables of
-            one file share an origin. Exact to better than 1 µs over 200 years.
+        stamps: Numbers in seconds, which pass unchanged, or dates (``datetime64``, with or without time zone).
+        origin: The date that is 0 s, in UTC where the stamps have a time zone; None for the first stamp. Exact to
+            better than 1 µs over 200 years.
 
     Raises:
         RecordingError: The stamps are neither numbers nor dates.
@@ -46,17 +81,14 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime
     series = pd.Series(stamps, copy=False)
     if isinstance(series.dtype, pd.DatetimeTZDtype):
         series = series.dt.tz_convert("UTC").dt.tz_localize(None)
-    if pd.api.types.is_datetime64_any_dtype(series.dtype):
-        return _seconds_from(series.to_numpy(dtype="datetime64[ns]"), origin)
-    if not pd.api.types.is_numeric_dtype(series.dtype):
+    if not pd.api.types.is_datetime64_any_dtype(series.dtype):
+        if pd.api.types.is_numeric_dtype(series.dtype):
+            return series.to_numpy(dtype=np.float64, na_value=np.nan)
         raise RecordingError(
             f"time stamps are of type {series.dtype} (first: {series.iloc[0] if len(series) else None!r}), expected "
             "numbers or dates; check the time channel and its unit or date format in the mapping"
         )
-    return series.to_numpy(dtype=np.float64, na_value=np.nan)
-
-
-def _seconds_from(dates: NDArray[np.datetime64], origin: np.datetime64 | None) -> Array:
+    dates = series.to_numpy(dtype="datetime64[ns]")
     missing = np.isnat(dates)
     if missing.all():
         return np.full(len(dates), np.nan)
@@ -71,19 +103,19 @@ def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
     """Return the rate; a whole number of hertz if it is within 1e-4 of one.
 
     Args:
-        rate_hz: As the stamps have it [Hz].
-        uncertainty: Of that rate, as a share; more than 1e-4 in a short log with coarse stamps. At most 1e-3 counts.
+        rate_hz: As computed from the stamps [Hz].
+        uncertainty: Of that rate, as a share; above 1e-4 in a short log with coarse stamps, limited to 1e-3.
     """
     whole = float(round(rate_hz))
     return whole if abs(rate_hz - whole) <= max(WHOLE_HERTZ, min(uncertainty, 1e-3)) * rate_hz else rate_hz
 
 
 def even_rate(time_s: Array, jitter_share: float) -> float | None:
-    """Return the mean rate [Hz] of stamps that run evenly, each a sample later than the one before; else None.
+    """Return the mean rate [Hz] of stamps that run evenly, one sample each; else None.
 
     Even means: within every 1024 samples the stamps are off a straight line by no more than ``jitter_share`` of a
     step, or than their printed resolution explains, and the rate stays the same within 1e-3. A clock that is fast,
-    slow or drifts by some parts in a million is even. A lost sample moves the line by half a step, so it is not.
+    slow or drifts by some parts per million is even. A lost sample moves the line by half a step, so it is not.
 
     Args:
         time_s: Stamps, shape ``(n,)`` [s]; one that is not finite makes them uneven.
@@ -94,10 +126,11 @@ def even_rate(time_s: Array, jitter_share: float) -> float | None:
     step_s = float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
     if step_s <= 0.0:
         return None
-    if _follows_lines(time_s, step_s, jitter_share * step_s, BLOCK):
+    numbers = np.arange(len(time_s))
+    if follows_even_clock(time_s, numbers, step_s, jitter_share * step_s):
         return 1.0 / step_s
     resolution_s = explaining_resolution(time_s, step_s)
-    if resolution_s > jitter_share * step_s and _follows_lines(time_s, step_s, 1.05 * resolution_s, BLOCK):
+    if resolution_s > jitter_share * step_s and follows_even_clock(time_s, numbers, step_s, 1.05 * resolution_s):
         return whole_hertz(1.0 / step_s, resolution_s / (time_s[-1] - time_s[0]))
     return None
 
@@ -106,8 +139,8 @@ def explaining_resolution(time_s: Array, step_s: float) -> float:
     """Return the printed resolution [s] if it may explain uneven steps, else 0.
 
     It may if it is well below a step (300 Hz printed in milliseconds: 3, 3, 4 ms), or if it is up to one step and no
-    step is the usual one (600 Hz in milliseconds: 1, 2, 2 ms). Stamps at every 10 ms with one step of 20 ms have
-    lost a sample.
+    step is the usual one (600 Hz in milliseconds: 1, 2, 2 ms). Stamps every 10 ms with one step of 20 ms have lost a
+    sample.
     """
     if not np.isfinite(time_s).all():
         return 0.0
@@ -128,66 +161,35 @@ def printed_resolution(time_s: Array) -> float:
         tolerance = 1e-4 + rounding * 10.0**digits
         if tolerance > 0.1:  # too large a number for that many digits
             break
-        if _multiples(time_s, 10.0**digits, tolerance):
+        numbers = (time_s - time_s[0]) * 10.0**digits
+        if (np.abs(numbers - np.rint(numbers)) <= tolerance).all():
             return float(10.0**-digits)
     return 0.0
 
 
 @numba.njit(cache=True)
-def _multiples(time_s: Array, factor: float, tolerance: float) -> bool:
-    first_s = time_s[0]
-    for stamp_s in time_s:
-        number = (stamp_s - first_s) * factor
-        if not abs(number - np.rint(number)) <= tolerance:
-            return False
-    return True
-
-
 def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s: float) -> bool:
-    """Return whether stamps follow sample numbers on straight lines of 1024 samples, as in ``even_rate``.
+    """Return whether increasing stamps follow sample numbers on straight lines of 1024 samples, as in ``even_rate``.
 
     Args:
-        time_s: Increasing stamps, shape ``(n,)`` [s].
-        index: Sample number of each, shape ``(n,)``, increasing; a number that is missing was lost.
-        step_s: Time between two sample numbers, over all [s].
+        time_s: Shape ``(n,)`` [s].
+        index: Sample number of each stamp, shape ``(n,)``, increasing; a missing number was lost.
+        step_s: Time between two sample numbers, overall [s].
         tolerance_s: Allowed deviation from the line [s].
     """
-    return bool(_follows_index(time_s, index, step_s, tolerance_s, BLOCK))
-
-
-@numba.njit(cache=True)
-def _follows_lines(time_s: Array, step_s: float, tolerance_s: float, block: int) -> bool:
     rows = len(time_s)
     start = 0
     while start < rows - 1:
-        # A short remainder joins the last block, so that every block is long enough to tell its rate.
-        end = start + block if rows - 1 - start >= 2 * block else rows - 1
-        slope_s = (time_s[end] - time_s[start]) / (end - start)
-        if not abs(slope_s - step_s) <= RATE_DRIFT * step_s + 2.0 * tolerance_s / (end - start):
-            return False
-        first_s = time_s[start]
-        for row in range(start + 1, end + 1):
-            off_s = abs(time_s[row] - first_s - (row - start) * slope_s)
-            # Written so that NaN, too, is refused.
-            if not (off_s <= tolerance_s and time_s[row] > time_s[row - 1]):
-                return False
-        start = end
-    return True
-
-
-@numba.njit(cache=True)
-def _follows_index(time_s: Array, index: Indices, step_s: float, tolerance_s: float, block: int) -> bool:
-    rows = len(time_s)
-    start = 0
-    while start < rows - 1:
-        end = start + block if rows - 1 - start >= 2 * block else rows - 1
+        # A short remainder joins the last block, so that every block is long enough to determine its rate.
+        end = start + BLOCK if rows - 1 - start >= 2 * BLOCK else rows - 1
         samples = index[end] - index[start]
         slope_s = (time_s[end] - time_s[start]) / samples
         if not abs(slope_s - step_s) <= RATE_DRIFT * step_s + 2.0 * tolerance_s / samples:
             return False
         for row in range(start + 1, end + 1):
             off_s = abs(time_s[row] - time_s[start] - (index[row] - index[start]) * slope_s)
-            if not off_s <= tolerance_s:
+            # Written so that NaN, too, is refused.
+            if not (off_s <= tolerance_s and time_s[row] > time_s[row - 1]):
                 return False
         start = end
     return True
