@@ -12,6 +12,7 @@ import yaml
 from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.params import compose_params, write_params
 from cylinder_friction.params.checking import ParamsError, check_params, load_params
+from cylinder_friction.stages._run import run_stage
 
 PROJECT = Path(__file__).parents[1]
 CONF = PROJECT / "conf"
@@ -141,5 +142,8 @@ def test_an_unknown_stage_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["stage", "lable"]) == 1
-    assert "no stage 'lable'; expected one of record, ingest, filter, label" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["stage", "lable"])
+    assert "invalid choice: 'lable' (choose from 'record', 'ingest', 'filter', 'label'" in capsys.readouterr().err
+    with pytest.raises(ParamsError, match="no stage 'lable'; expected one of record, ingest, filter, label"):
+        run_stage("lable")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cylinder_friction.commands.cli import _parser
+from cylinder_friction.commands.cli import parser
 from cylinder_friction.estimators.base import FrictionEstimator
 
 ROOT = Path(__file__).parent.parent
@@ -56,7 +56,7 @@ def test_every_make_target_exists() -> None:
 
 
 def test_every_subcommand_exists() -> None:
-    commands = next(action.choices for action in _parser()._actions if action.dest == "command")
+    commands = next(action.choices for action in parser()._actions if action.dest == "command")
     assert commands is not None
     mentioned = named(r"cylinder-friction ([a-z]+)")
     assert mentioned

@@ -103,7 +103,9 @@ def test_a_file_that_is_no_log_is_an_error_with_a_message(workplace: Path, capsy
     (workplace / "empty.csv").write_bytes(b"")
     assert main(["ingest", "init", "empty.csv"]) == 1
     assert main(["ingest", "init", "nowhere.csv"]) == 1
-    assert capsys.readouterr().err.count("cylinder-friction ingest: ") == 2
+    errors = capsys.readouterr().err
+    assert errors.count("cylinder-friction ingest init: ") == 2
+    assert "nowhere.csv: no such file; name a logger's file" in errors
 
 
 def test_inspect_prints_the_checks_and_writes_the_page(

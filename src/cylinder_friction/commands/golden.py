@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.params.checking import load_params
 from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.files import whole_folder
@@ -23,7 +25,7 @@ from cylinder_friction.testing.golden import (
 )
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    import argparse
 
     from cylinder_friction.params.checking import Params
 
@@ -72,3 +74,26 @@ def check_golden(folder: Path) -> tuple[str, bool]:
             same &= difference_n == 0.0 and other == 0
             lines.append(f"{name}: {runtime} differs by {difference_n:.3g} N and in {other} flags")
     return "\n".join(lines), same
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parts = parser.add_subparsers(dest="what", required=True)
+    for name, words in (
+        ("train", "train their small model anew; then record"),
+        ("record", "record them anew from the test recordings"),
+        ("check", "compare the outputs of the Python runtimes with the recorded ones"),
+    ):
+        part = parts.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
+        part.add_argument("--folder", type=Path, default=Path("tests/golden"))
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.what == "train":
+        train_golden_model(options.folder, load_params())
+    elif options.what == "record":
+        print(record_golden(options.folder))
+    else:
+        report, same = check_golden(options.folder)
+        print(report)
+        return 0 if same else 1
+    return 0

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cylinder_friction.commands.params import CONF, compose_params
+from cylinder_friction.params.checking import check_params, load_params
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.choice import held
@@ -19,6 +21,8 @@ from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
 
 if TYPE_CHECKING:
+    import argparse
+
     from cylinder_friction.labelling.label import Labeller
     from cylinder_friction.params.checking import Params
     from cylinder_friction.reporting.inspection.subject import Inspected
@@ -81,3 +85,16 @@ def _shown(path: Path, *folders: Path) -> str:
         if path.resolve().is_relative_to(folder.resolve()):
             return path.resolve().relative_to(folder.resolve()).as_posix()
     return path.name
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("path", type=Path, help="a logger's file, or a folder of them")
+    parser.add_argument("overrides", nargs="*", help="for example ingest=own cylinder=press; without: params.yaml")
+    parser.add_argument("--output", type=Path, default=Path("reports/inspection.html"))
+
+
+def run(options: argparse.Namespace) -> int:
+    params = check_params(compose_params(CONF, options.overrides), "conf") if options.overrides else load_params()
+    report, refused = inspect_path(options.path, params, options.output)
+    print(f"{report}\n\npage     {options.output}")
+    return 1 if refused else 0

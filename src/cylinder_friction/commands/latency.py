@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
 from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
 from cylinder_friction.estimators.loading import load_estimator
@@ -26,8 +27,10 @@ from cylinder_friction.stages._stage import (
 from cylinder_friction.tracking.log_run import track_or_warn
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
+EXPECTED = (NoCompilerError, ValueError)
 LATENCY_FILE = REPORTS_FOLDER / "latency.json"
 RUN_FILE = RUNS_FOLDER / "latency.json"
 FOLDERS = (HYBRID_FOLDER, PAPER_HYBRID_FOLDER, LUGRE_FOLDER / "lugre")
@@ -50,7 +53,7 @@ def measure_latency(folders: Sequence[Path], effort: Effort) -> str:
     chosen = list(folders) or list(FOLDERS)
     recordings = read_recordings(PROCESSED_FOLDERS["test"])[:RECORDINGS]
     if not recordings:
-        raise RecordingError(f"{PROCESSED_FOLDERS['test']}: holds no recording to step through; run `dvc repro label`")
+        raise RecordingError(f"{PROCESSED_FOLDERS['test']}: holds no recording to step through; run `dvc repro split`")
     samples = np.concatenate([recording.samples() for recording in recordings])
     measured = measure({name: load_estimator(path) for name, path in _named(chosen).items()}, samples, effort)
     write_json(LATENCY_FILE, as_dict(measured))
@@ -85,3 +88,12 @@ def _named(folders: Sequence[Path]) -> dict[str, Path]:
     """Return each folder by its name; by its whole path where two have one name."""
     names = [folder.name for folder in folders]
     return {folder.name if names.count(folder.name) == 1 else folder.as_posix(): folder for folder in folders}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("models", nargs="*", type=Path, help="folders of estimators; without: the pipeline's own")
+    parser.add_argument("--steps", type=int, default=100_000, help="timed steps per runtime, as far as time allows")
+
+
+def run(options: argparse.Namespace) -> None:
+    print(measure_latency(options.models, Effort(options.steps)))

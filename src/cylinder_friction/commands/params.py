@@ -1,7 +1,8 @@
-"""``conf/`` composed by Hydra into ``params.yaml``, checked before it is written."""
+"""The command ``params``: compose ``conf/`` by Hydra into ``params.yaml``, checked before it is written."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
@@ -15,9 +16,10 @@ from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, check_pa
 from cylinder_friction.recordings.files import write_text
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
+CONF = Path("conf")
 HEADER = "# Composed from conf/ by `make params`; change it there, or here for one run.\n"
 
 
@@ -52,3 +54,11 @@ def write_params(conf: Path, overrides: Sequence[str] = (), path: Path = PARAMS_
     """Composes, checks and writes ``params.yaml``; a refused configuration leaves the file as it was."""
     content = compose_params(conf, overrides)
     write_text(path, HEADER + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("overrides", nargs="*", help="for example experiment=smoke search.trials=5")
+
+
+def run(options: argparse.Namespace) -> None:
+    write_params(CONF, options.overrides)

@@ -1,14 +1,15 @@
-"""The README's result, made by the pipeline: its table and its picture."""
+"""The command ``readme``: put the pipeline's latest table and picture into ``README.md``."""
 
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cylinder_friction.recordings.files import write_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    import argparse
 
 BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
 PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.png"}
@@ -32,3 +33,11 @@ def update_readme(readme: Path, reports: Path) -> None:
         shutil.copyfile(reports / "figures" / source, readme.parent / target)
     before, after = text.split(BEGIN)[0], text.split(END)[1]
     write_text(readme, f"{before}{BEGIN}\n\n{table.read_text(encoding='utf-8').strip()}\n\n{END}{after}")
+
+
+def add_arguments(_parser: argparse.ArgumentParser) -> None:
+    pass
+
+
+def run(_options: argparse.Namespace) -> None:
+    update_readme(Path("README.md"), Path("reports"))

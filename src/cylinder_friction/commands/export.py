@@ -1,0 +1,79 @@
+"""The command ``export``: write a trained estimator as ONNX, C or an FMU."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cylinder_friction.deployment.fmu.compiling import CompilerError
+
+if TYPE_CHECKING:
+    import argparse
+
+EXPECTED = (CompilerError, ValueError)
+PARTS = "lstm: without the forest; base: the filtered force balance alone"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    forms = parser.add_subparsers(dest="what", required=True)
+    for name, words, output in (
+        ("onnx", "ONNX: the whole estimator as a step graph and as a sequence graph", "folder for the two graphs"),
+        ("c", "C99: one source and one header without dependencies, for controllers", "folder for the two files"),
+        ("fmu", "FMI: one file for co-simulation, with sources and a binary for this computer", "such as press.fmu"),
+    ):
+        form = forms.add_parser(name, help=words, description=f"{words}.")
+        form.add_argument("model", type=Path, help="folder of the trained estimator, for example models/hybrid")
+        form.add_argument("--output", type=Path, required=True, help=output)
+        if name == "fmu":
+            form.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI: 2 for 2.0, 3 for 3.0")
+        if name == "c":
+            form.add_argument("--name", default="friction", help="prefix of every name, and the files' name")
+            form.add_argument("--precision", choices=("double", "float"), default="double", help="of all numbers")
+            form.add_argument("--model", dest="part", choices=("whole", "lstm", "base"), default="whole", help=PARTS)
+            form.add_argument("--distil", type=int, metavar="NODES", help="first train an LSTM of so many nodes on it")
+            form.add_argument("--data", type=Path, default=Path("data/processed"), help="recordings for --distil")
+
+
+def run(options: argparse.Namespace) -> None:
+    {"onnx": _onnx, "c": _c, "fmu": _fmu}[options.what](options)
+
+
+def _onnx(options: argparse.Namespace) -> None:
+    from cylinder_friction.deployment.onnx_graphs.export import export_onnx
+    from cylinder_friction.estimators.loading import load_estimator
+
+    written = export_onnx(load_estimator(options.model), options.output)
+    _print_sizes(written.step, written.sequence)
+    print(f"model    {written.model}")
+
+
+def _c(options: argparse.Namespace) -> None:
+    from cylinder_friction.deployment.c_export.export import export_c
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.estimators.loading import load_estimator
+
+    estimator = load_estimator(options.model)
+    if options.distil is not None:
+        from cylinder_friction.deployment.distil import distil_from_folder
+
+        if not isinstance(estimator, HybridEstimator):
+            raise ValueError(f"--distil needs a hybrid to train on, but got {estimator.kind}")
+        estimator, report = distil_from_folder(estimator, options.distil, options.data)
+        print(report.text())
+    written = export_c(estimator, options.output, options.name, options.precision, options.part)
+    _print_sizes(written.header, written.source)
+    print(f"state    {written.state_bytes} bytes per instance\nstep     {written.operations} operations")
+    print(f"model    {written.model}")
+
+
+def _fmu(options: argparse.Namespace) -> None:
+    from cylinder_friction.deployment.fmu.exporting import export_fmu
+    from cylinder_friction.estimators.loading import load_estimator
+
+    written = export_fmu(load_estimator(options.model), options.output, options.fmi)
+    print(f"{written.path}: {written.note}\nmodel    {written.name} {written.token}")
+
+
+def _print_sizes(*paths: Path) -> None:
+    for path in paths:
+        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")

@@ -1,0 +1,34 @@
+"""The command ``ingest init``: write a first mapping for a logger's file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cylinder_friction.recordings.files import write_text
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.mapping.guessing import guess_mapping
+from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parts = parser.add_subparsers(dest="what", required=True)
+    init = parts.add_parser("init", help="write a first mapping", description="Write a first mapping.")
+    init.add_argument("file", type=Path, help="a logger's file, in any format that ingest reads")
+    init.add_argument("--output", type=Path, help="for example conf/ingest/press.yaml; without it, it is printed")
+
+
+def run(options: argparse.Namespace) -> None:
+    if not options.file.is_file():
+        raise FileNotFoundError(f"{options.file}: no such file; name a logger's file")
+    text = mapping_yaml(guess_mapping(read_logged_file(options.file), options.file))
+    if options.output is None:
+        print(text, end="")
+        return
+    if options.output.exists():
+        raise FileExistsError(f"{options.output}: is there already; name another file, or remove it first")
+    write_text(options.output, text)
+    print(f"{options.output}: read every line marked guess, CHECK, AMBIGUOUS or NOT FOUND")

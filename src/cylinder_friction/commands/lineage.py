@@ -1,0 +1,21 @@
+"""The command ``lineage``: print and check the way back from a registered model to its data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("model", help="for example models:/friction-estimator@champion")
+
+
+def run(options: argparse.Namespace) -> int:
+    from cylinder_friction.tracking.lineage import lineage
+
+    report = lineage(options.model, Path.cwd())
+    print(report.text())
+    return 0 if report.holds else 1

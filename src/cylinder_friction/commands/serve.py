@@ -1,0 +1,19 @@
+"""The command ``serve``: serve a registered model and print a curl to try."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cylinder_friction.deployment.serve import CHAMPION, run_server
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--model", default=CHAMPION)
+
+
+def run(options: argparse.Namespace) -> int:
+    return run_server(options.model, Path.cwd())

@@ -1,0 +1,29 @@
+"""The command ``summary``: print the comparison table and where things lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+REPORTS = Path("reports")
+
+
+def add_arguments(_parser: argparse.ArgumentParser) -> None:
+    pass
+
+
+def run(_options: argparse.Namespace) -> None:
+    if not (REPORTS / "table.md").is_file():
+        raise FileNotFoundError(f"{REPORTS / 'table.md'}: not there; run `make reproduce` first")
+    print((REPORTS / "table.md").read_text(encoding="utf-8").rstrip())
+    print(
+        f"""
+report   {REPORTS / "report.html"}
+figures  {REPORTS / "figures"}
+
+next     make ui      browse the runs, the search and the registered model
+         make serve   serve the champion and try it with curl"""
+    )

@@ -1,0 +1,23 @@
+"""The command ``track``: log every finished stage to MLflow, without duplicates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def add_arguments(_parser: argparse.ArgumentParser) -> None:
+    pass
+
+
+def run(_options: argparse.Namespace) -> None:
+    from cylinder_friction.tracking.replay import replay
+
+    print(replay(Path.cwd()).summary())
+
+
+def kept(_options: argparse.Namespace) -> str:
+    return "runs that were logged whole are kept; run `cylinder-friction track` again for the others"

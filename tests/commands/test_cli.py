@@ -1,0 +1,103 @@
+"""The command line itself: what it lists, what it loads, and how it ends."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.commands import check, export, stage
+from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, main, parser
+from cylinder_friction.run_record import STAGES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def output_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 0
+    return capsys.readouterr().out
+
+
+def test_help_lists_every_command_and_its_module_has_what_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = output_of(["--help"], capsys)
+    assert "``" not in shown
+    assert all(f"    {name}" in shown for name in COMMANDS)
+    assert parser().parse_args(["check"]).run is check.run
+
+
+def test_help_of_stage_lists_every_stage_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = output_of(["stage", "--help"], capsys)
+    assert "``" not in shown
+    lines = [line.split()[0] for line in shown.splitlines() if line.startswith("  ") and line.split()[0] in STAGES]
+    assert lines == list(STAGES)
+
+
+def test_help_imports_neither_torch_nor_mlflow() -> None:
+    code = (
+        "import sys; from cylinder_friction.commands.cli import main\n"
+        "try: main(['stage', '--help'])\n"
+        "except SystemExit: print(sorted({'torch', 'mlflow', 'pandas'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("[]\n"), done.stdout
+
+
+def test_version_and_completion_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert output_of(["--version"], capsys).startswith("cylinder-friction 0.")
+    script = output_of(["--print-completion", "bash"], capsys)
+    assert f"_shtab_cylinder_friction_pos_0_choices=({' '.join(COMMANDS)})" in script
+    assert " ".join(STAGES) in script
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("search", "finished trials are kept in .cylinder-friction/resume; run `dvc repro` to go on from there"),
+        (
+            "ingest",
+            "results of earlier stages are kept, and nothing is half-written; run `dvc repro` to run this stage",
+        ),
+    ],
+)
+def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
+    what: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stage, "run", interrupted)
+    assert main(["stage", what]) == INTERRUPTED
+    printed = capsys.readouterr().err
+    assert f"cylinder-friction stage {what}: interrupted; {words}" in printed
+    assert "Traceback" not in printed
+
+
+def test_an_unexpected_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def broken(_options: object) -> None:
+        raise ValueError("a defect")
+
+    monkeypatch.setattr(check, "run", broken)
+    with pytest.raises(ValueError, match="a defect"):
+        main(["check"])
+    monkeypatch.setattr(export, "run", broken)
+    assert main(["export", "onnx", "models/hybrid", "--output", str(tmp_path)]) == 1
+
+
+def test_results_are_named_where_they_are_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["summary"]) == 1
+    assert (
+        "cylinder-friction summary: reports/table.md: not there; run `make reproduce` first" in capsys.readouterr().err
+    )
+
+
+def test_kept_words_are_for_every_stage() -> None:
+    assert all("dvc repro" in stage.kept(SimpleNamespace(what=name)) for name in STAGES)  # type: ignore[arg-type]
