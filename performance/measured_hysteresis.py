@@ -24,10 +24,9 @@ import numpy as np
 from hysteresis_loops import IDENTIFIED, RIGS, Loops, Rig, energies, mean_of_directions, rig_of, stiffnesses
 
 from cylinder_friction.friction_models.catalogue import model_named
-from cylinder_friction.friction_models.identification.coordinates import Coordinates
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
-from cylinder_friction.friction_models.identification.motion import Motion, Motions
-from cylinder_friction.friction_models.identification.refinement import search_globally, search_locally
+from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
+from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,11 +13,11 @@ from scipy.optimize import minimize
 
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
-from cylinder_friction.friction_models.identification.motion import Motion, Motions
+from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.motion import MotionIdentification, MotionPlan, motion_points
+from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, motion_points
 from cylinder_friction.signals.smooth_signals import signals_of
 
 if TYPE_CHECKING:

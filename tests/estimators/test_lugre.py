@@ -9,7 +9,7 @@ import pytest
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator, scaling_pressure
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
-from cylinder_friction.friction_models.lugre import LUGRE_UNITS
+from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 if TYPE_CHECKING:
@@ -96,8 +96,9 @@ def test_saving_and_loading_changes_no_bit(
     np.testing.assert_array_equal(loaded.estimate(labelled_recordings[0]), estimator.estimate(labelled_recordings[0]))
     assert loaded.intervals == estimator.intervals
     content = json.loads((tmp_path / "estimator.json").read_text())["parameters"]
+    units = {spec.name: spec.unit for spec in LugreParameters.specs}
     for name, entry in content["model"].items():
-        assert entry["unit"] == LUGRE_UNITS[name]
+        assert entry["unit"] == units[name]
     lower, upper = content["model"]["coulomb_n"]["interval"]
     assert lower < content["model"]["coulomb_n"]["value"] < upper
 

@@ -6,15 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.friction_models.identification.coordinates import Coordinates
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
-from cylinder_friction.friction_models.identification.motion import Motion, Motions, with_dead_band
 from cylinder_friction.friction_models.identification.presliding import (
     bristle_damping,
     bristle_stiffness,
     damping_velocity,
 )
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
+from cylinder_friction.friction_models.identification.search import Coordinates
+from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.identification.steady_points import steady_points
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters, new_bristle, simulate
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 SAMPLE_TIME_S = 0.005
 FINE = 20
 DEAD_BAND_M_S = 6e-4
+
+
+def with_dead_band(velocity_m_s: np.ndarray, dead_band_m_s: float) -> np.ndarray:
+    """Return the velocity with everything slower than the dead band set to zero."""
+    return np.where(np.abs(velocity_m_s) < dead_band_m_s, 0.0, velocity_m_s)
 
 
 def known(mass_kg: float, slope_n_pa: float = 0.0) -> LugreParameters:
@@ -238,7 +243,3 @@ def test_a_model_and_its_pressure_must_agree(plain_recordings: list[Recording]) 
 def test_no_usable_row_is_refused() -> None:
     with pytest.raises(ValueError, match="1 motions without one usable row among them; check the mask"):
         Motions.of([Motion(np.ones(3), np.zeros(3), np.ones(3), np.zeros(3, dtype=bool))], SAMPLE_TIME_S)
-
-
-def test_the_dead_band_silences_what_is_slower() -> None:
-    np.testing.assert_array_equal(with_dead_band(np.array([5e-4, -7e-4, 6e-4]), 6e-4), [0.0, -7e-4, 6e-4])

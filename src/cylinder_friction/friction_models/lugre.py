@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
-"""What one step costs: five exponentials or logarithms at about 16, and the rest."""
+"""Cost of one step: five exponentials or logarithms at about 16, and the rest."""
 
 
 @dataclass(frozen=True)
@@ -82,19 +82,15 @@ class LugreParameters(StribeckParameters):
 
     @property
     def passive_damping_velocity_m_s(self) -> float:
-        """The greatest fading speed that keeps the model passive, ``4 sqrt(2e) min g / s1`` [m/s]; may be infinite."""
+        """The greatest ``damping_velocity_m_s`` that keeps the model passive, ``4 sqrt(2e) min g / s1`` [m/s].
+
+        A passive model never returns more energy than its bristles stored. Sufficient is
+        ``s1 exp(-(v/vc)^2) |v| <= 4 g(v)`` at every speed; the left side is greatest at ``vc / sqrt 2``.
+        """
         return passive_damping_velocity(self.coulomb_n * min(1.0, self.retract_ratio), self.bristle_damping_n_s_m)
 
     def is_passive(self) -> bool:
-        """Return whether the model can never give energy back beyond what its bristles stored.
-
-        Sufficient: ``s1 exp(-(v/vc)^2) |v| <= 4 g(v)`` at every speed, whose left side is greatest at ``vc / sqrt 2``.
-        """
         return self.damping_velocity_m_s <= self.passive_damping_velocity_m_s
-
-
-LUGRE_UNITS = {spec.name: spec.unit for spec in LugreParameters.specs}
-"""Unit of every parameter, in the order of the fields of ``LugreParameters``."""
 
 
 class LuGre(FrictionModel):
@@ -190,7 +186,7 @@ def _simulate(
     bristle: Array,
     friction: Array,
 ) -> None:
-    """The loop; it stands beside ``lugre_step`` because numba's cache on disk notices changes in its own file only."""
+    """Step through all rows; in the file of ``lugre_step``, as numba's disk cache sees changes of its own file only."""
     deflection = bristle[0]
     known = log_speed.shape[0] > 0
     for row in range(velocity.shape[0]):

@@ -10,14 +10,14 @@ import numpy as np
 
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.masks import usable_rows
-from cylinder_friction.labelling.motion import MotionPlan, motion_points
+from cylinder_friction.labelling.mass import MotionPlan, motion_points
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.signals.motion import widened
 from cylinder_friction.signals.smooth_signals import (
     SMOOTH_LOAD,
     filtered,
@@ -294,6 +294,27 @@ def label(
     return [
         labeller.labelled(recording, signal_filter, identified.get(recording.metadata.session)) for recording in smooth
     ]
+
+
+def usable_rows(
+    position_m: NDArray[np.float64], stroke_m: float, margin_m: float, support: Support
+) -> NDArray[np.bool_]:
+    """Return the mask of usable rows, shape ``(n,)``.
+
+    Not usable: rows within ``margin_m`` of an end stop, whose reaction would be counted as friction; every row whose
+    filter's support includes such a row; and the rows at either edge of the recording whose support is incomplete.
+
+    Args:
+        position_m: Position [m], shape ``(n,)``, 0 to ``stroke_m``.
+        stroke_m: Length of travel [m].
+        margin_m: Distance from either end stop [m].
+        support: Support of the filter.
+    """
+    stopped = (position_m <= margin_m) | (position_m >= stroke_m - margin_m)
+    usable = ~widened(stopped, before=support.after, after=support.before)
+    usable[: support.before] = False
+    usable[len(usable) - min(support.after, len(usable)) :] = False
+    return usable
 
 
 def _smooth_load(recording: Recording, signal_filter: SignalFilter, _: str) -> Array | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load
-from cylinder_friction.labelling.motion import MotionIdentification, MotionPlan, MotionPoints, identify_motion
+from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, MotionPoints, identify_motion
 from cylinder_friction.labelling.strokes import StrokePoints
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
-from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session
-from cylinder_friction.rig.wide import draw_wide_rig
+from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session, draw_wide_rig
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

@@ -12,7 +12,7 @@ from scipy.special import ndtri
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.friction_models.identification.motion import Motions
+    from cylinder_friction.friction_models.identification.simulation import Motions
     from cylinder_friction.friction_models.parameters import ModelParameters
 
     Array = NDArray[np.float64]

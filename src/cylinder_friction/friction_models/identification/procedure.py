@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from cylinder_friction.friction_models.identification.coordinates import Coordinates
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
-from cylinder_friction.friction_models.identification.motion import Motion, Motions
 from cylinder_friction.friction_models.identification.presliding import bristle_stiffness
-from cylinder_friction.friction_models.identification.refinement import search_globally, search_locally
+from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
+from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
 from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
 from cylinder_friction.labelling.equation_of_motion import Stiffness, drive_force, friction_label
-from cylinder_friction.labelling.masks import usable_rows
+from cylinder_friction.labelling.label import usable_rows
 from cylinder_friction.reporting.inspection.known_curve import known_curve
 from cylinder_friction.signals.motion import noise_rms, standstill_rows
 from cylinder_friction.signals.smooth_signals import has_pressures, smooth_load, smooth_recording

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cylinder_friction.labelling.masks import usable_rows
+from cylinder_friction.labelling.label import usable_rows
 from cylinder_friction.signals.smooth_signals import Support
 
 

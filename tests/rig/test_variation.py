@@ -9,7 +9,7 @@ import pytest
 
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.parameters import RigParameters, default_rig
-from cylinder_friction.rig.wide import draw_wide_rig
+from cylinder_friction.rig.variation import draw_wide_rig
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.motion import (
+from cylinder_friction.labelling.mass import (
     MotionIdentification,
     MotionPlan,
     MotionPoints,

@@ -1,4 +1,4 @@
-"""What a search over the parameters of a friction model simulates: velocity and pressure in, friction to be met."""
+"""Simulation of a friction model along labelled motions, for a search over its parameters."""
 
 from __future__ import annotations
 
@@ -39,14 +39,6 @@ class Motion:
     usable: NDArray[np.bool_]
 
 
-def with_dead_band(velocity_m_s: Array, dead_band_m_s: float) -> Array:
-    """Return the velocity with everything slower than the dead band set to zero.
-
-    Below it velocity is noise of the position sensor, which would shake the bristles of a model at rest.
-    """
-    return np.where(np.abs(velocity_m_s) < dead_band_m_s, 0.0, velocity_m_s)
-
-
 _LUGRE = LuGre(pressure_scaled=True)
 
 
@@ -75,7 +67,7 @@ class Motions:
 
     @classmethod
     def of(cls, motions: Sequence[Motion], sample_time_s: float, model: FrictionModel = _LUGRE) -> Self:
-        """Joins motions; raises ``ValueError`` if there is none or none has a usable row."""
+        """Join motions; raise ``ValueError`` if there is none or none has a usable row."""
         if not motions or not any(motion.usable.any() for motion in motions):
             raise ValueError(
                 f"identification: {len(motions)} motions without one usable row among them; "
