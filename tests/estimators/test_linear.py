@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -90,3 +91,20 @@ def test_ridge_refuses_no_lags() -> None:
 def test_an_unknown_filter_is_refused(cylinder: Cylinder) -> None:
     with pytest.raises(ValueError, match="filtering must be 'none' or 'paper', but got 'kalman'"):
         ForceBalanceEstimator(cylinder, "kalman")  # type: ignore[arg-type]
+
+
+def test_the_order_of_the_inputs_does_not_matter_to_the_force_balance(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    turned = ("position_m", "pressure_2_pa", "pressure_1_pa")
+    one, other = (
+        LowPassForceBalanceEstimator(cylinder, inputs=inputs).fit(labelled_recordings[:2])
+        for inputs in (SAMPLE_COLUMNS, turned)
+    )
+    recording = labelled_recordings[0]
+    np.testing.assert_allclose(other.estimate(recording), one.estimate(recording), rtol=1e-12)
+
+
+def test_raw_pressures_are_needed(cylinder: Cylinder) -> None:
+    with pytest.raises(ValueError, match="expected pressure_1_pa, pressure_2_pa, position_m among the inputs, but got"):
+        ForceBalanceEstimator(cylinder, "none", ("position_m",))

@@ -30,9 +30,6 @@ SITUATIONS = ("extending", "retracting", "at_rest_after_extending", "at_rest_aft
 class ByDirectionEstimator(FrictionEstimator):
     """A straight line over velocity in each of five situations; a subclass finds it.
 
-    Args:
-        inputs: Columns that it is given; it looks at ``position_m`` alone.
-
     Attributes:
         levels_n: Friction in each situation, at vanishing velocity, in the order of ``SITUATIONS`` [N].
         viscous_n_s_m: Slope over velocity [N s/m].

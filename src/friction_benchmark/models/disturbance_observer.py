@@ -144,8 +144,6 @@ class DisturbanceObserver(FrictionEstimator):
     absolute error of the running filter.
 
     Args:
-        cylinder: Areas and moving mass.
-        inputs: Columns; both raw pressures and the position must be among them.
         evaluations: How often the search for the noises runs the filter over its recordings.
         recordings: How many recordings that search uses, spread evenly over the training recordings.
         noise: Where the search begins.
@@ -431,12 +429,15 @@ def _predict(mean: Array, covariance: Array, noise: Array, areas_m2: Array, step
     kept = (math.exp(-step / noise[5]), math.exp(-step / fast_s))
     for bias in (BIAS_1, BIAS_2):
         mean[bias] += step * mean[bias + 2]
-        covariance[bias] += step * covariance[bias + 2]
-        covariance[:, bias] += step * covariance[:, bias + 2]
+        for other in range(STATES):
+            covariance[bias, other] += step * covariance[bias + 2, other]
+        for other in range(STATES):
+            covariance[other, bias] += step * covariance[other, bias + 2]
     for number, state in enumerate((SLOW, FAST)):
         mean[state] *= kept[number]
-        covariance[state] *= kept[number]
-        covariance[:, state] *= kept[number]
+        for other in range(STATES):
+            covariance[state, other] *= kept[number]
+            covariance[other, state] *= kept[number]
     covariance[SLOW, SLOW] += (1.0 - kept[0] ** 2) * noise[4] ** 2
     covariance[FAST, FAST] += (1.0 - kept[1] ** 2) * fast_n**2
     covariance[SCALE, SCALE] += 1e-3 * step * noise[3] ** 2
@@ -450,27 +451,30 @@ def _predict(mean: Array, covariance: Array, noise: Array, areas_m2: Array, step
 @numba.njit(cache=True)
 def _correct(mean: Array, covariance: Array, jacobian: Array, innovation: float, balance_n: float, gate: float) -> None:
     """Joseph's form, which keeps the covariance positive definite despite rounding (Bucy and Joseph 1968)."""
-    toward = _product(covariance, jacobian)
+    toward = np.zeros(STATES)
     variance = balance_n**2
-    for state in range(STATES):
-        variance += jacobian[state] * toward[state]
+    for row in range(STATES):
+        for column in range(STATES):
+            toward[row] += covariance[row, column] * jacobian[column]
+        variance += jacobian[row] * toward[row]
     beyond = innovation**2 - gate**2 * variance
     if beyond > 0.0:
         covariance[FAST, FAST] += beyond
         toward[FAST] += beyond
         variance += beyond
     gain = toward / variance
-    mean += gain * innovation
-    covariance -= np.outer(gain, toward)
-    covariance += np.outer(balance_n**2 * gain - _product(covariance, jacobian), gain)
-    covariance[:] = 0.5 * (covariance + covariance.T)
-
-
-@numba.njit(cache=True)
-def _product(matrix: Array, vector: Array) -> Array:
-    """Return their product, shape ``(7,)``, summed in one order on every machine, unlike a BLAS."""
-    result = np.zeros(STATES)
+    for row in range(STATES):
+        mean[row] += gain[row] * innovation
+        for column in range(STATES):
+            covariance[row, column] -= gain[row] * toward[column]
+    for row in range(STATES):
+        toward[row] = 0.0
+        for column in range(STATES):
+            toward[row] += covariance[row, column] * jacobian[column]
     for row in range(STATES):
         for column in range(STATES):
-            result[row] += matrix[row, column] * vector[column]
-    return result
+            covariance[row, column] += gain[column] * (balance_n**2 * gain[row] - toward[row])
+    for row in range(STATES):
+        for column in range(row):
+            middle = 0.5 * (covariance[row, column] + covariance[column, row])
+            covariance[row, column] = covariance[column, row] = middle

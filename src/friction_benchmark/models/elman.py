@@ -110,12 +110,6 @@ class ElmanEstimator(LearnedEstimator):
     balance where raw pressures are available; the cost is the absolute error, rounded at zero, over 64 pieces of 250
     steps; the swarm's box.
 
-    Args:
-        cylinder: Its areas.
-        inputs: Columns that it sees.
-        plan: Of network and training.
-        seed: Seeds pieces, swarm and first weights.
-
     Attributes:
         weights: All of them, float32, in the order of the module's equations; None before ``fit``.
         found: How the search went; None for a loaded estimator.

@@ -72,13 +72,6 @@ class GradientBoostingEstimator(LearnedEstimator):
     """Gradient-boosted trees (Friedman 2001; Ke et al. 2017) that correct the force balance, or give all of friction.
 
     Trees hold no state and cannot leave the range of their training targets; the past enters as features.
-
-    Args:
-        cylinder: Its areas.
-        inputs: Columns that it sees.
-        plan: Trees, leaves, rows.
-        past: Which earlier features it is given.
-        seed: Seeds the drawing of rows.
     """
 
     kind: ClassVar[str] = "gradient_boosting"

@@ -16,7 +16,6 @@ from scipy.signal import savgol_filter
 
 from cylinder_friction.estimators.features import fit_features
 from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, passive_damping_velocity, simulate
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator, new_perceptron, train_perceptron
 from friction_benchmark.models.related_work import last_motion, places_of, task_columns
 from friction_benchmark.models.velocity_window import WINDOW_INPUTS, WindowState, advance_window, new_window
@@ -76,7 +75,7 @@ class HanPlan:
         ValueError: A number is impossible.
     """
 
-    fine_tuned: bool
+    fine_tuned: bool = False
     layers: int = 3
     nodes: int = 64
     spread: float = 0.4
@@ -108,25 +107,10 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
     the task provides. Fine-tuned, the task's other columns join the first layer, raw pressures give a force balance
     that it corrects, the head is fitted anew by ridge regression, and then all layers by Adam. Where it corrects the
     force balance it steps at every sample, else every 20 ms.
-
-    Args:
-        cylinder: Its areas and moving mass, which the synthetic friction follows.
-        inputs: Columns that it is given.
-        plan: Of network and training.
-        seed: Seeds synthetic friction, first weights and batches.
     """
 
     kind: ClassVar[str] = "han"
     plan_type: ClassVar[type] = HanPlan
-
-    def __init__(
-        self,
-        cylinder: Cylinder,
-        inputs: Sequence[str] = SAMPLE_COLUMNS,
-        plan: HanPlan | None = None,
-        seed: int = 0,
-    ) -> None:
-        super().__init__(cylinder, inputs, plan or HanPlan(fine_tuned=False), seed)
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Train on synthetic friction along the recordings' motion and, if fine-tuned, on their labels afterwards."""

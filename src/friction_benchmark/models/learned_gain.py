@@ -115,12 +115,7 @@ class LearnedGainState:
 class LearnedGainEstimator(FrictionEstimator):
     """The force balance through a filter whose gain an LSTM sets. It trains to the end of its schedule.
 
-    Args:
-        cylinder: Its areas.
-        architecture: Of the network.
-        plan: Of its training, and its stride.
-        inputs: Columns that it sees; both raw pressures and the position come first.
-        seed: Seeds weights and the order of recordings.
+    Both raw pressures and the position come first among its inputs.
     """
 
     kind: ClassVar[str] = "learned_gain"
@@ -253,18 +248,8 @@ def _train(
 ) -> tuple[LstmWeights, Single, float]:
     """Train with AdamW (Loshchilov and Hutter 2019) and a cosine schedule on the mean absolute error.
 
-    Args:
-        architecture: Of the network.
-        plan: Of its training.
-        sequences: Features, friction less force balance in units of the scale, and mask of each recording.
-        balances: Force balance of each recording in units of the scale, shape ``(n,)``.
-        seed: Seeds weights and the order of recordings.
-
-    Returns:
-        The network with the gain's head, and weights and bias of the offset's head.
-
-    Raises:
-        FloatingPointError: The error is no longer a number.
+    ``sequences`` hold features, friction less force balance, and mask; ``balances`` the force balance, shape ``(n,)``;
+    both in units of the scale. Returns the network with the gain's head, and weights and bias of the offset's head.
     """
     import torch  # only training needs it
     from torch import nn
@@ -325,14 +310,20 @@ def _train(
 
 
 def track(gain: torch.Tensor, balance: torch.Tensor, last: torch.Tensor) -> torch.Tensor:
-    """Return the tracked force, shape ``(time, batch)``, after ``last``, ``(batch,)``; differentiable by the gain."""
+    """Return the tracked force, shape ``(time, batch)``, after ``last``, ``(batch,)``; differentiable by the gain.
+
+    A parallel scan (Hillis and Steele 1986): after each pass a row holds the filter over twice as many steps.
+    """
     import torch
 
-    tracked = []
-    for step_gain, step_balance in zip(gain.unbind(), balance.unbind(), strict=True):
-        last = torch.lerp(last, step_balance, step_gain)
-        tracked.append(last)
-    return torch.stack(tracked)
+    kept, tracked = 1.0 - gain, gain * balance
+    tracked = torch.cat([tracked[:1] + kept[:1] * last, tracked[1:]])
+    span = 1
+    while span < len(kept):
+        tracked = torch.cat([tracked[:span], tracked[span:] + kept[span:] * tracked[:-span]])
+        kept = torch.cat([kept[:span], kept[span:] * kept[:-span]])
+        span *= 2
+    return tracked
 
 
 @numba.njit(cache=True)

@@ -69,11 +69,6 @@ class LugreResidualEstimator(GradientBoostingEstimator):
     slow, is among the inputs.
 
     Args:
-        cylinder: Areas and moving mass.
-        inputs: Columns that it sees.
-        plan: Of the trees.
-        past: Which earlier features the trees are given.
-        seed: Seeds LuGre's search and the drawing of rows.
         passive_above_m_s: Faster than this an estimate that would feed energy (friction times velocity below zero)
             is replaced by zero [m/s]; 0 for never.
         identification_effort: Share of LuGre's full search.

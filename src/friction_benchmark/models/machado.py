@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from scipy.optimize import minimize
 
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator
 from friction_benchmark.models.related_work import (
     VELOCITIES,
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.features import Features
     from cylinder_friction.estimators.training_plan import SequenceData
 
@@ -82,25 +80,10 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
     spans the same space and is better scaled; the stiction force is the force balance below 3 mm/s, and without
     pressures, where it is unknown, the direction of the last motion; the task's other columns are inputs too; all
     weights by L-BFGS (Liu and Nocedal 1989) on 24,000 rows, absolute error rounded at zero.
-
-    Args:
-        cylinder: Its areas.
-        inputs: Columns that it sees.
-        plan: Of network and training.
-        seed: Seeds rows and first weights.
     """
 
     kind: ClassVar[str] = "machado"
     plan_type: ClassVar[type] = MachadoPlan
-
-    def __init__(
-        self,
-        cylinder: Cylinder,
-        inputs: Sequence[str] = SAMPLE_COLUMNS,
-        plan: MachadoPlan | None = None,
-        seed: int = 0,
-    ) -> None:
-        super().__init__(cylinder, inputs, plan or MachadoPlan(), seed)
 
     def learn(self, train: Sequence[SequenceData]) -> None:
         generator = np.random.default_rng(self.seed)

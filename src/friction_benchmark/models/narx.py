@@ -60,8 +60,6 @@ class NarxEstimator(LearnedEstimator):
     Which terms it has is decided by orthogonal forward regression.
 
     Args:
-        cylinder: Its areas.
-        inputs: Columns that it sees.
         terms: Number of terms.
         rows: How many rows, evenly spread, the parameters are found on.
         past: Which earlier features it is given.

@@ -18,6 +18,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from cylinder_friction.realtime.activation import tanh
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import LearnedEstimator
 
 if TYPE_CHECKING:
@@ -205,24 +206,17 @@ def _weights_of(layers: Sequence[nn.Linear]) -> Perceptron:
 class PerceptronEstimator(LearnedEstimator, Generic[Plan]):
     """A learned estimator whose model is a perceptron, beside a plan of how it was built.
 
-    A subclass gives its plan's type, ``learn``, which sets ``network``, ``new_memory`` and ``predict``; its constructor
-    takes the same arguments.
-
-    Args:
-        cylinder: Its areas.
-        inputs: Columns that it is given.
-        plan: Of network and training, a dataclass of plain values.
-        seed: Seeds whatever is random in training.
-
-    Attributes:
-        network: None before ``fit``.
+    A subclass gives the type of its plan, a dataclass of plain values with defaults; ``learn``, which sets ``network``
+    (None before); ``new_memory`` and ``predict``.
     """
 
     plan_type: ClassVar[type]
 
-    def __init__(self, cylinder: Cylinder, inputs: Sequence[str], plan: Plan, seed: int) -> None:
+    def __init__(
+        self, cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS, plan: Plan | None = None, seed: int = 0
+    ) -> None:
         super().__init__(cylinder, inputs, seed)
-        self.plan = plan
+        self.plan: Plan = plan or self.plan_type()
         self.network: Perceptron | None = None
 
     def model_multiply_adds(self) -> int:

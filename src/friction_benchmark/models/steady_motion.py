@@ -64,17 +64,11 @@ class SteadyMotion:
 
 
 @numba.njit(cache=True)
-def _counted(velocity_m_s: float, averaged_m: float, backlash: Array, sample_time_s: float) -> float:
-    """Return the velocity while the averaged position has recently pushed the backlash its way, else 0."""
-    centring = sample_time_s / CENTRING_S
-    return pushing_velocity(velocity_m_s, averaged_m, backlash, BACKLASH_M, LASTING_S, centring, sample_time_s)
-
-
-@numba.njit(cache=True)
 def _through_backlash(smooth: Array, backlash: Array, sample_time_s: float) -> Array:
-    result = np.empty((smooth.shape[0], 2))
+    result, centring = np.empty((smooth.shape[0], 2)), sample_time_s / CENTRING_S
     for row in range(smooth.shape[0]):
-        result[row, 0] = _counted(smooth[row, 1], smooth[row, 0], backlash, sample_time_s)
+        average, velocity = smooth[row]
+        result[row, 0] = pushing_velocity(velocity, average, backlash, BACKLASH_M, LASTING_S, centring, sample_time_s)
         result[row, 1] = backlash[DIRECTION]
     return result
 
@@ -109,7 +103,7 @@ def causal_motion(position_m: Array, averaged_m: Array, gains: Array, sample_tim
         state[1] += step * state[2] + gains[1] * left
         state[0] = ahead + gains[0] * left
         state[2] += gains[2] * left
-        velocity = _counted(state[1], averaged_m[row], backlash, step)
+        velocity = pushing_velocity(state[1], averaged_m[row], backlash, BACKLASH_M, LASTING_S, step / CENTRING_S, step)
         fading = math.exp(-abs(velocity) / MEMORY_M_S)
         state[3] += (1.0 - math.exp(-step / MEMORY_S)) * (fading - state[3])
         result[row, 0], result[row, 1], result[row, 2], result[row, 3] = (

@@ -30,7 +30,7 @@ _DEFAULTS = {"nodes": 8, "feedback": 0.3}
 _CHOSEN = (
     "8 hidden nodes; self-feedback of the context; inputs: velocity (straight and softly limited), side of the last "
     "motion, the task's other columns; corrects the force balance where raw pressures are there; rounded absolute "
-    "error; 64 pieces of 250 steps; early stopping on the validation recordings"
+    "error; 64 pieces of 250 steps"
 )
 
 MODELS = (

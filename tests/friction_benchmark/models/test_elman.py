@@ -89,3 +89,8 @@ def test_the_networks_differ_in_training_alone_and_spend_the_same(
     assert swarm.multiply_adds() == adam.multiply_adds()
     assert len(swarm.found.position) == len(adam.found.position)
     assert adam.found.cost < swarm.found.cost
+
+
+def test_an_impossible_plan_is_refused() -> None:
+    with pytest.raises(ValueError, match="expected nodes and evaluations of at least 1 and feedback in"):
+        ElmanPlan(feedback=1.0)
