@@ -56,9 +56,9 @@ class CoulombStribeckParameters(StribeckParameters):
 class CoulombStribeck(FrictionModel):
     """The static curve, with the least memory that standstill needs: the direction of the last motion.
 
-    A static curve says nothing at standstill, where friction is what the drive asks for. Here the rule is: it keeps a
-    share of its static friction in the direction of the last motion, for oil stays trapped; slow motion leads over
-    to the curve as a hyperbolic tangent. Share and speed are identified; a share near 0 is the usual regularisation.
+    A static curve is undefined at standstill, where friction balances the drive. Here friction keeps a share of its
+    static value in the direction of the last motion, as oil stays trapped; slow motion blends into the curve as a
+    hyperbolic tangent. Share and speed are identified; a share near 0 is the usual regularisation.
 
     Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1; tanh: Andersson, Soederberg and
     Bjoerklund 2007.

@@ -127,9 +127,9 @@ def _simulate(
         logarithm = log_speed[row] if known else math.log(speed)
         steady = full_film * math.exp(min(logarithm - log_film_velocity, 0.0) * (2.0 / 3.0))
         regime = 0 if film <= steady else 1
-        apart = film - steady
-        film_mean = steady + apart * mean[regime]
-        film = steady + apart * kept[regime]
+        offset = film - steady
+        film_mean = steady + offset * mean[regime]
+        film = steady + offset * kept[regime]
         falling = falling_part(logarithm, packed[2], packed[3])
         dry = coulomb + ((1.0 - film_mean) * static - coulomb) * falling
         dry *= side_factor(v, packed[13], coulomb, packed[14], pressure[row])

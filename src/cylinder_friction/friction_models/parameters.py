@@ -1,4 +1,4 @@
-"""What the numbers of a friction model are: unit, meaning, where a search may take them; and how they are held."""
+"""Parameters of friction models: their units, meaning and search bounds, and the classes that hold them."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ class ParameterSpec:
 
     Attributes:
         name: Field of the model's parameters, with its unit at the end.
-        unit: In words that ``pint`` reads.
+        unit: As ``pint`` parses it.
         meaning: In a few words.
-        lower, upper: Where a search may go.
-        first: Where it starts; None where the Stribeck curve or the presliding stiffness says it.
-        logarithmic: Whether the search moves its logarithm.
-        relative_to: What ``lower``, ``upper`` and ``first`` are counted in: the number itself; Coulomb friction of the
-            curve of steady sliding, as factors; ``coulomb_n``, as what exceeds it over it; friction at the reference
-            pressure, as the share that pressure makes.
-        searched: Whether it is found by search; otherwise it follows from the others.
-        may_be_zero: Whether zero makes sense too.
+        lower, upper: Bounds of the search.
+        first: Start of the search; None where the Stribeck curve or the presliding stiffness gives it.
+        logarithmic: Whether the search uses its logarithm.
+        relative_to: Unit of ``lower``, ``upper`` and ``first``: the parameter's own; factors of the Coulomb friction of
+            the steady curve; the excess over ``coulomb_n``, relative to it; the share of friction at the reference
+            pressure that is due to pressure.
+        searched: Whether it is identified by search; otherwise it follows from the others.
+        may_be_zero: Whether zero is valid.
     """
 
     name: str
@@ -51,7 +51,7 @@ class ParameterSpec:
 
 
 STIFFNESS_RANGE_N_M = (1e5, 1e8)
-"""What the bristles of cylinder seals may be."""
+"""Bounds of the bristle stiffness of cylinder seals."""
 
 COULOMB = ParameterSpec(
     "coulomb_n",
@@ -111,7 +111,7 @@ SCALING = (RETRACT_RATIO, PRESSURE_SLOPE)
 
 @dataclass(frozen=True)
 class ModelParameters:
-    """The numbers of a friction model; a subclass has one field for each of its ``specs``, in their order.
+    """The parameters of a friction model; a subclass has one field for each of its ``specs``, in their order.
 
     Raises:
         ValueError: A number is not finite or has an impossible sign, or static is below Coulomb friction.
@@ -153,7 +153,7 @@ class StribeckParameters(ModelParameters):
 
 
 def refuse_impossible(numbers: object, specs: Sequence[ParameterSpec]) -> None:
-    """Raise ``ValueError`` naming the first number that cannot be, of whatever has a field for each of ``specs``."""
+    """Raise ``ValueError`` naming the first invalid parameter of an object with a field for each of ``specs``."""
     owner = type(numbers).__name__
     for spec in specs:
         value = getattr(numbers, spec.name)

@@ -1,4 +1,4 @@
-"""A measuring campaign on the rig: four load tests, several sessions each, several recordings a session."""
+"""A measuring campaign on the rig: four load conditions, several sessions each, several recordings per session."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ LOADS = {
 EXTERNAL_LOADS = ("none", "varied")
 SPECIMENS = {"default": draw_rig, "wide": draw_wide_rig}
 MAKEUP_GAIN = 2e-6
-"""Of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]."""
+"""Gain of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]."""
 WITH_EXTERNAL_LOAD = "; an external load that varies, measured by a load cell"
-OF_THE_LOAD = 1
+LOAD_SEED = 1
 """Last word of the seed of the load's random numbers, so that a campaign with a load has the same hand and noise."""
 
 
@@ -71,10 +71,10 @@ class CampaignPlan:
     """How much is recorded, and under which conditions.
 
     Attributes:
-        seed: Of everything that is drawn.
-        sessions_per_condition: Sessions in each of the four tests; each has its own temperature, offsets and drift.
-        recordings_per_session: At least two hold all set exercises.
-        duration_s: Of a recording [s].
+        seed: Seeds everything that is drawn.
+        sessions_per_condition: Sessions in each of the four conditions, each with its temperature, offsets and drift.
+        recordings_per_session: Two or more contain all set exercises.
+        duration_s: Duration of a recording [s].
         sample_time_s: Of the logger [s], a multiple of 1 ms.
         time_step_s: Of the integration [s], a divisor of 1 ms.
         supply: ``"didactic"`` or ``"industrial"``.
@@ -165,7 +165,7 @@ def _external_load(
 ) -> ExternalLoad | None:
     if plan.external_load == "none":
         return None
-    generator = np.random.default_rng([plan.seed, int(condition), number, take, OF_THE_LOAD])
+    generator = np.random.default_rng([plan.seed, int(condition), number, take, LOAD_SEED])
     return varied_load(generator, plan.duration_s, rig.hydraulics.stroke_m)
 
 

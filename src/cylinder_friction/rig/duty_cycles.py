@@ -1,4 +1,4 @@
-"""What an operator does with a hand lever in a minute: mostly free work, and between it sines, staircases, ramps."""
+"""Duty cycles of an operator at the hand lever: mostly free work, and between it sines, staircases and ramps."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 Row = tuple[float, ...]
 EXPECTED_FRICTION_N = 350.0
-"""What the operator's feeling for the lever reckons with."""
+"""Friction that the operator allows for when choosing the lever."""
 
 
 def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:
-    """Return the lever that moves the piston steadily at this speed, signed: what an operator finds by looking.
+    """Return the lever that moves the piston steadily at this speed, signed, as an operator finds it by eye.
 
     From the steady force balance with both metering edges and the throttle; full lever where that speed is out of
     reach.

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PLACES = 65
-"""Positions at which a load that depends on position is told, evenly from 0 to the stroke."""
+"""Positions at which a position-dependent load is given, equidistant from 0 to the stroke."""
 
 LARGEST_N = 3000.0
-"""Of all parts together."""
+"""Greatest sum of all parts."""
 
 GRAVITY_M_S2 = 9.81
 FRAME_M, BOOM_M, CLOSED_M = 0.55, 0.35, 0.45

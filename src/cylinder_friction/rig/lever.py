@@ -1,4 +1,4 @@
-"""The operator's hand on the lever: moves, holds, corrections, tremor, and reversals where the piston comes to.
+"""The operator's hand on the lever: moves, holds, corrections, tremor, and reversals near the ends of the stroke.
 
 A duty cycle is a table of actions, made from a seed before the simulation. The compiled ``hand_step`` carries it out
 inside the simulation, because a person reverses when the piston nears an end, after a reaction time, and so closes
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TICK_S = 0.001
-"""The hand is looked at this often; between two ticks the lever moves in a straight line."""
+"""Sample time of the hand [s]; between two ticks the lever moves linearly."""
 
 KIND, TARGET, MOVE_S, HOLD_S, FREQUENCY_HZ, LOW_M, HIGH_M, REACTION_S, CHAINED, SHAKE = range(10)
 """Columns of the table of actions; ``SHAKE`` is 1 for a free hand, less for one that rests on a stop."""
@@ -38,11 +38,11 @@ RELEASED = 0.02
 
 @dataclass(frozen=True)
 class DutyCycle:
-    """What the operator means to do, and how the hand shakes.
+    """The operator's intended actions, and the hand's remnant.
 
     Attributes:
         actions: Shape ``(rows, 10)``, columns as ``KIND`` ... ``SHAKE``.
-        remnant: Shape ``(ticks,)``: what the hand adds without meaning to, at full lever.
+        remnant: Shape ``(ticks,)``: unintended motion of the hand, at full lever.
     """
 
     actions: NDArray[np.float64]
@@ -70,7 +70,7 @@ def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overla
         elif beyond and row[KIND] != SINE:
             hand[SIGN] = -1.0
     hand[TIME_S] += TICK_S
-    hand[BASE] = _meant(hand, row, position_m, middle_m)
+    hand[BASE] = _intended(hand, row, position_m, middle_m)
     _notice(hand, row, position_m, overlap)
     reverse = hand[NOTICED_S] >= row[REACTION_S]
     if reverse or hand[TIME_S] >= row[MOVE_S] + row[HOLD_S]:
@@ -80,8 +80,8 @@ def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overla
 
 
 @numba.njit(cache=True)
-def _meant(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
-    """Return the lever as the action means it."""
+def _intended(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
+    """Return the lever position that the action intends."""
     time_s = hand[TIME_S]
     if row[KIND] == SINE:
         grown = min(time_s / 0.5, 1.0, max((row[MOVE_S] + row[HOLD_S] - time_s) / 0.5, 0.0))
@@ -98,9 +98,9 @@ def _meant(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
 def _notice(hand: Any, row: Any, position_m: float, overlap: float) -> None:
     if row[KIND] == SINE:
         return
-    meant = hand[SIGN] * row[TARGET]
-    out = meant > 0.0 and hand[BASE] > overlap
-    back = meant < 0.0 and hand[BASE] < -overlap
+    intended = hand[SIGN] * row[TARGET]
+    out = intended > 0.0 and hand[BASE] > overlap
+    back = intended < 0.0 and hand[BASE] < -overlap
     near = (out and position_m > row[HIGH_M]) or (back and position_m < row[LOW_M])
     if hand[NOTICED_S] >= 0.0:
         hand[NOTICED_S] += TICK_S
@@ -121,7 +121,7 @@ def _next_row(hand: Any, actions: Any, reverse: bool) -> None:
 
 
 def hand_remnant(generator: Generator, duration_s: float) -> NDArray[np.float64]:
-    """Return what the hand adds without meaning to, one a tick: drift of about 1 % and tremor of 8 to 12 Hz, 0.5 %."""
+    """Return the hand's unintended motion, one value per tick: drift of about 1 %, tremor of 8 to 12 Hz and 0.5 %."""
     ticks = round(duration_s / TICK_S) + 2
     drift = ornstein_uhlenbeck(generator, ticks, TICK_S, 1.5, 0.01)
     frequency_hz = np.clip(10.0 + ornstein_uhlenbeck(generator, ticks, TICK_S, 0.5, 1.0), 8.0, 12.0)

@@ -1,4 +1,4 @@
-"""What the simulated rig is made of: frozen parameters, each with its unit and where its value comes from.
+"""Parameters of the simulated rig, each with its unit and the origin of its value.
 
 All pressures are gauge. A parameter object becomes a named tuple for the compiled code by ``constants``: same names,
 numbers only.
@@ -43,7 +43,7 @@ class FrictionParameters:
         film_build_s: Time constant of the film as it builds [s].
         film_squeeze_s: Time constant of the film as it thins in motion [s].
         film_dwell_s: Time constant of the film as it thins at rest; makes breakaway depend on the dwell [s].
-        dwell_velocity_m_s: Between rest and motion in the sense of the two constants above [m/s].
+        dwell_velocity_m_s: Speed between rest and motion, for the two time constants above [m/s].
         ripple: Relative amplitude of each wave of the bore ripple [-].
         ripple_length_m: Length of each wave [m].
         ripple_phase_rad: Phase of each wave [rad].
@@ -175,7 +175,7 @@ class SensorParameters:
         pressure_gain: Of either transmitter, 1 when calibrated [-].
         pressure_drift_pa_s: Of the offsets [Pa/s].
         linearity_m: Two half-wave amplitudes of the potentiometer's linearity error [m].
-        backlash_m: Play of its coupling [m].
+        backlash_m: Backlash of its coupling [m].
         temperature_span_c: Range of the Pt100's transmitter, from 0 °C [K].
         temperature_noise_c: Root mean square [K].
         temperature_offset_c: Within ±0.5 K, class B of IEC 60751 at 40 °C [K].
@@ -226,7 +226,7 @@ THROTTLE_GAINS = {"1": 2e-6, "2": 5.5e-8, "3": 3.2e-8, "4": 2.2e-8}
 """The four settings of the meter-out throttle [m³/s/√Pa]: no load, then three growing loads on extension."""
 
 PUMP_FLOWS_M3_S = {"didactic": 3.0 / 60e3, "industrial": 10.0 / 60e3}
-"""Largest pump flow of each supply: a teaching pack gives 16 mm/s in extension, a small industrial one 53 mm/s."""
+"""Largest pump flow of each supply: a didactic unit gives 16 mm/s in extension, a small industrial one 53 mm/s."""
 
 
 def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters:

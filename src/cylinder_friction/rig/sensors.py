@@ -1,4 +1,4 @@
-"""What the logger sees: anti-alias filter, offset, gain, drift, noise, linearity, backlash, and twelve bits."""
+"""Sensors and logger: anti-alias filter, offset, gain, drift, noise, linearity, backlash and a 12-bit converter."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UNDER_RANGE = 0.01
 """How far below zero a 4-20 mA transmitter is read, as a part of its span."""
 MM = 1e-3
 DECIMALS = 3
-"""Of every number that the logger writes: finer than its converter's step in bar and in millimetres."""
+"""Decimals of every number that the logger writes: finer than its converter's step in bar and in millimetres."""
 
 
 def measure(
@@ -42,7 +42,7 @@ def measure(
     Args:
         sensors: Their parameters.
         trace: What ``simulate`` returned, logged several times as fast as the sensors sample.
-        generator: Of the noise.
+        generator: Random numbers of the noise.
         session_time_s: Time since the transmitters were zeroed, at the first row [s]; their drift begins there.
         load_cell: Whether there is one; its column ``LOAD_COLUMN`` [N] then comes last.
 
@@ -101,7 +101,7 @@ def _thermometer(
 
 
 def _potentiometer(sensors: SensorParameters, position_m: Array) -> Array:
-    """Return where the wiper stands: the coupling's play first, then the track's linearity error."""
+    """Return the wiper's reading: the backlash of the coupling, then the linearity error of the resistive element."""
     wiper_m = np.asarray(_backlash(position_m, sensors.backlash_m))
     angle = np.pi * wiper_m / sensors.position_span_m
     first, second = sensors.linearity_m
@@ -109,11 +109,11 @@ def _potentiometer(sensors: SensorParameters, position_m: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def _backlash(position_m: Any, play_m: float) -> Any:
+def _backlash(position_m: Any, backlash_m: float) -> Any:
     wiper = np.empty_like(position_m)
     at = position_m[0]
     for index in range(len(position_m)):
-        at = min(max(at, position_m[index] - 0.5 * play_m), position_m[index] + 0.5 * play_m)
+        at = min(max(at, position_m[index] - 0.5 * backlash_m), position_m[index] + 0.5 * backlash_m)
         wiper[index] = at
     return wiper
 

@@ -94,7 +94,7 @@ def simulate(
     """Return the trace of a simulation, one row each ``log_step_s``, columns ``TRACE_COLUMNS``.
 
     Args:
-        rig: The rig; its sensors play no part here.
+        rig: The rig; its sensors are not used here.
         lever: An operator's duty cycle, or the lever itself, one value each millisecond, -1 to 1.
         start: The state at time 0.
         duration_s: [s].

@@ -103,7 +103,7 @@ def draw_session(
 
     Args:
         rig: One specimen, with the throttle set.
-        generator: Of this session.
+        generator: Random numbers of this session.
         duration_s: How long the session lasts, for the drift [s].
         zeroed: Whether the transmitters were zeroed on vented chambers. If not, their data sheet's ±0.5 % of the span
             stays in the offset and ±0.3 % in the gain.

@@ -1,4 +1,4 @@
-"""Confidence intervals of parameters that were found by least absolute error."""
+"""Confidence intervals of parameters identified by least absolute error."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def confidence_intervals(
     With residuals ``r`` and sensitivities ``J`` of friction to the logarithm of each parameter, the estimate
     scatters with covariance ``H^-1 S H^-1``: ``H = 2 f(0) J'J`` with the density ``f`` of residuals at zero,
     and ``S`` the sum over blocks of ``(J' sgn r)(J' sgn r)'``. Residuals of a recording are far from independent,
-    within a block they need not be. A parameter that the motion says nothing about gets a wide interval, at most
-    a factor of a thousand either way.
+    within a block they need not be. A parameter that the motion does not determine gets a wide interval, at most a
+    factor of a thousand either way.
 
     Args:
         motions: What was simulated.

@@ -28,31 +28,32 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 STIFFNESS_FACTORS = (1.0, 10.0)
-"""Where the first looks begin, in measured stiffnesses: the error has a minimum with soft bristles, which bend with
-the noise of the position, and one with stiff bristles, which switch; which is lower depends on the noise."""
+"""Starts of the first local searches, in measured stiffnesses: the error has a minimum with soft bristles, which bend
+with the noise of the position, and one with stiff bristles, which switch; which is lower depends on the noise."""
 
 _GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 
 PIECE_LEAD_S = 0.5
-"""Of a piece cut from a recording, what does not count: the model begins it in a fresh state."""
+"""Start of a piece cut from a recording that does not count, because the model begins it in a fresh state."""
 
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """How hard the joint search tries.
+    """Budget of the joint search.
 
     Attributes:
         seed: Seed of the first differential evolution; each restart counts one up.
-        population: Members a coordinate.
+        population: Members per coordinate.
         generations: Greatest number of generations.
-        simulated_recordings: How many recordings the first looks and differential evolution simulate, spread evenly.
-        restarts: How many times the whole search runs; the best end is kept.
-        first_look_evaluations: Simulations of each first look: a velocity on offer, from one start.
+        simulated_recordings: Number of recordings, evenly spaced, that the first local searches and differential
+            evolution simulate.
+        restarts: Number of runs of the whole search; the best result is kept.
+        first_look_evaluations: Simulations of each first local search: one candidate velocity from one start.
         polish_evaluations: Simulations of each Nelder-Mead search at the end.
-        repolishes: How often the best end is searched from again, with a fresh simplex.
-        piece_s: Of the recordings for first looks and differential evolution, only so much, from another place in
-            each [s]; 0 for all of them.
-        polished_piece_s: The same of all recordings, for the Nelder-Mead search at the end.
+        repolishes: Number of further searches from the best result, with a fresh simplex.
+        piece_s: Duration simulated of each recording in first searches and differential evolution, from a different
+            place in each [s]; 0 for all of it.
+        polished_piece_s: The same for the Nelder-Mead search at the end.
     """
 
     seed: int
@@ -69,11 +70,11 @@ class SearchEffort:
 
 @dataclass(frozen=True)
 class Identification:
-    """What an identification found.
+    """Result of an identification.
 
     Attributes:
         parameters: The best parameters.
-        velocity: Which of the velocities on offer fits best.
+        velocity: Name of the candidate velocity that fits best.
         intervals: Confidence interval of every parameter that was searched, in its own unit.
         points: Steady points that the Stribeck curve was fitted to.
         curve: That first curve.
@@ -81,7 +82,7 @@ class Identification:
         mean_friction_n: Mean absolute label there [N].
         first_error_n: Error of the Stribeck curve and bristle stiffness before the joint search [N].
         history: Least error after each generation of differential evolution, on its recordings [N].
-        simulated_samples: How many samples the search has simulated; what its budget is counted in.
+        simulated_samples: Number of samples that the search simulated.
     """
 
     parameters: ModelParameters
@@ -117,22 +118,22 @@ def identify(
     """Identify a friction model from labelled recordings.
 
     The Stribeck curve and the bristle stiffness come from the labels' zero-phase velocity. The joint search
-    simulates with the causal velocity that the estimator will have at run time, so that what is identified is what
-    is served. Which velocity that is, a short local search with each decides.
+    simulates with the causal velocity that the estimator has at run time, so that the identified model is the served
+    one. A short local search with each candidate velocity decides which one that is.
 
     Args:
         model: What is identified.
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``), one sample time.
-        velocities: Velocities on offer: a name to a function from a recording to the velocity that drives the model,
-            zero at standstill [m/s].
+        velocities: Candidates by name: functions from a recording to the velocity that drives the model, zero at
+            standstill [m/s].
         pressure: From a recording to the pressure that scales dry friction [Pa]; None where the model
             uses none.
-        effort: How hard to search.
+        effort: Budget of the search.
         mass_kg: Moving mass [kg].
         damping_ratio: Damping ratio of that mass on the bristles.
         dead_band_m_s: Slower is standstill, in the labels' velocity [m/s].
         confidence: Probability of the intervals.
-        also_from: Parameters from which the search starts besides its own, for example those found elsewhere.
+        also_from: Further starts of the search, for example parameters identified elsewhere.
 
     Raises:
         ValueError: The model is scaled by pressure and there is none, or the other way round; or too few points of
@@ -157,17 +158,17 @@ def identify(
 
     time_s = recordings[0].sample_time_s
     few = _spread(recordings, effort.simulated_recordings)
-    on_offer = {name: motions_of(few, name, effort.piece_s) for name in velocities}
-    reference = next(iter(on_offer.values())).reference_pressure_pa if pressure is not None else 0.0
+    offered = {name: motions_of(few, name, effort.piece_s) for name in velocities}
+    reference = next(iter(offered.values())).reference_pressure_pa if pressure is not None else 0.0
     coordinates = Coordinates.around(model, curve, mass_kg, damping_ratio, reference)
     starts = [coordinates.start(curve, factor * stiffness) for factor in STIFFNESS_FACTORS]
     starts += [coordinates.point(parameters) for parameters in also_from]
-    chosen, looks = _first_looks(on_offer, coordinates, starts, effort.first_look_evaluations)
+    chosen, looks = _first_looks(offered, coordinates, starts, effort.first_look_evaluations)
     everything = motions_of(recordings, chosen)
     polished = motions_of(recordings, chosen, effort.polished_piece_s) if effort.polished_piece_s else everything
-    point, history = _search(on_offer[chosen], polished, coordinates, looks, effort)
+    point, history = _search(offered[chosen], polished, coordinates, looks, effort)
     parameters = coordinates.parameters(point)
-    simulated_samples = sum(motions.simulated_samples for motions in (*on_offer.values(), polished))
+    simulated_samples = sum(motions.simulated_samples for motions in (*offered.values(), polished))
     names = tuple(spec.name for spec in model.searched)
     return Identification(
         parameters=parameters,
@@ -184,15 +185,15 @@ def identify(
 
 
 def _first_looks(
-    on_offer: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
+    offered: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
 ) -> tuple[str, list[Array]]:
-    """Return which velocity a short local search from each start likes best, and the ends of its searches."""
+    """Return the velocity with the least error of a short local search from each start, and where they ended."""
     looks = {
         name: [search_locally(motions, coordinates, start, evaluations) for start in starts]
-        for name, motions in on_offer.items()
+        for name, motions in offered.items()
     }
     costs = {
-        name: min(on_offer[name].error_of(coordinates.values(point)) for point in ends) for name, ends in looks.items()
+        name: min(offered[name].error_of(coordinates.values(point)) for point in ends) for name, ends in looks.items()
     }
     chosen = min(costs, key=lambda name: costs[name])
     return chosen, looks[chosen]
@@ -201,7 +202,7 @@ def _first_looks(
 def _search(
     few: Motions, polished: Motions, coordinates: Coordinates, looks: Sequence[Array], effort: SearchEffort
 ) -> tuple[Array, list[float]]:
-    """Return the best end of all searches, and the history of the differential evolution that came nearest to it."""
+    """Return the best point of all searches, and the history of the best differential evolution."""
     first = min(looks, key=lambda point: few.error_of(coordinates.values(point)))
     candidates, histories = list(looks), list[list[float]]()
     total = effort.restarts * effort.generations
@@ -233,7 +234,7 @@ def _motion(
 
 
 def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> list[Motion]:
-    """Return a piece of each motion, from places that steps of the golden ratio spread evenly over all of them."""
+    """Return a piece of each motion, from places spread evenly by steps of the golden ratio."""
     length, lead = round(piece_s / sample_time_s), round(PIECE_LEAD_S / sample_time_s)
     if length == 0:
         return list(motions)

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PRESLIDING_TRAVEL_M = 1e-3
-"""Travel since standstill or reversal after which bristles no longer bend; several times what seals bend."""
+"""Travel since standstill or reversal after which bristles no longer bend; several times the deflection of seals."""
 
 LEAST_SPEED_M_S = 1e-4
-"""Where the bins begin however small the dead band is."""
+"""Lower edge of the bins, however small the dead band is."""
 
 STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
-"""How much velocity may vary within that time, over its mean: the strictest that leaves enough rows is taken."""
+"""Tolerances of ``steady_rows``, of which the strictest that leaves enough rows is used."""
 
 
 @dataclass(frozen=True)
@@ -56,20 +56,20 @@ def _has_slid(recording: Recording, slowest_m_s: float) -> NDArray[np.bool_]:
 
 
 def steady_points(
-    recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_a_point: int = 40
+    recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_per_point: int = 40
 ) -> list[SteadyPoint]:
     """Return points of the friction-velocity curve, slowest retraction to fastest extension.
 
-    Speeds are binned on a logarithmic scale, each direction by itself, and a bin gives the medians of its rows.
-    A hand never moves at perfectly constant velocity, so the tolerance widens, step by step, until both
-    directions have at least half the bins filled. Where even the widest leaves fewer points than a curve has
-    parameters, as in recordings of a few seconds, every row that has left presliding counts.
+    Speeds are binned on a logarithmic scale, separately for each direction, and a bin gives the medians of its rows.
+    A hand never moves at exactly constant velocity, so that the tolerance is widened until both directions have at
+    least half the bins filled. Where even the widest leaves fewer points than a curve has parameters, as in recordings
+    of a few seconds, every row beyond presliding counts.
 
     Args:
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``).
         slowest_m_s: Slower rows count as standstill [m/s].
-        bins: Bins a direction.
-        rows_a_point: A bin with fewer rows gives no point.
+        bins: Bins per direction.
+        rows_per_point: A bin with fewer rows gives no point.
     """
     slowest_m_s = max(slowest_m_s, LEAST_SPEED_M_S)
     points: list[SteadyPoint] = []
@@ -79,11 +79,11 @@ def steady_points(
             mask & steady_rows(recording.column("velocity_m_s"), recording.sample_time_s, slowest_m_s, variation)
             for recording, mask in zip(recordings, slid, strict=True)
         ]
-        points = _points(recordings, masks, slowest_m_s, bins, rows_a_point)
+        points = _points(recordings, masks, slowest_m_s, bins, rows_per_point)
         if min(sum(point.velocity_m_s * way > 0.0 for point in points) for way in (-1.0, 1.0)) >= bins // 2:
             return points
     if len(points) < CURVE_PARAMETERS:
-        points = _points(recordings, slid, slowest_m_s, bins, rows_a_point // 4)
+        points = _points(recordings, slid, slowest_m_s, bins, rows_per_point // 4)
     return points
 
 
@@ -92,10 +92,10 @@ def _points(
     masks: Sequence[NDArray[np.bool_]],
     slowest_m_s: float,
     bins: int,
-    rows_a_point: int,
+    rows_per_point: int,
 ) -> list[SteadyPoint]:
     velocity, friction = _joined(recordings, masks, "velocity_m_s"), _joined(recordings, masks, "friction_n")
-    both_ways = [_binned(velocity, friction, way, slowest_m_s, bins, rows_a_point) for way in (-1.0, 1.0)]
+    both_ways = [_binned(velocity, friction, way, slowest_m_s, bins, rows_per_point) for way in (-1.0, 1.0)]
     return sorted(both_ways[0] + both_ways[1], key=lambda point: point.velocity_m_s)
 
 
@@ -104,11 +104,11 @@ def _joined(recordings: Sequence[Recording], masks: Sequence[NDArray[np.bool_]],
 
 
 def _binned(
-    velocity: Array, friction: Array, direction: float, slowest_m_s: float, bins: int, rows_a_point: int
+    velocity: Array, friction: Array, direction: float, slowest_m_s: float, bins: int, rows_per_point: int
 ) -> list[SteadyPoint]:
     one_way = velocity * direction > 0.0
     velocity, friction = velocity[one_way], friction[one_way]
-    if len(velocity) < rows_a_point:
+    if len(velocity) < rows_per_point:
         return []
     speed = np.abs(velocity)
     edges = np.geomspace(slowest_m_s, np.nextafter(float(speed.max()), np.inf), bins + 1)
@@ -116,7 +116,7 @@ def _binned(
     points = []
     for number in range(bins):
         rows = numbers == number
-        if rows.sum() >= rows_a_point:
+        if rows.sum() >= rows_per_point:
             quartiles = np.quantile(friction[rows], [0.25, 0.5, 0.75])
             points.append(
                 SteadyPoint(
