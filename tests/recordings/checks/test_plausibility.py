@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.checks.plausibility import clear_motion, judge_friction
+from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,7 +74,7 @@ def test_the_rigs_recordings(
     load: Any,
 ) -> None:
     for table in rig_tables.values():
-        findings = judge_friction(change(table), 0.005, STROKE_M, areas, load)
+        findings = check_friction(change(table), 0.005, STROKE_M, areas, load)
         assert outcomes(findings) == expected
         assert any(pd.Series([finding.text]).str.contains(text).item() for finding in findings)
 
@@ -86,9 +86,9 @@ def test_a_sensors_zero_is_never_taken_for_a_swap(
 ) -> None:
     for table in rig_tables.values():
         wrong = offset(column, offset_pa)(table)
-        assert outcomes(judge_friction(wrong, 0.005, STROKE_M, areas))["direction"] in ("ok", "noted")
-        assert outcomes(judge_friction(swapped(wrong), 0.005, STROKE_M, areas)) == REFUSED
-        assert outcomes(judge_friction(inverted(wrong), 0.005, STROKE_M, areas)) == REFUSED
+        assert outcomes(check_friction(wrong, 0.005, STROKE_M, areas))["direction"] in ("ok", "noted")
+        assert outcomes(check_friction(swapped(wrong), 0.005, STROKE_M, areas)) == REFUSED
+        assert outcomes(check_friction(inverted(wrong), 0.005, STROKE_M, areas)) == REFUSED
 
 
 @pytest.mark.parametrize("rows", [1600, 4000])
@@ -98,7 +98,7 @@ def test_a_part_of_a_recording_is_never_refused(
     for table in rig_tables.values():
         for start in range(0, len(table) - rows + 1, rows // 2):
             part = table.iloc[start : start + rows]
-            assert "refused" not in outcomes(judge_friction(part, 0.005, STROKE_M, areas)).values()
+            assert "refused" not in outcomes(check_friction(part, 0.005, STROKE_M, areas)).values()
 
 
 @pytest.mark.parametrize(
@@ -114,14 +114,14 @@ def test_a_real_crane_with_a_load_that_position_decides(
     crane_tables: dict[str, pd.DataFrame], change: Change, expected: dict[str, str], text: str
 ) -> None:
     for table in crane_tables.values():
-        findings = judge_friction(change(table), 0.01, CRANE_STROKE_M, CRANE_AREAS_M2, "position")
+        findings = check_friction(change(table), 0.01, CRANE_STROKE_M, CRANE_AREAS_M2, "position")
         assert outcomes(findings) == expected
         assert pd.Series([findings[0].text]).str.contains(text).item()
 
 
 def test_a_load_that_nobody_stated_is_noted(crane_tables: dict[str, pd.DataFrame]) -> None:
     for table in crane_tables.values():
-        finding, _ = judge_friction(table, 0.01, CRANE_STROKE_M, CRANE_AREAS_M2, "none")
+        finding, _ = check_friction(table, 0.01, CRANE_STROKE_M, CRANE_AREAS_M2, "none")
         assert finding.outcome == "noted"
         assert "one of them drives the motion, so there is a load of about 3" in finding.text
 
@@ -141,17 +141,17 @@ def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0
 
 
 def test_a_drive_force_needs_no_areas() -> None:
-    (finding,) = judge_friction(pushed(), 0.005, STROKE_M, None)
+    (finding,) = check_friction(pushed(), 0.005, STROKE_M, None)
     assert (finding.outcome, finding.text) == ("ok", "friction opposes the motion, with 300 N on average")
-    (finding,) = judge_friction(pushed(-300.0), 0.005, STROKE_M, None)
+    (finding,) = check_friction(pushed(-300.0), 0.005, STROKE_M, None)
     assert finding.outcome == "refused"
     assert "change the sign of position_m or of drive_force_n" in finding.text
 
 
 def test_a_measured_load_is_taken_off() -> None:
-    (finding,) = judge_friction(pushed(load_n=2000.0), 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(pushed(load_n=2000.0), 0.005, STROKE_M, None, "measured")
     assert finding.text == "friction opposes the motion, with 300 N on average"
-    (finding,) = judge_friction(pushed(load_n=2000.0).drop(columns="load_force_n"), 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(pushed(load_n=2000.0).drop(columns="load_force_n"), 0.005, STROKE_M, None, "measured")
     assert finding.outcome == "noted"
     assert finding.text.endswith("load_force_n is not recorded, though the load is to be measured")
 
@@ -162,17 +162,17 @@ def test_a_measured_load_is_taken_off() -> None:
         (pushed().iloc[:5], "in 0 rows only, expected 20 each"),
         (pushed().assign(position_m=np.linspace(0.05, 0.2, 4000)), "in 0 rows only, expected 20 each"),
         (pushed().assign(position_m=0.1), "in 0 rows only, expected 20 each"),
-        (pushed(0.0), "cannot be told from zero"),
+        (pushed(0.0), "cannot be distinguished from zero"),
     ],
 )
 def test_what_cannot_be_told_is_noted(table: pd.DataFrame, text: str) -> None:
-    (finding,) = judge_friction(table, 0.005, STROKE_M, None)
+    (finding,) = check_friction(table, 0.005, STROKE_M, None)
     assert finding.outcome == "noted"
     assert text in finding.text
 
 
 def test_without_areas_pressures_cannot_be_judged(rig_tables: dict[str, pd.DataFrame]) -> None:
-    (finding,) = judge_friction(next(iter(rig_tables.values())), 0.005, STROKE_M, None)
+    (finding,) = check_friction(next(iter(rig_tables.values())), 0.005, STROKE_M, None)
     assert finding.outcome == "noted"
     assert "the areas of the cylinder are not known" in finding.text
 
@@ -181,7 +181,7 @@ def test_strokes_that_share_no_position_cannot_part_friction_from_load() -> None
     table = pushed()
     time_s = 0.005 * np.arange(len(table))
     position = np.where(time_s < 10.0, 0.03 + 0.008 * time_s, 0.24 - 0.008 * (time_s - 10.0))
-    (finding,) = judge_friction(table.assign(position_m=position), 0.005, STROKE_M, None)
+    (finding,) = check_friction(table.assign(position_m=position), 0.005, STROKE_M, None)
     assert "hardly pass the same positions" in finding.text
 
 
@@ -192,23 +192,23 @@ def test_clear_motion_leaves_out_ends_stops_and_reversals() -> None:
     assert motion.strokes == 7
     assert position[motion.rows].min() > 0.05 * STROKE_M
     assert position[motion.rows].max() < 0.95 * STROKE_M
-    assert np.array_equal(motion.sense, np.sign(np.cos(0.5 * time_s[motion.rows])))
+    assert np.array_equal(motion.direction, np.sign(np.cos(0.5 * time_s[motion.rows])))
 
 
 @pytest.mark.parametrize("steady_n", [0.0, 2000.0])
 def test_load_cell_of_wrong_sign_is_refused(steady_n: float) -> None:
     table = pushed(load_n=2000.0 - steady_n)
     table = table.assign(drive_force_n=table["drive_force_n"] + steady_n, load_force_n=table["load_force_n"] + steady_n)
-    (finding,) = judge_friction(table, 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(table, 0.005, STROKE_M, None, "measured")
     assert finding.outcome == "ok"
-    (finding,) = judge_friction(table.assign(load_force_n=-table["load_force_n"]), 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(table.assign(load_force_n=-table["load_force_n"]), 0.005, STROKE_M, None, "measured")
     assert finding.outcome == "refused"
     assert finding.text.startswith("load_force_n is inverted: as it stands, the force against the motion is")
 
 
 def test_a_further_load_beside_a_load_cell_is_noted() -> None:
     table = pushed().assign(drive_force_n=lambda table: table["drive_force_n"] + 2000.0)
-    (finding,) = judge_friction(table, 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(table, 0.005, STROKE_M, None, "measured")
     assert finding.outcome == "noted"
     assert "so there is another load of about 2e+03 N" in finding.text
     assert finding.text.endswith("check unit and zero of load_force_n, or zero the sensors")

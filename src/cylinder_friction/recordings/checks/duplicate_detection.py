@@ -1,4 +1,4 @@
-"""The same recording twice, in another format, printed coarser, cut or shifted: it must not teach and test at once.
+"""The same recording twice, in another format, printed coarser, cut or shifted: it must not be trained and tested on.
 
 No two sensors make the same noise twice. A recording is known by hashes of short windows of its two pressures, coarsely
 rounded: a window that occurs in two recordings with all its noise is the same measurement. Of all windows those whose
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     Hashes = NDArray[np.uint64]
 
 WINDOW = 24
-"""Rows a window."""
+"""Rows per window."""
 
 KEPT = 64
 """One window in so many is kept; a power of two."""
 
 LEAST_CHANGES = 8
-"""A window in which rounded values change less often says too little to be told from another."""
+"""A window in which rounded values change less often is too common to identify a recording."""
 
 LEAST_MATCHES = 4
 """Fewer windows in common may be chance."""
@@ -111,7 +111,7 @@ class DuplicateDetection:
         return in_common
 
     def _append(self, hashes: Hashes, owners: NDArray[np.int32]) -> None:
-        """Add a sorted array, and merges arrays of like size, so that there are only few to search."""
+        """Add a sorted array and merge arrays of similar size, so that there are only few to search."""
         while self._levels and len(self._levels[-1][0]) <= 2 * len(hashes):
             known, known_owners = self._levels.pop()
             hashes, owners = np.concatenate([known, hashes]), np.concatenate([known_owners, owners])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 Outcome = Literal["ok", "noted", "repaired", "refused"]
-"""Nothing wrong; odd but usable; wrong and put right; not usable."""
+"""Nothing wrong; odd but usable; wrong and repaired; not usable."""
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,15 @@ class Finding:
     outcome: Outcome
     text: str
 
+    @classmethod
+    def of(cls, check: str, passed: bool, text: str, refusal: str) -> Self:
+        """Return an ``ok`` finding with ``text`` if the check was passed, else a refusal with the other."""
+        return cls(check, "ok", text) if passed else cls(check, "refused", refusal)
+
 
 def spoken(column: str, value: float) -> str:
-    """Return a value of a column as an engineer says it: pressures in bar, the rest in the column's own unit."""
+    """Return a value of a column as an engineer writes it: pressures in bar, the rest in the column's own unit."""
     if column.endswith("_pa"):
         return f"{value / 1e5:.4g} bar"
-    for suffix, unit in ((("_m",), "m"), (("_n",), "N"), (("_c",), "°C")):
-        if column.endswith(suffix):
-            return f"{value:.4g} {unit}"
-    return f"{value:.4g}"
+    unit = {"_m": " m", "_n": " N", "_c": " °C"}.get(column[-2:], "")
+    return f"{value:.4g}{unit}"

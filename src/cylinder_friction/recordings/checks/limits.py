@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 LoadMode = Literal["none", "measured", "position"]
-"""What the cylinder carries: nothing, what ``load_force_n`` says, or something that its position decides."""
+"""What the cylinder carries: nothing, what ``load_force_n`` measures, or a load that position decides."""
 
 
 @dataclass(frozen=True)

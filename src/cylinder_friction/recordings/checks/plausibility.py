@@ -1,12 +1,12 @@
 """Friction takes energy out of a motion. Signals in which it puts energy in are swapped, inverted or of a wrong sign.
 
-The drive force F = P1·A1 - P2·A2 less the load is regressed, over rows of clear and even motion, on the sense of motion
-and a smooth function of position:
+The drive force F = P1·A1 - P2·A2 less the load is regressed, over rows of clear and even motion, on the direction of
+motion and a smooth function of position:
 
     F = b·sign(v) + a0 + a1·x + a2·x² + a3·x³
 
 b is half the difference between extension and retraction at equal position: friction, whatever constant offset the
-pressure sensors have and whatever load position alone decides. It must be positive. What is left over tells whether the
+pressure sensors have and whatever load position alone decides. It must be positive. The residual shows whether the
 pressures stand at their sides: P1 and P2 rise and fall together, and only weighted with their own areas they cancel.
 """
 
@@ -33,19 +33,19 @@ HALF_WINDOW_S = 0.05
 """Velocity is the difference over twice this time."""
 
 ROWS = 5_000
-"""As many rows at most are looked at, spread evenly: more make the answer no surer."""
+"""Rows used at most, spread evenly: more do not make the result more certain."""
 
 SURE = 3.0
-"""A mean is told from zero if it is this many standard errors away; strokes count as independent, rows do not."""
+"""A mean differs from zero if it is this many standard errors away; strokes count as independent, rows do not."""
 
 BETTER = 2.0
-"""A hypothesis must leave less than 1/2 of the rest to be preferred, and 1/3 where nothing else is against it."""
+"""A hypothesis is preferred if its residual is below 1/2 of the other's, 1/3 where nothing else is against that."""
 
 LEAST_OVERLAP = 0.2
-"""So much of the sense of motion must be left that position does not tell already, else the two cannot be parted."""
+"""Share of the variance of direction that position must leave unexplained; with less, the two are inseparable."""
 
 GREATEST_N_MM, HIGH_N_MM, LOW_N_MM = 100.0, 10.0, 0.2
-"""Friction a millimetre of seal, around piston and rod: beyond any seal; rare; only low-friction seals [N/mm]."""
+"""Friction per millimetre of seal, around piston and rod: beyond any seal; rare; only low-friction seals [N/mm]."""
 
 
 @dataclass(frozen=True)
@@ -54,28 +54,28 @@ class ClearMotion:
 
     Attributes:
         rows: Their indices.
-        sense: 1 extending, -1 retracting, one a row.
-        strokes: How many times the sense changes, plus one.
+        direction: 1 extending, -1 retracting, one per row.
+        strokes: How many times the direction changes, plus one.
     """
 
     rows: NDArray[np.int64]
-    sense: Array
+    direction: Array
     strokes: int
 
 
 @dataclass(frozen=True)
 class Balance:
-    """The force balance of one reading of the signals.
+    """The force balance of one interpretation of the signals.
 
     Attributes:
         friction_n: Half the difference between extension and retraction, b [N].
-        rest_n: Root mean square of what neither b nor position explains [N].
-        extending_n, retracting_n: Mean force against the motion, by sense [N].
-        sure_n: Smallest size of ``friction_n`` that can be told from zero [N].
+        residual_n: Root mean square of what neither b nor position explains [N].
+        extending_n, retracting_n: Mean force against the motion, by direction [N].
+        sure_n: Smallest size of ``friction_n`` that differs from zero [N].
     """
 
     friction_n: float
-    rest_n: float
+    residual_n: float
     extending_n: float
     retracting_n: float
     sure_n: float
@@ -94,11 +94,11 @@ class Balance:
         return min(self.extending_n, self.retracting_n)
 
     def turned(self) -> Balance:
-        """Return the balance with the sense of motion turned round."""
-        return Balance(-self.friction_n, self.rest_n, -self.retracting_n, -self.extending_n, self.sure_n)
+        """Return the balance with the direction of motion inverted."""
+        return Balance(-self.friction_n, self.residual_n, -self.retracting_n, -self.extending_n, self.sure_n)
 
 
-def judge_friction(
+def check_friction(
     table: pd.DataFrame,
     sample_time_s: float,
     stroke_m: float,
@@ -108,26 +108,29 @@ def judge_friction(
     """Return the findings ``direction`` (swapped, inverted) and ``friction_size`` (unit of the pressures).
 
     Refuses only what is clear: friction that drives the motion, or signals that balance far better the other way round.
-    What could also be a load or an offset that nobody stated is noted.
+    What could also be an unstated load or offset is noted.
 
     Args:
-        table: An evenly sampled recording in SI units, without NaN.
+        table: A uniformly sampled recording in SI units, without NaN.
         sample_time_s: Its sample time [s].
         stroke_m: Length of travel [m].
-        areas_m2: Piston area A1 and annulus area A2 [m²]; None where they are not known: then only a recording with
-            ``drive_force_n`` can be judged.
+        areas_m2: Piston area A1 and annulus area A2 [m²]; None where unknown: then only a recording with a
+            ``drive_force_n`` can be checked.
         load: What the cylinder carries.
     """
     motion = clear_motion(table["position_m"].to_numpy(dtype=np.float64), sample_time_s, stroke_m)
-    problem = _cannot_tell(table, motion, areas_m2, load)
+    problem = _undecidable(table, motion, areas_m2, load)
     if problem:
-        return [Finding("direction", "noted", f"whether friction opposes the motion cannot be told: {problem}")]
+        return [Finding("direction", "noted", f"whether friction opposes the motion cannot be decided: {problem}")]
     columns = {str(name): table[name].to_numpy(dtype=np.float64)[motion.rows] for name in table.columns}
     position, load_n = columns["position_m"], columns["load_force_n"] if load == "measured" else 0.0
     if DRIVE_FORCE in columns:
         drive = columns[DRIVE_FORCE]
         as_is, turned = _balances(motion, position, [drive - load_n, drive + load_n])
-        return [_inverted_load(as_is, turned, load) or _direction_of_force(as_is, load)]
+        return [
+            _inverted_load(as_is, turned, load)
+            or _opposing(as_is, load, f"change the sign of position_m or of {DRIVE_FORCE} in the mapping")
+        ]
     assert areas_m2 is not None
     (a1, a2), p1, p2 = areas_m2, columns["pressure_1_pa"], columns["pressure_2_pa"]
     drive, exchanged = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
@@ -156,23 +159,23 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
         & (here < 0.95 * stroke_m)
         & (np.abs(bend) / (2.0 * step_s) < 4.0 * top)  # acceleration = bend / (2 step)², speed = moved / (2 step)
     )
-    sense = np.sign(moved[clear])
-    return ClearMotion(rows[clear], sense, int(np.count_nonzero(np.diff(sense))) + 1)
+    direction = np.sign(moved[clear])
+    return ClearMotion(rows[clear], direction, int(np.count_nonzero(np.diff(direction))) + 1)
 
 
-def _cannot_tell(table: pd.DataFrame, motion: ClearMotion, areas_m2: tuple[float, float] | None, load: LoadMode) -> str:
-    """Return why the force balance says nothing, empty if it does."""
+def _undecidable(table: pd.DataFrame, motion: ClearMotion, areas_m2: tuple[float, float] | None, load: LoadMode) -> str:
+    """Return why the force balance shows nothing, empty if it does."""
     if areas_m2 is None and DRIVE_FORCE not in table.columns:
         return "the areas of the cylinder are not known"
     if load == "measured" and "load_force_n" not in table.columns:
         return "load_force_n is not recorded, though the load is to be measured"
-    fewest = int(min(np.count_nonzero(motion.sense > 0.0), np.count_nonzero(motion.sense < 0.0)))
+    fewest = int(min(np.count_nonzero(motion.direction > 0.0), np.count_nonzero(motion.direction < 0.0)))
     if fewest < 20:
         return f"the piston moves clearly in both directions in {fewest} rows only, expected 20 each"
     shape = _position_terms(table["position_m"].to_numpy(dtype=np.float64)[motion.rows])
-    explained, *_ = np.linalg.lstsq(shape, motion.sense, rcond=None)
-    left = float(np.var(motion.sense - shape @ explained) / np.var(motion.sense))
-    return "extension and retraction hardly pass the same positions" if left < LEAST_OVERLAP else ""
+    explained, *_ = np.linalg.lstsq(shape, motion.direction, rcond=None)
+    unexplained = float(np.var(motion.direction - shape @ explained) / np.var(motion.direction))
+    return "extension and retraction hardly pass the same positions" if unexplained < LEAST_OVERLAP else ""
 
 
 def _position_terms(position: Array) -> Array:
@@ -181,18 +184,18 @@ def _position_terms(position: Array) -> Array:
 
 
 def _balances(motion: ClearMotion, position: Array, forces: list[Array]) -> list[Balance]:
-    terms = np.column_stack([motion.sense, _position_terms(position)])
+    terms = np.column_stack([motion.direction, _position_terms(position)])
     stacked = np.column_stack(forces)
     factors, *_ = np.linalg.lstsq(terms, stacked, rcond=None)
-    rests = np.sqrt(np.mean((stacked - terms @ factors) ** 2, axis=0))
-    out = motion.sense > 0.0
+    residuals = np.sqrt(np.mean((stacked - terms @ factors) ** 2, axis=0))
+    out = motion.direction > 0.0
     return [
         Balance(
             friction_n=float(factors[0, index]),
-            rest_n=float(rests[index]),
+            residual_n=float(residuals[index]),
             extending_n=float(force[out].mean()),
             retracting_n=-float(force[~out].mean()),
-            sure_n=SURE * float(rests[index]) / math.sqrt(motion.strokes),
+            sure_n=SURE * float(residuals[index]) / math.sqrt(motion.strokes),
         )
         for index, force in enumerate(forces)
     ]
@@ -201,7 +204,7 @@ def _balances(motion: ClearMotion, position: Array, forces: list[Array]) -> list
 def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding | None:
     """Return a refusal where the force balances only if the load cell counts the other way round."""
     opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
-    better = opposes or as_is.rest_n > (BETTER + 1.0) * turned.rest_n
+    better = opposes or as_is.residual_n > (BETTER + 1.0) * turned.residual_n
     if load != "measured" or not (turned.dissipates and better):
         return None
     return Finding(
@@ -213,17 +216,17 @@ def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding |
 
 
 def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
-    """Judges the four readings: as it is, pressures swapped, position inverted, both."""
+    """Compare the four interpretations: as it is, pressures swapped, position inverted, both."""
     clearly_wrong = as_is.drives or (load != "position" and as_is.weaker_n < -as_is.sure_n)
-    ratio = as_is.rest_n / max(swapped.rest_n, 1e-12)
+    ratio = as_is.residual_n / max(swapped.residual_n, 1e-12)
     if ratio > (BETTER if clearly_wrong else BETTER + 1.0) and (swapped.dissipates or swapped.drives):
         right, also = (swapped, "") if swapped.dissipates else (swapped.turned(), " and position_m is inverted")
         return Finding(
             "direction",
             "refused",
-            f"the pressures are swapped{also}: as they stand, {_against(as_is)} and {as_is.rest_n:.3g} N of the force "
-            f"are explained by nothing; the other way round, friction is {right.friction_n:.3g} N and "
-            f"{right.rest_n:.3g} N are left; exchange the channels of pressure_1_pa (piston side) and pressure_2_pa"
+            f"the pressures are swapped{also}: as they stand, {_against(as_is)} and {as_is.residual_n:.3g} N of the "
+            f"force are explained by nothing; the other way round, friction is {right.friction_n:.3g} N and "
+            f"{right.residual_n:.3g} N are left; exchange the channels of pressure_1_pa (piston side) and pressure_2_pa"
             + (", and change the sign of position_m" if also else ""),
         )
     if as_is.drives and 1.0 / ratio > BETTER:
@@ -233,30 +236,21 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
             f"position_m is inverted: {_against(as_is)}, so friction would drive the piston; expected it to oppose the "
             "motion; change the sign of position_m in the mapping (it must grow while the rod extends)",
         )
+    return _opposing(
+        as_is, load, "either position_m is inverted or the pressures are swapped; check both in the mapping"
+    )
+
+
+def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
+    """Return whether friction opposes the motion; a refusal with ``remedy`` where it drives it."""
     if as_is.drives:
-        return Finding(
-            "direction",
-            "refused",
-            f"friction would drive the piston: {_against(as_is)}; expected it to oppose the motion; either position_m "
-            "is inverted or the pressures are swapped; check both in the mapping",
-        )
-    return _plausible(as_is, load)
-
-
-def _direction_of_force(as_is: Balance, load: LoadMode) -> Finding:
-    if as_is.drives:
-        return Finding(
-            "direction",
-            "refused",
-            f"friction would drive the piston: {_against(as_is)}; expected it to oppose the motion; change the sign of "
-            f"position_m or of {DRIVE_FORCE} in the mapping",
-        )
-    return _plausible(as_is, load)
-
-
-def _plausible(as_is: Balance, load: LoadMode) -> Finding:
+        text = f"friction would drive the piston: {_against(as_is)}; expected it to oppose the motion; {remedy}"
+        return Finding("direction", "refused", text)
     if not as_is.dissipates:
-        doubt = f"friction of {as_is.friction_n:.3g} N cannot be told from zero ({as_is.rest_n:.3g} N are unexplained)"
+        doubt = (
+            f"friction of {as_is.friction_n:.3g} N cannot be distinguished from zero ({as_is.residual_n:.3g} N are "
+            "unexplained)"
+        )
         return Finding("direction", "noted", doubt)
     if load != "position" and as_is.weaker_n < 0.0:
         another = "another" if load == "measured" else "a"
@@ -278,22 +272,22 @@ def _against(balance: Balance) -> str:
 
 
 def _size(as_is: Balance, areas_m2: tuple[float, float]) -> Finding:
-    """Judges friction by the length of seals that makes it: pressures in a wrong unit show here."""
+    """Relate friction to the length of seals that causes it: pressures in a wrong unit show here."""
     bore_m, rod_m = (math.sqrt(4.0 * area / math.pi) for area in (areas_m2[0], areas_m2[0] - areas_m2[1]))
     gradient = as_is.friction_n / (math.pi * (bore_m + rod_m) * 1e3)
-    says = f"friction is {gradient:.3g} N a millimetre of seal ({as_is.friction_n:.3g} N)"
+    text = f"friction is {gradient:.3g} N per millimetre of seal ({as_is.friction_n:.3g} N)"
     if gradient > GREATEST_N_MM:
         return Finding(
             "friction_size",
             "refused",
-            f"{says}, expected less than {GREATEST_N_MM:.0f}; check the unit of the pressures (kPa read as bar?), "
+            f"{text}, expected less than {GREATEST_N_MM:.0f}; check the unit of the pressures (kPa read as bar?), "
             "bore and rod of the cylinder, and whether it works against a load that is not stated",
         )
     if gradient > HIGH_N_MM or (as_is.dissipates and gradient < LOW_N_MM):
         return Finding(
             "friction_size",
             "noted",
-            f"{says}, usual are {LOW_N_MM:g} to {HIGH_N_MM:g}; check the unit of the pressures "
+            f"{text}, usual are {LOW_N_MM:g} to {HIGH_N_MM:g}; check the unit of the pressures "
             f"({'bar read as MPa' if gradient > HIGH_N_MM else 'MPa read as bar'}?), bore and rod of the cylinder",
         )
-    return Finding("friction_size", "ok", says)
+    return Finding("friction_size", "ok", text)

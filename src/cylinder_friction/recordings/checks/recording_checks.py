@@ -1,15 +1,14 @@
-"""What an evenly sampled table must be before it counts as a recording: nothing unusable passes as good."""
+"""What a uniformly sampled table must be before it counts as a recording: nothing unusable passes as good."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.checks import column_checks
 from cylinder_friction.recordings.checks.finding import Finding, spoken
-from cylinder_friction.recordings.checks.plausibility import judge_friction
+from cylinder_friction.recordings.checks.plausibility import check_friction
 from cylinder_friction.recordings.columns import DRIVE_FORCE, PRESSURES, REQUIRED_COLUMNS, missing_columns
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
@@ -19,13 +18,21 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from cylinder_friction.recordings.checks.column_checks import Survey
     from cylinder_friction.recordings.checks.limits import CheckLimits
 
     Array = NDArray[np.float64]
 
 RATE_TOLERANCE = 1e-3
 """A logger's clock may be off by this share of its rate."""
+
+HELD_S = 0.1
+"""A position that does not change for this long is at rest, or held by a logger that got no new sample."""
+
+HELD_JUMP = 10.0
+"""A held position that continues with a step this many times the usual ones was not at rest."""
+
+PLACES = 8192
+"""Steps at most from which the usual one is estimated."""
 
 
 def check_recording(
@@ -35,7 +42,7 @@ def check_recording(
 
     Args:
         metadata: Who and when; its sample time is replaced.
-        table: Evenly sampled columns in SI units, at least ``REQUIRED_COLUMNS``, or a drive force for the pressures.
+        table: Uniformly sampled columns in SI units, at least ``REQUIRED_COLUMNS``, or a drive force for the pressures.
         limits: What is plausible.
         sample_time_s: Constant time between two rows [s].
 
@@ -52,19 +59,51 @@ def check_recording(
 
 
 def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> list[Finding]:
-    """Return what every check finds, refusals and all; a table with holes in it is looked at no further.
+    """Return what every check finds, refusals included; a table with missing values is examined no further.
 
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
     both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
     ``load_alive``; ``direction`` and ``friction_size``. The last two need signals that passed and known areas.
-
-    Args:
-        table: As for ``check_recording``. Rows count from 1.
-        limits: What is plausible.
-        sample_time_s: Constant time between two rows [s].
+    Arguments as for ``check_recording``; rows count from 1.
     """
     return list(_findings(table, limits, sample_time_s))
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """Extremes of a column and the constant stretch over which the piston travels furthest."""
+
+    lowest: float
+    highest: float
+    lowest_row: int
+    highest_row: int
+    stuck_from: int
+    stuck_to: int
+    stuck_at: float
+    stuck_travel_m: float
+
+    @property
+    def span(self) -> float:
+        return self.highest - self.lowest
+
+    def worst(self, low: float, high: float) -> tuple[float, int]:
+        """Return the value furthest outside of two bounds, and its row, counted from 1."""
+        if low - self.lowest > self.highest - high:
+            return self.lowest, self.lowest_row + 1
+        return self.highest, self.highest_row + 1
+
+
+def _survey(values: Array, position_m: Array) -> _Survey:
+    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+    travel_m = np.maximum.reduceat(position_m, starts) - np.minimum.reduceat(position_m, starts)
+    stuck = int(np.argmax(travel_m))
+    first = int(starts[stuck])
+    end = int(starts[stuck + 1]) if stuck + 1 < len(starts) else len(values)
+    low, high = int(np.argmin(values)), int(np.argmax(values))
+    return _Survey(
+        float(values[low]), float(values[high]), low, high, first, end, float(values[first]), float(travel_m[stuck])
+    )
 
 
 def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
@@ -81,85 +120,173 @@ def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) ->
         yield Finding("length", "refused", f"has {len(table)} rows, expected at least 3")
         return
     columns = {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}
-    seen = {name: column_checks.survey(values, columns["position_m"]) for name, values in columns.items()}
-    finite = column_checks.finite(columns, seen)
+    finite = _finite(columns)
     yield finite
     if finite.outcome == "refused":
         return
     yield _length(len(table), sample_time_s, limits)
     yield _rate(sample_time_s, limits)
-    sound = True
-    for finding in _of_signals(columns, seen, limits, sample_time_s):
-        sound = sound and finding.outcome != "refused"
+    valid = True
+    for finding in _of_signals(columns, limits, sample_time_s):
+        valid = valid and finding.outcome != "refused"
         yield finding
-    if sound and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
-        yield from judge_friction(table, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
+    if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
+        yield from check_friction(table, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
 
 
-def _of_signals(
-    columns: dict[str, Array], seen: dict[str, Survey], limits: CheckLimits, sample_time_s: float
-) -> Iterator[Finding]:
-    yield column_checks.position_range(seen["position_m"], limits)
-    yield column_checks.motion(seen["position_m"], limits)
-    yield column_checks.position_stuck(columns["position_m"], sample_time_s, limits)
+def _of_signals(columns: dict[str, Array], limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
+    seen = {name: _survey(values, columns["position_m"]) for name, values in columns.items()}
+    yield _position_range(seen["position_m"], limits)
+    yield _motion(seen["position_m"], limits)
+    yield _position_stuck(columns["position_m"], sample_time_s, limits)
     if DRIVE_FORCE in columns:
-        yield from column_checks.drive_force(DRIVE_FORCE, seen[DRIVE_FORCE], limits)
+        yield from _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
     else:
         for name in PRESSURES:
-            yield from column_checks.pressure(name, seen[name], limits)
-        yield _pressures_differ(columns)
+            yield _pressure_range(name, seen[name], limits)
+            yield from _alive(name, "pressure", seen[name], limits.least_pressure_span_pa, limits)
+        yield Finding.of(
+            "pressures_differ",
+            not np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]),
+            "the two pressures differ",
+            "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "
+            "twice or mapped twice; correct the mapping",
+        )
         yield _unit_plausible(seen, limits)
     if limits.load == "measured" and "load_force_n" in columns:
         yield _load_alive(seen["load_force_n"])
 
 
+def _finite(columns: dict[str, Array]) -> Finding:
+    for name, values in columns.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            text = (
+                f"{name} is {values[bad[0]]} in row {bad[0] + 1} "
+                f"({len(bad)} such rows in all); expected finite numbers; repair or cut the log"
+            )
+            return Finding("finite", "refused", text)
+    return Finding("finite", "ok", "every value is a finite number")
+
+
 def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
     duration_s = rows * sample_time_s
     text = f"lasts {duration_s:.3g} s ({rows} rows)"
-    if duration_s >= limits.minimum_duration_s:
-        return Finding("length", "ok", text)
-    text += (
-        f", expected at least {limits.minimum_duration_s:.3g} s; log longer or lower ingest.checks.minimum_duration_s"
+    return Finding.of(
+        "length",
+        duration_s >= limits.minimum_duration_s,
+        text,
+        f"{text}, expected at least {limits.minimum_duration_s:.3g} s; log longer or lower "
+        "ingest.checks.minimum_duration_s",
     )
-    return Finding("length", "refused", text)
 
 
 def _rate(sample_time_s: float, limits: CheckLimits) -> Finding:
     rate_hz = 1.0 / sample_time_s
-    if rate_hz >= limits.minimum_rate_hz * (1.0 - RATE_TOLERANCE):
-        return Finding("rate", "ok", f"is sampled at {rate_hz:.4g} Hz")
-    text = (
-        f"is sampled at {rate_hz:.4g} Hz, expected at least {limits.minimum_rate_hz:.4g} Hz; the filters would smear "
-        "starts, stops and reversals over each other; log faster, or correct the unit of time_s (ms read as s?)"
+    text = f"is sampled at {rate_hz:.4g} Hz"
+    return Finding.of(
+        "rate",
+        rate_hz >= limits.minimum_rate_hz * (1.0 - RATE_TOLERANCE),
+        text,
+        f"{text}, expected at least {limits.minimum_rate_hz:.4g} Hz; the filters would smear starts, stops and "
+        "reversals over each other; log faster, or correct the unit of time_s (ms read as s?)",
     )
-    return Finding("rate", "refused", text)
 
 
-def _pressures_differ(columns: dict[str, Array]) -> Finding:
-    """Judges two pressures that are the same in every row: one channel logged twice."""
-    if np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]):
-        text = (
-            "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "
-            "twice or mapped twice; correct the mapping"
+def _position_range(seen: _Survey, limits: CheckLimits) -> Finding:
+    slack_m, stroke_m = limits.position_slack * limits.stroke_m, limits.stroke_m
+    runs = f"it runs from {seen.lowest:.4g} to {seen.highest:.4g} m"
+    value, row = seen.worst(0.0, stroke_m)
+    return Finding.of(
+        "position_range",
+        seen.lowest >= -slack_m and seen.highest <= stroke_m + slack_m,
+        f"position_m lies within the stroke of {stroke_m:.4g} m; {runs}",
+        f"position_m is {value:.4g} m in row {row} ({runs}), expected 0 to {stroke_m:.4g} m, the stroke; "
+        "check unit (mm read as m?), sign and zero of the sensor",
+    )
+
+
+def _motion(seen: _Survey, limits: CheckLimits) -> Finding:
+    least_m = limits.least_travel * limits.stroke_m
+    return Finding.of(
+        "motion",
+        seen.span >= least_m,
+        f"position_m moves by {seen.span:.3g} m",
+        f"position_m moves by {seen.span:.3g} m only, expected at least {least_m:.3g} m; nothing moves, the sensor is "
+        "stuck, or its unit is wrong (m read as mm?)",
+    )
+
+
+def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits) -> Finding:
+    """Refuse a position that stays constant and then continues from elsewhere: the piston moved unseen meanwhile."""
+    places = np.arange(0, len(position_m) - 1, max(1, len(position_m) // PLACES))
+    usual_m = float(np.quantile(np.abs(position_m[places + 1] - position_m[places]), 0.99))
+    jump_m = max(limits.least_travel * limits.stroke_m, HELD_JUMP * usual_m)
+    ends = np.flatnonzero(position_m[1:] != position_m[:-1]) + 1
+    lengths = np.diff(ends, prepend=0)
+    held = (lengths >= max(3, round(HELD_S / sample_time_s))) & (
+        np.abs(position_m[ends] - position_m[ends - 1]) > jump_m
+    )
+    if not held.any():
+        return Finding("position_stuck", "ok", "position_m never stays constant and then jumps")
+    first = int(np.flatnonzero(held)[0])
+    end, start = int(ends[first]), int(ends[first] - lengths[first])
+    text = (
+        f"position_m stays at exactly {position_m[start]:.6g} m from row {start + 1} to row {end} and goes on at "
+        f"{position_m[end]:.6g} m ({held.sum()} such stretches in all); the sensor or the logger held its value while "
+        "the piston moved; cut the log there"
+    )
+    return Finding("position_stuck", "refused", text)
+
+
+def _pressure_range(name: str, seen: _Survey, limits: CheckLimits) -> Finding:
+    low, high = limits.lowest_pressure_pa, limits.highest_pressure_pa
+    value, row = seen.worst(low, high)
+    return Finding.of(
+        "pressure_range",
+        seen.lowest >= low and seen.highest <= high,
+        f"{name} runs from {spoken(name, seen.lowest)} to {spoken(name, seen.highest)}",
+        f"{name} is {spoken(name, value)} in row {row}, expected {low / 1e5:.4g} to {high / 1e5:.4g} bar gauge; check "
+        "unit (Pa or kPa read as bar?) and sign",
+    )
+
+
+def _alive(name: str, kind: str, seen: _Survey, least: float, limits: CheckLimits) -> Iterator[Finding]:
+    """Check that a sensor changes with the motion and does not stick while the piston travels."""
+    unit, wrong = ("Pa", "bar read as Pa?") if kind == "pressure" else ("N", "MN or kN read as N?")
+    what = "is constant" if seen.span == 0.0 else f"changes by {seen.span:.3g} {unit} only"
+    alive = Finding.of(
+        f"{kind}_alive",
+        seen.span >= least,
+        f"{name} changes by {spoken(name, seen.span)}",
+        f"{name} {what} (at {seen.highest:.4g} {unit}) while the cylinder moves; the sensor is stuck or not "
+        f"connected, or the unit is wrong ({wrong})",
+    )
+    yield alive
+    if alive.outcome == "ok":
+        yield Finding.of(
+            f"{kind}_stuck",
+            seen.stuck_travel_m <= limits.stuck_travel * limits.stroke_m,
+            f"{name} stays exactly constant over {seen.stuck_travel_m:.3g} m of travel at most",
+            f"{name} stays at exactly {seen.stuck_at:.6g} {unit} from row {seen.stuck_from + 1} to row {seen.stuck_to} "
+            f"while the piston travels {seen.stuck_travel_m:.3g} m; the sensor is stuck or at the end of its range",
         )
-        return Finding("pressures_differ", "refused", text)
-    return Finding("pressures_differ", "ok", "the two pressures differ")
 
 
-def _unit_plausible(seen: dict[str, Survey], limits: CheckLimits) -> Finding:
-    """Judges a recording that never has any pressure: its unit is too small, or nobody switched on the supply."""
+def _unit_plausible(seen: dict[str, _Survey], limits: CheckLimits) -> Finding:
+    """Refuse a recording without pressure throughout: its unit is too small, or the supply was off."""
     name = max(PRESSURES, key=lambda column: seen[column].highest)
     peak = f"the highest pressure in the whole recording is {spoken(name, seen[name].highest)} ({name})"
-    if seen[name].highest >= limits.least_peak_pressure_pa:
-        return Finding("unit_plausible", "ok", peak)
-    text = (
+    return Finding.of(
+        "unit_plausible",
+        seen[name].highest >= limits.least_peak_pressure_pa,
+        peak,
         f"{peak}, expected at least {limits.least_peak_pressure_pa / 1e5:.4g} bar; check the unit (MPa read as bar, "
-        "kPa as Pa?) and that the supply was on, or lower least_peak_pressure_pa for pneumatics"
+        "kPa as Pa?) and that the supply was on, or lower least_peak_pressure_pa for pneumatics",
     )
-    return Finding("unit_plausible", "refused", text)
 
 
-def _load_alive(seen: Survey) -> Finding:
+def _load_alive(seen: _Survey) -> Finding:
     if seen.span > 0.0:
         return Finding("load_alive", "ok", f"load_force_n changes by {spoken('load_force_n', seen.span)}")
     text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"

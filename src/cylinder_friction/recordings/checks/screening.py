@@ -1,7 +1,7 @@
 """Single samples that no sensor can have read: out of its range, at the end of it, spikes, infinities.
 
 Works on signals as they were logged, before any resampling: a filter would smear one bad sample over its neighbours.
-What is bad for a few rows is set to NaN, a missing sample, and said; what is bad for many makes the file unusable.
+What is bad for a few rows becomes NaN, a missing sample, and is reported; for many it makes the file unusable.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4
-"""What a sample is marked as; 0 is sound."""
+"""What a sample is marked as; 0 is valid."""
 
 BESIDE = 5
 """Samples on either side of a sample that it is compared with; a spike is the odd one out among all of them."""
@@ -36,7 +36,7 @@ MOST_ODD = 3
 """Of those 11 samples, this many may be odd: the longest spike. Four in a row are an event, not a spike."""
 
 QUIET = 0.1
-"""The others lie within this share of a spike's height: a pressure surge rings and settles elsewhere, a spike not."""
+"""The others lie within this share of a spike's height; after a pressure surge they settle elsewhere."""
 
 PLACES = 4096
 """Samples at most from which a signal's own scale is estimated."""
@@ -101,24 +101,24 @@ def screen_signals(
     screened: dict[str, Signal] = {}
     repairs: list[str] = []
     for column, signal in signals.items():
-        values, said = _screened(column, signal.values, limits.get(column), rules)
+        values, notes = _screened(column, signal.values, limits.get(column), rules)
         screened[column] = signal if values is signal.values else replace(signal, values=values)
-        repairs += said
+        repairs += notes
     return screened, tuple(repairs)
 
 
 def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[Array, list[str]]:
-    """Leave missing samples aside: a channel slower than its table has a value every tenth row, and spikes too."""
+    """Ignore missing samples: a channel slower than its table has a value every tenth row, and spikes too."""
     rows = np.flatnonzero(~np.isnan(values))
     if len(rows) == len(values):
         return _screen(column, values, sensor, rules, None)
     logged = values[rows]
-    sound, said = _screen(column, logged, sensor, rules, rows)
-    if sound is logged:
-        return values, said
+    screened, notes = _screen(column, logged, sensor, rules, rows)
+    if screened is logged:
+        return values, notes
     values = values.copy()
-    values[rows] = sound
-    return values, said
+    values[rows] = screened
+    return values, notes
 
 
 def _screen(
@@ -133,7 +133,7 @@ def _screen(
     if not counts[1:].any():
         return values, []
     few = max(rules.few_rows, math.floor(rules.most_bad * len(values)))
-    said = []
+    notes = []
     for kind in (OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE):
         if counts[kind] == 0:
             continue
@@ -144,8 +144,8 @@ def _screen(
                 f"{what}, at most {int(longest[kind])} in a row; expected at most {few}, and {rules.longest_bad} in a "
                 f"row; {_remedy(kind)}"
             )
-        said.append(f"{what}; taken as missing")
-    return np.where(marks > 0, np.nan, values), said
+        notes.append(f"{what}; taken as missing")
+    return np.where(marks > 0, np.nan, values), notes
 
 
 def _readable(sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
@@ -188,12 +188,12 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
         return math.inf
     inner = np.arange(1, len(values) - 1, max(1, len(values) // PLACES))
     before, here, after = values[inner - 1], values[inner], values[inner + 1]
-    sound = (here >= low) & (here <= high) & np.isfinite(before) & np.isfinite(here) & np.isfinite(after)
-    if sound.sum() < 2 * BESIDE + 1:
+    valid = (here >= low) & (here <= high) & np.isfinite(before) & np.isfinite(here) & np.isfinite(after)
+    if valid.sum() < 2 * BESIDE + 1:
         return math.inf
-    up, down = (here - before)[sound], (here - after)[sound]
+    up, down = (here - before)[valid], (here - after)[valid]
     sticks_out = np.where(up * down > 0.0, np.minimum(np.abs(up), np.abs(down)), 0.0)
-    lowest, highest = np.quantile(here[sound], (0.01, 0.99))
+    lowest, highest = np.quantile(here[valid], (0.01, 0.99))
     steps = np.abs(up[up != 0.0])
     finest = step or (float(steps.min()) if len(steps) else 0.0)
     tallest = max(
@@ -208,7 +208,7 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
 def _mark(
     values: Array, low: float, high: float, bottom: float, top: float, height: float, marks: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Fill ``marks`` and returns how many rows each mark has, the most of it in a row, and its first row."""
+    """Fill ``marks`` and return how many rows each mark has, the most of it in a row, and its first row."""
     counts = np.zeros(5, dtype=np.int64)
     longest = np.zeros(5, dtype=np.int64)
     first = np.zeros(5, dtype=np.int64)
@@ -257,7 +257,7 @@ def _level_below(values: Array, row: int, low: float, high: float, height: float
     It is one if it lies far from the median of its neighbours, and they agree among themselves.
     """
     if row < BESIDE or row >= values.shape[0] - BESIDE:
-        return np.nan  # nobody sees whether it comes back
+        return np.nan  # at an end, whether it comes back is unknown
     near = np.empty(2 * BESIDE + 1)
     count = 0
     for other in range(row - BESIDE, row + BESIDE + 1):
