@@ -270,7 +270,7 @@ case(
     "path that tells nothing",
     lambda t, folder: (folder / "stray.csv").write_text(csv(t), "utf-8") and None,
     "quarantined",
-    "does not tell condition and session",
+    "does not give condition and session",
 )
 
 

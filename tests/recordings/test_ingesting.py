@@ -92,7 +92,7 @@ def test_bad_files_are_set_aside_and_stop_nobody(
     assert len(read_recordings(tmp_path / "out")) == 3
     reasons = {entry["file"]: entry["reason"] for entry in read_json(tmp_path / "out.json")}
     assert list(reasons) == [*(f"condition1_session0{n}_recording01.csv" for n in (3, 4, 5, 6)), "notes.csv"]
-    assert "does not tell condition and session" in reasons["notes.csv"]
+    assert "does not give condition and session" in reasons["notes.csv"]
     assert "same bytes as condition1_session00_recording01.csv" in reasons["condition1_session03_recording01.csv"]
     assert "line 4002 holds 2 values" in reasons["condition1_session04_recording01.csv"]
     assert "the file is empty" in reasons["condition1_session05_recording01.csv"]

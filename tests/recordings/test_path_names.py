@@ -34,7 +34,7 @@ def test_folders_become_part_of_the_name_and_load_is_read() -> None:
 
 
 def test_path_that_tells_nothing_is_refused() -> None:
-    with pytest.raises(RecordingError, match=r"path 'notes.csv' does not tell condition and session"):
+    with pytest.raises(RecordingError, match=r"path 'notes.csv' does not give condition and session"):
         NameRules(pattern=RIG).names("notes.csv")
 
 
@@ -89,8 +89,8 @@ def test_lines_without_file_are_told(tmp_path: Path) -> None:
     rules = table_at(tmp_path, "file,condition,session\na.csv,1,s1\ngone.csv,1,s1\nx/*.csv,2,s2\n")
     told = rules.lines_without_file(["a.csv", "y/b.csv"])
     assert told == [
-        "line 3 of the table of names: no file fits 'gone.csv'; correct the line, or put the file where it says",
-        "line 4 of the table of names: no file fits 'x/*.csv'; correct the line, or put the file where it says",
+        "line 3 of the table of names: no file fits 'gone.csv'; correct the line, or put the file where it belongs",
+        "line 4 of the table of names: no file fits 'x/*.csv'; correct the line, or put the file where it belongs",
     ]
     assert NameRules(pattern=RIG).lines_without_file(["a.csv"]) == []
 

@@ -34,7 +34,7 @@ class Recipe:
     """How a logger's file becomes recordings.
 
     Attributes:
-        names: What a file's path, or a table beside the files, says about who and when.
+        names: Where a recording's name, condition and session come from.
         channels: Column to the logger's channel.
         cylinder: Name of the cylinder whose recordings they are.
         limits: What a recording must be.
@@ -88,7 +88,7 @@ def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
     """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
 
     Raises:
-        RecordingError: The file cannot be read, a channel is missing, a sensor is broken, or time makes no sense.
+        RecordingError: The file cannot be read, a channel is missing, a sensor is broken, or time is unusable.
     """
     tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
     mapped = map_signals(tables, recipe.channels)
@@ -100,7 +100,7 @@ def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
 def metadata_of(
     piece: Piece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
 ) -> RecordingMetadata:
-    """Return who and when of one piece; where a file came apart, its pieces are numbered from 1."""
+    """Return who and when of one piece; where a file was split, its pieces are numbered from 1."""
     suffix = f"_part{number}" if pieces > 1 else ""
     return RecordingMetadata(
         name=f"{names.name}{suffix}",
@@ -118,7 +118,7 @@ def metadata_of(
 def zeroed(
     piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
-    """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that say so.
+    """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that record it.
 
     Args:
         piece: Of a file.
@@ -130,7 +130,7 @@ def zeroed(
         RecordingError: The chambers were not vented in the stated window.
     """
     own = find_zero(piece.table, recipe.zero, recipe.channels, metadata.name)
-    # Where nobody can tell, the recording's own reason says more than that its session has none.
+    # Where neither shows a zero, the recording's own reason is more specific than the session's.
     reading = session if isinstance(session, ZeroReading) and not isinstance(own, ZeroReading) else own
     return apply_zero(piece.table, metadata, reading, recipe.channels)
 

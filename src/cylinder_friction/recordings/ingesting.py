@@ -49,7 +49,7 @@ class Quarantined:
     Attributes:
         file: Its path below the source's folder.
         reason: What is wrong, where, and what to do.
-        piece: Which stretch of the file, where it came apart; empty for the whole file.
+        piece: Which stretch of the file, where it was split; empty for the whole file.
     """
 
     file: str
@@ -214,7 +214,7 @@ def session_zeros(files: Mapping[str, Path], recipe: Recipe) -> dict[str, ZeroRe
     """Return what the pressure sensors of each session read while vented, from the recordings that show it.
 
     A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
-    cannot be read is passed over here; the run over the files says why.
+    cannot be read is skipped here; the run over the files reports why.
     """
     readings: defaultdict[str, list[ZeroReading | NoZero]] = defaultdict(list)
     for relative, path in tqdm(files.items(), desc="zeros", unit="file", disable=None):

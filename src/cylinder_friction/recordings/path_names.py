@@ -29,14 +29,13 @@ class PathNames:
 
 
 @dataclass(frozen=True)
-class TableLine:
-    """One line of a table of names, ``number`` counted from 1 for the header."""
+class TableLine(PathNames):
+    """One line of a table of names: ``number`` counted from 1 for the header, ``name`` a file's path or a glob."""
 
     number: int
-    file: str
-    condition: str
-    session: str
-    load: str
+
+    def fits(self, path: str) -> bool:
+        return self.name == path or (bool(_WILD & set(self.name)) and fnmatchcase(path, self.name))
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class NameRules:
         """Return what is known of a file, by its path relative to the source, with ``/``.
 
         Raises:
-            RecordingError: The path tells nothing, the table has no line for it, or more than one glob fits it.
+            RecordingError: The pattern does not match, the table has no line for it, or more than one glob fits it.
         """
         if self._compiled is not None:
             return names_from_path(relative_path, self._compiled)
@@ -88,22 +87,22 @@ class NameRules:
         """Return a sentence for each line of the table that no file fits; none where names come from a pattern."""
         paths = list(relative_paths)
         return [
-            f"line {line.number} of the table of names: no file fits {line.file!r}; correct the line, or put the file "
-            "where it says"
+            f"line {line.number} of the table of names: no file fits {line.name!r}; correct the line, or put the file "
+            "where it belongs"
             for line in self._lines
-            if line.file not in paths and not (_is_glob(line) and any(fnmatchcase(path, line.file) for path in paths))
+            if not any(map(line.fits, paths))
         ]
 
     def _line_of(self, path: str) -> TableLine:
-        fitting = [line for line in self._lines if line.file == path] or [
-            line for line in self._lines if _is_glob(line) and fnmatchcase(path, line.file)
+        fitting = [line for line in self._lines if line.name == path] or [
+            line for line in self._lines if line.fits(path)
         ]
         if len(fitting) == 1:
             return fitting[0]
         if fitting:
             raise RecordingError(
                 f"path {path!r} fits lines {', '.join(str(line.number) for line in fitting)} of the table of names; "
-                "expected one line a file; write the path out, or make the globs narrower"
+                "expected one line per file; write the path out, or make the globs narrower"
             )
         raise RecordingError(
             f"path {path!r} has no line in the table of names; add one with its {', '.join(_REQUIRED[1:])}"
@@ -130,7 +129,7 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
 
 
 def names_from_path(path: str, pattern: re.Pattern[str]) -> PathNames:
-    """Return what a path, relative to the ingested folder and with ``/``, says about its recording.
+    """Return what a path, relative to the ingested folder and with ``/``, states about its recording.
 
     The pattern is searched for anywhere in the path.
 
@@ -141,7 +140,7 @@ def names_from_path(path: str, pattern: re.Pattern[str]) -> PathNames:
     groups = match.groupdict() if match else {}
     if not groups.get("condition") or not groups.get("session"):
         raise RecordingError(
-            f"path {path!r} does not tell condition and session: the pattern {pattern.pattern!r} finds "
+            f"path {path!r} does not give condition and session: the pattern {pattern.pattern!r} finds "
             f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
         )
     return PathNames(name_of(path), groups["condition"], groups["session"], groups.get("load") or "")
@@ -175,29 +174,19 @@ def read_names_table(path: Path) -> tuple[TableLine, ...]:
             )
     lines: dict[str, TableLine] = {}
     for number, row in enumerate(rows[1:], start=2):
-        if any(row):
-            line = _line(path.name, number, columns, row)
-            if line.file in lines:
-                raise RecordingError(
-                    f"table of names {path.name!r}: line {number} is for {line.file!r}, which line "
-                    f"{lines[line.file].number} is for already; expected one line a file"
-                )
-            lines[line.file] = line
+        if not any(row):
+            continue
+        where = f"table of names {path.name!r}: line {number}"
+        if len(row) != len(columns):
+            raise RecordingError(f"{where} has {len(row)} cells, its header {len(columns)}; make them equal")
+        cells = dict(zip(columns, row, strict=True))
+        for column in _REQUIRED:
+            if not cells[column]:
+                raise RecordingError(f"{where} has no {column}; fill in the cell")
+        file = cells["file"].replace("\\", "/").removeprefix("./")
+        if file in lines:
+            raise RecordingError(
+                f"{where} is for {file!r}, which line {lines[file].number} is for already; expected one line per file"
+            )
+        lines[file] = TableLine(file, cells["condition"], cells["session"], cells.get("load", ""), number)
     return tuple(lines.values())
-
-
-def _line(table: str, number: int, columns: list[str], row: list[str]) -> TableLine:
-    if len(row) != len(columns):
-        raise RecordingError(
-            f"table of names {table!r}: line {number} has {len(row)} cells, its header {len(columns)}; make them equal"
-        )
-    cells = dict(zip(columns, row, strict=True))
-    for column in _REQUIRED:
-        if not cells[column]:
-            raise RecordingError(f"table of names {table!r}: line {number} has no {column}; fill in the cell")
-    file = cells["file"].replace("\\", "/").removeprefix("./")
-    return TableLine(number, file, cells["condition"], cells["session"], cells.get("load", ""))
-
-
-def _is_glob(line: TableLine) -> bool:
-    return bool(_WILD & set(line.file))

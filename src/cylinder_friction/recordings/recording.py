@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class RecordingError(ValueError):
-    """A recording that cannot be used; the message says what, where, found, expected and what to do."""
+    """A recording that cannot be used; the message states what, where, found, expected and what to do."""
 
 
 @dataclass(frozen=True)

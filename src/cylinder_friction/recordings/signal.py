@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Signal:
-    """Values of one column, each with the time at which the logger says it was taken.
+    """Values of one column, each with the logger's time stamp.
 
     Columns of one logged table share their ``time_s`` array (the same object), so that what is done to time is done
     once.

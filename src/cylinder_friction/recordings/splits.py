@@ -48,7 +48,7 @@ def split_sessions(
                 f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} "
                 f"({', '.join(sorted(names))}), but {needed} are needed: {test_sessions} for test, "
                 f"{validation_sessions} for validation and at least 1 for training; record more sessions, lower "
-                "split.test_sessions, or make ingest.name_pattern keep sessions apart"
+                "split.test_sessions, or make ingest.name_pattern distinguish sessions"
             )
         drawn = sorted(names, key=lambda session: (_draw(seed, condition, session), session))
         for place, session in enumerate(drawn):

@@ -46,7 +46,7 @@ def write_recording(folder: Path, recording: Recording) -> Path:
 
 
 def _holds_few_values(values: NDArray[np.float64]) -> bool:
-    """Return whether values come from a converter: one in five of some that lie far apart has been seen before."""
+    """Return whether values come from a converter: one in five of a spread sample has been seen before."""
     some = values[:: max(len(values) // DRAWN_ROWS, 1)][:DRAWN_ROWS]
     return len(np.unique(some)) <= 0.8 * len(some)
 

@@ -189,7 +189,7 @@ def test_a_decimal_comma_that_shows_late_is_found(read) -> None:  # type: ignore
 
 def test_commas_with_two_readings_are_refused(read) -> None:  # type: ignore[no-untyped-def]
     content = 't,p\n"0","1,234"\n"1","2,345"\n'
-    with pytest.raises(RecordingError, match=r"'1,234' may be 1\.234 or 1234; say which sign is the decimal one"):
+    with pytest.raises(RecordingError, match=r"'1,234' may be 1\.234 or 1234; state which sign is the decimal one"):
         read(content)
     assert read(content, decimal=",").channels["p"].tolist() == [1.234, 2.345]
 

@@ -53,5 +53,5 @@ def test_row_numbers_of_pandas_are_no_channel_but_its_times_are(tmp_path: Path) 
 
 def test_no_rows_are_refused(tmp_path: Path) -> None:
     pd.DataFrame({"P1": np.empty(0)}).to_parquet(tmp_path / "log")
-    with pytest.raises(RecordingError, match="holds no rows; expected a row a sample"):
+    with pytest.raises(RecordingError, match="holds no rows; expected one row per sample"):
         read_logged_file(tmp_path / "log")

@@ -90,7 +90,7 @@ def test_wanted_channels_hold_the_time_channels() -> None:
         ({"pressure_3_pa": {"channel": "c", "unit": "bar"}}, "'pressure_3_pa' is not known; expected some of time_s"),
         (
             {"pressure_2_pa": {"channel": "a", "unit": "bar"}},
-            "'a' is to fill both 'pressure_1_pa' and 'pressure_2_pa'; expected one column a channel",
+            "'a' is to fill both 'pressure_1_pa' and 'pressure_2_pa'; expected one column per channel",
         ),
         ({"position_m": {"channel": "x", "unit": "mm", "sign": 2}}, "channel 'x': sign must be 1 or -1, but got 2"),
         ({"position_m": {"channel": "x", "unit": "parsnips"}}, "unit 'parsnips' is not known; expected one of m, mm"),

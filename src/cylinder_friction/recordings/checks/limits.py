@@ -21,8 +21,8 @@ class CheckLimits:
         minimum_duration_s: A shorter recording is refused [s].
         minimum_rate_hz: A slower one is refused: velocity and its reversals come out of the filters too late [Hz].
         lowest_pressure_pa: Gauge; vacuum and a sensor's offset [Pa].
-        highest_pressure_pa: Beyond any hydraulic cylinder; better the one at hand, say 1.5 times its rated pressure:
-            bar read as MPa shows by nothing else for sure [Pa].
+        highest_pressure_pa: Beyond any hydraulic cylinder; better that of the cylinder, 1.5 times its rated pressure:
+            nothing else shows for sure that bar were read as MPa [Pa].
         least_pressure_span_pa: A live sensor on a moving cylinder shows more than this [Pa].
         least_peak_pressure_pa: The higher of the two pressures gets above this once in a recording. To be lowered for
             pneumatics [Pa].

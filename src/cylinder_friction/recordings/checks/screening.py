@@ -157,7 +157,7 @@ def _readable(sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, f
 
 
 def _ends(column: str, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
-    """Return between which values a sensor is not at an end of its range.
+    """Return the bounds between which a sensor is not at an end of its range.
 
     The low end of a sensor that starts at zero is no saturation: a vented chamber reads it. Nor is the end of a
     position sensor that reaches the end of the stroke.

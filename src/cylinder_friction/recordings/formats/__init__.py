@@ -1,1 +1,1 @@
-"""Readers of loggers' files, one a format, chosen by what a file holds and not by its ending."""
+"""Readers of loggers' files, one per format, chosen by what a file holds and not by its ending."""

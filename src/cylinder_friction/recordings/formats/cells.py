@@ -28,17 +28,17 @@ def is_missing(cell: str) -> bool:
 
 
 def is_number(cell: str, decimal: str | None) -> bool:
-    """Says whether a cell is a number under a decimal sign; None stands for either."""
+    """Return whether a cell is a number under a decimal sign; None stands for either."""
     return bool((decimal != "," and _POINT.fullmatch(cell)) or (decimal != "." and _COMMA.fullmatch(cell)))
 
 
 def is_value(cell: str, decimal: str | None) -> bool:
-    """Says whether a cell is a number, a date or a time of day."""
+    """Return whether a cell is a number, a date or a time of day."""
     return is_number(cell, decimal) or bool(_DATE_OR_CLOCK.fullmatch(cell))
 
 
 def has_thousands(cell: str) -> bool:
-    """Says whether the commas of a number could as well set off its thousands."""
+    """Return whether the commas of a number could as well set off its thousands."""
     return bool(_THOUSANDS.fullmatch(cell))
 
 

@@ -49,7 +49,7 @@ class Found:
 def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, tuple[int, int] | None]]:
     """Return the channels that an array of this shape holds: a name each, and axis and index of it within a matrix.
 
-    A vector, standing or lying, is one channel (None in place of axis and index). A matrix is one a column, name_1,
+    A vector, standing or lying, is one channel (None in place of axis and index). A matrix is one per column, name_1,
     name_2, ...; its longer side is time. What has fewer than two values or more than two axes is none.
     """
     if len(shape) == 1 or (len(shape) == 2 and 1 in shape):

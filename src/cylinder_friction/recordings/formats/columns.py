@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def plain_values(column: Any) -> NDArray[Any] | None:
     """Return a column of a simple type; a null is NaN (or NaT), a date is ``datetime64[ns]`` (UTC if it has a zone).
 
-    None for text and for types that are no single value a row, such as lists.
+    None for text and for types that are no single value per row, such as lists.
     """
     kind = column.type
     if pa.types.is_null(kind):
@@ -62,7 +62,7 @@ def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], boo
         The values, and whether they are seconds since midnight.
 
     Raises:
-        RecordingError: They are dates whose day and month cannot be told apart.
+        RecordingError: They are dates whose day and month are ambiguous.
     """
     text = pc.utf8_trim_whitespace(column.cast(pa.string()))
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
@@ -88,7 +88,7 @@ def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], boo
 
 
 def holds_decimal_commas(column: Any) -> bool:
-    """Says whether every cell of a column of text is a number under a decimal comma."""
+    """Return whether every cell of a column of text is a number under a decimal comma."""
     text = pc.utf8_trim_whitespace(column)
     return bool(pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py())
 

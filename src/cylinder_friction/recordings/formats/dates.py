@@ -44,7 +44,7 @@ def date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
         name: Of the channel, for the message.
 
     Raises:
-        RecordingError: Day and month cannot be told apart.
+        RecordingError: Day and month are ambiguous.
     """
     for pattern in (_YEAR_FIRST, _DOTS, _EITHER, _NAMED_MONTH):
         parts = pc.extract_regex(text, pattern=pattern)
@@ -83,8 +83,8 @@ def _stamps(
 ) -> NDArray[np.datetime64] | None:
     year = _integers(parts, "Y")
     clock = _clock_ns(parts)
-    sound = (year >= 1678) & (year <= 2261) & (month >= 1) & (month <= 12) & (day >= 1)
-    if clock is None or not sound[valid].all():
+    valid_date = (year >= 1678) & (year <= 2261) & (month >= 1) & (month <= 12) & (day >= 1)
+    if clock is None or not valid_date[valid].all():
         return None
     months = np.where(valid, (year - 1970) * 12 + month - 1, 0).astype("datetime64[M]")
     days = months.astype("datetime64[D]") + np.where(valid, day - 1, 0)

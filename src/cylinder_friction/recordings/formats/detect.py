@@ -46,7 +46,7 @@ _OTHERS = {
 
 
 def detect_format(path: Path) -> str:
-    """Return which of ``FORMATS`` a file has, gzipped or not; its ending plays no part.
+    """Return which of ``FORMATS`` a file has, gzipped or not; its ending is ignored.
 
     Raises:
         RecordingError: The file cannot be opened, is empty, or is none of them.

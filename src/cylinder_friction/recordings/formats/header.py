@@ -1,4 +1,4 @@
-"""What stands above a text table's rows: names, units, and what a logger says about itself."""
+"""What stands above a text table's rows: names, units, and what a logger states about itself."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _fits(cells: list[str], width: int, trailing: bool) -> bool:
 
 
 def _refuse_other_width(above: list[str], delimiter: str, width: int, always: bool) -> None:
-    """Names that are too few or too many are no banner: nobody could say which column is which."""
+    """Names that are too few or too many are no banner: the columns could not be identified."""
     for number in range(len(above), 0, -1):
         line = above[number - 1]
         if not line.strip():

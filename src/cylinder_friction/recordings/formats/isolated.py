@@ -1,7 +1,7 @@
 """Most binary files are read in a process of their own, for their libraries are C that damage can crash or hang.
 
 Libhdf5 follows addresses that it finds in the file, so that one flipped byte can end the process or keep it in a loop;
-asammdf walks lists of blocks and unpacks records by what the file says; over MATLAB files of version 5, SciPy crashes,
+asammdf follows lists of blocks and record sizes stated in the file; over MATLAB files of version 5, SciPy crashes,
 hangs and fills the memory too. TDMS (npTDMS) and Parquet (Arrow) did none of it over more than 20 000 files each with a
 few bytes changed at random. TDMS is read here all the same; Parquet, for its speed, and text in the caller's process.
 """
@@ -43,7 +43,7 @@ LIBRARIES = {
     "mdf": "the MDF library",
     "tdms": "the TDMS library",
 }
-"""What is read apart, and by what."""
+"""What is read in the isolated process, and by which library."""
 _NEEDS = {
     "hdf5": ("h5py", "HDF5", "hdf5"),
     "matlab73": ("h5py", "MATLAB 7.3", "hdf5"),
@@ -114,7 +114,7 @@ class _Reader:
                 process.wait()
                 raise _death(process.returncode, took_s >= limit_s, limit_s, kind) from None
             except BaseException:
-                # An answer half read would be taken for the next one's.
+                # A reply half read would be taken for the next one.
                 self.close()
                 raise
         if refusal is not None:

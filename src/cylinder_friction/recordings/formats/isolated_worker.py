@@ -8,7 +8,7 @@ import signal
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.recordings.formats.arrow_pipe import read_message, write_message, write_tables
 from cylinder_friction.recordings.formats.hdf5 import read_hdf5
@@ -36,35 +36,32 @@ _READERS = {
 
 
 def serve() -> None:
-    """Answers requests on the standard input until it ends, which it does with the process at its other end."""
+    """Read the files requested on the standard input until it ends, which it does with the process at its other end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError):
         # Where damage makes a library ask for all memory, Linux is to end this process and no other.
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
-    answers = os.fdopen(os.dup(1), "wb")
+    replies = os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    with Path(os.devnull).open("w", encoding="utf-8") as unseen, answers:
-        write_message(answers, "ready")
+    with Path(os.devnull).open("w", encoding="utf-8") as unseen, replies:
+        write_message(replies, "ready")
         os.dup2(nowhere, 1)
         os.dup2(nowhere, 2)
         with suppress(EOFError, BrokenPipeError):
             while True:
-                _answer(read_message(sys.stdin.buffer), answers, unseen)
-
-
-def _answer(request: dict[str, Any], answers: BinaryIO, unseen: Any) -> None:
-    _limit_memory(request["limit_bytes"])
-    # A thread of C ends the process in time, also from within a library that never returns to Python.
-    faulthandler.dump_traceback_later(request["limit_s"], exit=True, file=unseen)
-    tables, refusal = _read(request)
-    faulthandler.cancel_dump_traceback_later()
-    write_message(answers, refusal)
-    if refusal is None:
-        write_tables(answers, tables)
+                request = read_message(sys.stdin.buffer)
+                _limit_memory(request["limit_bytes"])
+                # A thread of C ends the process in time, also from within a library that never returns to Python.
+                faulthandler.dump_traceback_later(request["limit_s"], exit=True, file=unseen)
+                tables, refusal = _read(request)
+                faulthandler.cancel_dump_traceback_later()
+                write_message(replies, refusal)
+                if refusal is None:
+                    write_tables(replies, tables)
 
 
 def _limit_memory(limit_bytes: int) -> None:
-    """Lets what asks for more memory fail, which the libraries report as any other damage; not on Windows."""
+    """Let larger allocations fail, which the libraries report as any other damage; not on Windows."""
     if sys.platform != "win32":
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)

@@ -50,7 +50,7 @@ class _Grid:
     score: float
 
     def is_row(self, cells: list[str]) -> bool:
-        """Says whether every column of numbers holds one, or nothing, and not all nothing."""
+        """Return whether every column of numbers holds one, or nothing, and not all nothing."""
         if len(cells) != self.width:
             return False
         values = sum(is_value(cells[index], self.decimal) for index in self.numeric)
@@ -73,7 +73,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     if not grids:
         raise RecordingError(
             f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
-            "a line a sample; name the delimiter and the decimal sign if they are unusual"
+            "one line per sample; name the delimiter and the decimal sign if they are unusual"
         )
     grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content, options.header)
@@ -146,8 +146,8 @@ def _first_row_found(grid: _Grid, lines: list[str], content: list[int]) -> int:
         if is_row(first) and 2 * sum(map(is_row, after)) >= len(after):
             break
     else:
-        raise RecordingError("no row of numbers was found below its header; expected a line a sample")
-    # Rows in which a sensor says 'overload' come before: they are no header, for their first number, time, is there.
+        raise RecordingError("no row of numbers was found below its header; expected one line per sample")
+    # Rows in which a sensor reads 'overload' come before: they are no header, for their first number, time, is there.
     while first > 0:
         cells = split_cells(lines[content[first - 1]], grid.delimiter)
         if len(cells) != grid.width or not is_value(cells[grid.numeric[0]], grid.decimal):
@@ -171,7 +171,7 @@ def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
         return "."
     if grid.delimiter == "," and all(has_thousands(cell) for cell in commas):
         raise RecordingError(
-            f"{commas[0]!r} may be {commas[0].replace(',', '.')} or {commas[0].replace(',', '')}; say which sign is "
+            f"{commas[0]!r} may be {commas[0].replace(',', '.')} or {commas[0].replace(',', '')}; state which sign is "
             "the decimal one (decimal: ',' or '.')"
         )
     return ","

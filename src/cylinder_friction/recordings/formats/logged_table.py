@@ -1,4 +1,4 @@
-"""What a logger's file holds, before anyone says what it means."""
+"""What a logger's file holds, before it is given a meaning."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class LoggedTable:
     """Channels of a file that share their rows, as the logger names them, in its units.
 
     Attributes:
-        channels: One column a channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number.
+        channels: One column per channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number.
             A missing value is NaN. Names are stripped of blanks; a name may occur twice.
         units: The unit that the file itself states, by channel; a channel without one is absent.
         name: Of the table or group within the file; empty where the file has only one.

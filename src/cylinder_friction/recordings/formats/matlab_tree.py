@@ -86,7 +86,7 @@ def _walk_simulink(name: str, struct: Mapping[str, Any], found: Found, depth: in
 
 
 def _samples_last(leaf: Leaf) -> Leaf:
-    """Return a signal of matrices, one a sample along the last axis, as one row a sample."""
+    """Return a signal of matrices, one per sample along the last axis, as one row per sample."""
     rows, columns, samples = leaf.shape
     return Leaf((samples, rows * columns), leaf.kind, lambda: leaf.read().reshape(rows * columns, samples).T)
 

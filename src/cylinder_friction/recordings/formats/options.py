@@ -1,4 +1,4 @@
-"""What a user may say about a text file; by default everything is found out."""
+"""What a user may state about a text file; by default everything is detected."""
 
 from __future__ import annotations
 

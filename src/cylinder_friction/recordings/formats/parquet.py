@@ -34,7 +34,7 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[Log
         table = file.read(columns=list(read), use_threads=False, use_pandas_metadata=False)
         rows = file.metadata.num_rows
     if rows == 0:
-        raise RecordingError("holds no rows; expected a row a sample")
+        raise RecordingError("holds no rows; expected one row per sample")
     units = {_name(field): unit for field in simple if (unit := _unit(field))}
     unread = tuple(_name(field) for field in others)
     if not loaded:

@@ -24,7 +24,7 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     """Return one table a group, or several where a group's channels differ in length or rate.
 
     Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
-    counts from the earliest ``wf_start_time`` in the file, so that groups started apart stay apart.
+    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time.
 
     Raises:
         RecordingError: npTDMS is not installed, or a channel claims more samples than the file could hold.
@@ -41,7 +41,7 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 
 
 def _cut_off(file: Any) -> list[str]:
-    """Return what to say of a file that ends within its last segment, as a logger leaves it that loses power."""
+    """Return a note on a file that ends within its last segment, as a logger leaves it that loses power."""
     status = getattr(file, "file_status", None)
     if status is None or not status.incomplete_final_segment:
         return []
@@ -50,8 +50,8 @@ def _cut_off(file: Any) -> list[str]:
         for name, channel in (status.channel_statuses or {}).items()
         if channel.read_length < channel.expected_length
     ]
-    told = f": {', '.join(short[:3])}" if short else ""
-    return [f"the file ends within its last segment, and the samples behind are lost{told}"]
+    examples = f": {', '.join(short[:3])}" if short else ""
+    return [f"the file ends within its last segment, and the samples behind are lost{examples}"]
 
 
 def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None, size: int) -> list[LoggedTable]:
@@ -82,7 +82,7 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
 
 
 def _without_start(group: Any, alike: Mapping[Any, Any]) -> tuple[str, ...]:
-    """Return what to say of waveforms without a start in a file whose others state one; nobody knows how they lie."""
+    """Return a note on waveforms without a start in a file whose others state one: their place in time is unknown."""
     if all(step is None for _, step, _ in alike):
         return ()
     names = [channel.name for channel in group.channels() if _clock(channel, None)[0] and _start(channel) is None]

@@ -38,8 +38,8 @@ def open_text(source: FileSource, encoding: str) -> Text:
     """Return the text up to its last whole line.
 
     A last line without its end is left out, for its last number may be cut; so are the zero bytes that a logger leaves
-    behind when it loses power. Both are said in ``notes``. Under ``auto`` a text is what its byte order mark says, or
-    UTF-8, or cp1252 if it cannot be UTF-8.
+    behind when it loses power. Both are reported in ``notes``. Under ``auto`` the encoding is that of the byte order
+    mark, or UTF-8, or cp1252 if it cannot be UTF-8.
 
     Raises:
         RecordingError: The bytes are no text in that encoding, or not one line is whole.
@@ -103,7 +103,7 @@ def _ended(file: Any, start: int) -> Text:
         end = _last_byte_but(file, start, whole, b"\r\n")
     if end <= start:
         raise RecordingError(
-            "holds not one whole line; expected a line of names and a line a sample, each with its end"
+            "holds not one whole line; expected a line of names and one line per sample, each with its end"
         )
     return Text(file, start, end, tuple(notes))
 

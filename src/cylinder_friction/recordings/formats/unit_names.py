@@ -51,7 +51,7 @@ def unit_in_name(name: str) -> str | None:
 def units_in_line(cells: list[str]) -> list[str] | None:
     """Return the units of a line that holds nothing else; None if it is no such line.
 
-    Where a cell is empty, or says how the dates below it are written, its unit is ''.
+    Where a cell is empty, or is the format of the dates below it, its unit is ''.
     """
     units = []
     for cell in cells:

@@ -38,7 +38,7 @@ ZeroMethod = Literal["none", "window", "found"]
 
 AVERAGED_S = 0.1
 """Noise is averaged over so long before a signal is called steady: the extremes
-of raw noise lie further apart the longer one looks, and a position sensor of ±0.1 mm would never stand still."""
+of raw noise grow with the length of the stretch, and a position sensor of ±0.1 mm would never stand still."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class NoZero:
 def find_zero(
     table: pd.DataFrame, rules: ZeroRules, mapping: Mapping[str, ChannelMapping], recording: str = ""
 ) -> ZeroReading | NoZero:
-    """Return what the pressure sensors read while their chambers were vented, or why that cannot be told.
+    """Return what the pressure sensors read while their chambers were vented, or why there is no zero.
 
     Args:
         table: Of a recording or piece, in SI units, at one constant rate, shape ``(n, columns)``.
@@ -226,13 +226,13 @@ def apply_zero(
 
 
 def _sentence(reading: ZeroReading, offsets: Mapping[str, float], recording: str) -> str:
-    told = ", ".join(
+    taken = ", ".join(
         f"{column} {offset / 1e5:+.4f} bar (± {2.0 * reading.uncertainty[column] / 1e5:.4f})"
         for column, offset in offsets.items()
     )
     other = f" of {reading.recording}" if reading.recording not in ("", recording) else ""
     when = f"from {reading.from_s:.4g} to {reading.to_s:.4g} s{other}"
-    return f"zeros taken off: {told}, as read with vented chambers {when}"
+    return f"zeros taken off: {taken}, as read with vented chambers {when}"
 
 
 def _largest_zero(column: str, rules: ZeroRules, mapping: Mapping[str, ChannelMapping]) -> float:

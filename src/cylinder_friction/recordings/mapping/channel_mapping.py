@@ -42,7 +42,7 @@ class ChannelMapping:
         table: Name of the file's table that holds the channel; needed where its name occurs in several.
         time: Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of
             this one's own table.
-        reference: What pressure is counted from; a unit such as ``bara`` says so itself.
+        reference: What pressure is counted from; a unit such as ``bara`` states it itself.
         sensor: What the channel's signal means, and what the sensor can read.
         offset: What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its
             reading with the rod in.
@@ -138,7 +138,8 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
         for (table, channel), user in users.items():
             if channel == source.channel and (table == source.table or not (table and source.table)):
                 raise RecordingError(
-                    f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column a channel"
+                    f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column "
+                    "per channel"
                 )
         users[source.table, source.channel] = column
 
@@ -194,7 +195,7 @@ def _limits(column: str, source: ChannelMapping, sensor: SensorScale) -> SensorL
 def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:
     """Return the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
 
-    A stated accuracy of ± a % of full scale bounds the error and says no more, so every error within it is as likely
+    A stated accuracy of ± a % of full scale bounds the error and no more, so every error within it is as likely
     as any other: u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It is counted as an error of the zero, for it is the same
     in a whole recording and may stand at any reading; the span gets none on top, for the accuracy is for both together.
     """

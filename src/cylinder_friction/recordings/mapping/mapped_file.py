@@ -33,7 +33,7 @@ class MappedFile:
 
     Attributes:
         signals: By column, in its own unit; those of one table share their time stamps, the same object.
-        notes: What the reader repaired and what could not be told, one sentence each.
+        notes: What the reader repaired and what stays unknown, one sentence each.
     """
 
     signals: dict[str, Signal]
@@ -111,9 +111,9 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
 def _refuse_two_lengths(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], rate_hz: float) -> None:
     rows = {clock.table: len(tables[clock.table].channels) for clock in clocks.values() if not clock.channel}
     if len(set(rows.values())) > 1:
-        told = ", ".join(f"{tables[index].name!r} has {count}" for index, count in rows.items())
+        lengths = ", ".join(f"{tables[index].name!r} has {count}" for index, count in rows.items())
         raise RecordingError(
-            f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {told} rows; "
+            f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {lengths} rows; "
             "name the time channel of each as ingest.channels.<column>.time"
         )
 

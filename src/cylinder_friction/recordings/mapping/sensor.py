@@ -33,7 +33,7 @@ class SensorScale:
             (0, 4095) counts. None where the logger has done that sum already.
         bits: Of the converter that spreads ``range`` over 2^bits steps, if known.
         accuracy_percent: Stated accuracy, ± percent of full scale, if known.
-        zero_uncertainty: Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration tells; it takes
+        zero_uncertainty: Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration states it; it takes
             the accuracy's place for the zero, and the accuracy then holds for the span alone.
 
     Raises:

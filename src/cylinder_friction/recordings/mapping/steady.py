@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 FEWEST_BLOCKS = 8
-"""Means of fewer blocks scatter too little or too much to tell anything."""
+"""Means of fewer blocks scatter too little or too much to be meaningful."""
 
 
 @numba.njit(cache=True)

@@ -87,7 +87,7 @@ def usual(unit: str, quantity: str) -> str | None:
 
 
 def stated_reference(unit: str) -> Reference | None:
-    """Return what a unit of pressure itself says it is counted from: ``bara``, ``psi(g)``; None if it says nothing."""
+    """Return the reference that a unit of pressure states itself: ``bara``, ``psi(g)``; None if it states none."""
     text, known = bare(unit), _BY_QUANTITY["pressure"]
     match = _REFERENCE.fullmatch(text)
     if _squeezed(text) in known or match is None or _squeezed(match["unit"]) not in known:

@@ -83,7 +83,7 @@ def column_scale(column: str, unit: str) -> float:
 
 
 def units_agree(stated: str, configured: str) -> bool:
-    """Return whether what a file states of its channel can be what the configuration says: the same unit.
+    """Return whether what a file states of its channel agrees with the configuration: the same unit.
 
     Spellings do not matter (``[Bar]`` and ``bar`` agree), nor does what pressure is counted from. Text that is no unit
     in use (``rod side``, ``A``, ``-``) contradicts nothing.
@@ -122,7 +122,7 @@ def _conversion(unit: str, quantity: str) -> tuple[float, float] | None:
         if "delta" in text or parsed.dimensionality != own.dimensionality:
             return None
         zero, one = (registry.Quantity(Decimal(value), parsed).to(own).magnitude for value in (0, 1))
-    except Exception:  # pint meets free text here, and has a dozen ways to say that it is no unit
+    except Exception:  # pint meets free text here, and has a dozen exceptions for what is no unit
         return None
     return float(one - zero), float(zero)
 
