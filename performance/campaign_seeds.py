@@ -2,7 +2,7 @@
 
     python performance/campaign_seeds.py 1 2 3
 
-Prints, for each seed and test, the default hybrid's error beside the estimators it has to beat, in percent of mean
+Prints, for each seed and condition, the default hybrid's error beside the estimators it has to beat, in percent of mean
 |friction|, against the label and against true friction, and whether it beats them.
 """
 

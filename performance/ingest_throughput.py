@@ -5,7 +5,7 @@
 Writes recordings of ten minutes at 200 Hz as a logger would (Parquet, bar and millimetres), then runs each stage on
 one core in a process of its own, so that the peak of memory is that stage's. ``plain_pandas.py`` is run the same way.
 
-Rows a second are rows over seconds of CPU, the program's and the kernel's, from the start of the process to its end:
+Rows per second are rows over seconds of CPU, the program's and the kernel's, from the start of the process to its end:
 imports and the hashes of what is read and written are in it. What numba compiles was compiled before, as it is after
 the first run on a computer. A hundred hours take about 8 GB of disk, as only one side's files lie there at a time.
 
@@ -47,7 +47,7 @@ OVERRIDES = (
 )
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "ARROW_IO_THREADS")
 WARM_UP_HOURS, WARM_UP_MINUTES = 0.05, 1.0
-LEAST_ROWS_A_SECOND, MOST_MB = 2e6, 1500.0
+LEAST_ROWS_PER_SECOND, MOST_MB = 2e6, 1500.0
 
 
 @dataclass(frozen=True)
@@ -125,12 +125,12 @@ def run(folder: Path, side: str, stage: str) -> Cost:
         lines = log.read().splitlines()
     if child.returncode:
         raise RuntimeError(f"{side} {stage} failed:\n" + "\n".join(lines))
-    told = json.loads(lines[-1])
-    return Cost(used.ru_utime + used.ru_stime, used.ru_stime, told["import_s"], wall_s, told["peak_mb"])
+    report = json.loads(lines[-1])
+    return Cost(used.ru_utime + used.ru_stime, used.ru_stime, report["import_s"], wall_s, report["peak_mb"])
 
 
 def work(side: str, stage: str) -> int:
-    """Do one stage in the current folder, on one core; tells its peak of memory and what its imports took."""
+    """Do one stage in the current folder, on one core; report its peak of memory and the time of its imports."""
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     begin = prepare() if stage == "prepare" else (stage_of_project if side == "stages" else stage_of_pandas)(stage)
     import_s = time.process_time()
@@ -157,7 +157,7 @@ def prepare() -> Callable[[], object]:
 
 
 def stage_of_project(stage: str) -> Callable[[], object]:
-    """Return what runs a stage as the pipeline does, but for tracking."""
+    """Return a function that runs one stage as the pipeline does, except tracking."""
     import importlib
 
     from cylinder_friction.params.checking import load_params
@@ -202,7 +202,7 @@ def megabytes(folder: Path) -> float:
 
 def set_one_aside(folder: Path, side: str) -> None:
     """Keep the first labelled recording and removes all else that this side wrote."""
-    first = min((folder / written_by(side)[2]).rglob("test*.parquet"), key=lambda path: path.name)
+    first = min((folder / written_by(side)[2]).rglob("condition*.parquet"), key=lambda path: path.name)
     first.rename(folder / f"{side}.parquet")
     for written in written_by(side):
         shutil.rmtree(folder / written)
@@ -231,7 +231,7 @@ def table(rows: int, costs: dict[str, dict[str, Cost]]) -> str:
             line += f"{rows / cost.cpu_s / 1e6:>8.2f} M{cost.cpu_s:>9.1f}{cost.kernel_s:>9.1f}{cost.import_s:>9.1f}"
             line += f"{cost.wall_s:>9.1f}{cost.peak_mb:>9.0f}"
         lines.append(line)
-    goal = f"goal: {LEAST_ROWS_A_SECOND / 1e6:.0f} M rows a second of CPU through all three, below {MOST_MB:.0f} MB"
+    goal = f"goal: {LEAST_ROWS_PER_SECOND / 1e6:.0f} M rows per second of CPU through all three, below {MOST_MB:.0f} MB"
     return "\n".join([*lines, f"{goal}: {'met' if goals_met(rows, costs['stages']) else 'MISSED'}", ""])
 
 
@@ -243,7 +243,7 @@ def total(costs: dict[str, Cost]) -> Cost:
 
 def goals_met(rows: int, costs: dict[str, Cost]) -> bool:
     whole = total(costs)
-    return rows / whole.cpu_s >= LEAST_ROWS_A_SECOND and whole.peak_mb < MOST_MB
+    return rows / whole.cpu_s >= LEAST_ROWS_PER_SECOND and whole.peak_mb < MOST_MB
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """How near LuGre, identified on the training recordings, comes to the best parameters there are.
 
 Reads ``data/processed`` and ``models/lugre``. For the training recordings, all recordings and the held-out recordings
-of the test that LuGre was identified on, it searches LuGre's parameters with a larger budget directly on those
+of the condition that LuGre was identified on, it searches LuGre's parameters with a larger budget directly on those
 recordings, and prints both errors against the label and their ratio. On the training recordings the ratio shows how
 good the search was. On the others it holds, besides, what one session differs from another (temperature, drift of
 friction, how often and how long the piston rested), to which parameters fitted on that session alone can bend. A

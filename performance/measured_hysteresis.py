@@ -5,11 +5,12 @@
 FOLDER holds ``friction-damper`` and ``tribometer``. Force is measured on both, so no force balance is needed:
 
 - damper 36 lb, damper 30 lb: a banded rotary friction damper driven with sines (Coble, Huggins, Cao, Ricles and Downey
-  2022). It has play, which none of the models knows. Identified on the first half of the sines of 0.25 and 0.5 Hz with
-  the smallest and the largest amplitude; scored on their second half, on the amplitude between, and at 1 Hz and more.
+  2022). It has backlash, which none of the models includes. Identified on the first half of the sines of 0.25 and
+  0.5 Hz with the smallest and the largest amplitude; scored on their second half, on the amplitude between, and at
+  1 Hz and more.
 - tribometer: a reciprocating test, mostly presliding; identified on its first half, scored on its second.
 
-Each model gets the same search from the same starts. ``stribeck``, which has no memory, is the floor.
+Each model gets the same search from the same starts. ``stribeck``, which has no memory, is the baseline.
 """
 
 from __future__ import annotations

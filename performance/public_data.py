@@ -116,7 +116,7 @@ def labelled(
     inertia: InertiaMode = "given",
     plan: LoadPlan | None = None,
 ) -> tuple[list[Recording], SessionIdentification]:
-    """Return one session's recordings with labels, and what the session tells of load and mass."""
+    """Return one session's recordings with labels, and the load and mass identified from them."""
     cylinder, chosen = CYLINDERS[rig], FILTERS[rig]
     labeller = Labeller(cylinder, end_stop_margin_m=0.0, load=load, inertia=inertia, load_plan=plan or LoadPlan())
     filtered = [recording.with_columns(**smooth_columns(recording, chosen)) for recording in recordings]

@@ -85,7 +85,7 @@ def _relative_percent(error_n: Array, force_n: Array) -> float:
 
 @dataclass(frozen=True)
 class CraneFigures:
-    """What one run tells, and how LuGre of the other run does on it.
+    """Figures of one run, and the error of the other run's LuGre on it.
 
     Attributes:
         found: Load and friction of the run.
@@ -154,7 +154,7 @@ def _lugre_error(estimator: LugreEstimator, recordings: list[Recording]) -> tupl
 
 
 def seals(data: Path) -> dict[str, dict[int, SessionIdentification]]:
-    """Return what each seal tells at each pressure in bar: the load is the pressure, friction half the difference."""
+    """Return load (the pressure) and friction (half the difference) of each seal at each pressure in bar."""
     plan = LoadPlan(settling_travel_m=5e-3)
     return {
         seal: {

@@ -48,8 +48,8 @@ def main() -> None:
     seconds, solved = _timed(lambda: solve_reference(rig, lever, start, short_s, 1e-5))
     sys.stdout.write(f"SciPy Radau, tol 1e-5: {short_s / seconds:8.1f} simulated seconds per second\n")
     again = simulate(rig, lever, start, short_s)
-    apart_n = float((again["friction_n"] - solved["friction_n"]).abs().mean())
-    sys.stdout.write(f"mean difference in friction over {short_s:.0f} s: {apart_n:.2f} N\n")
+    difference_n = float((again["friction_n"] - solved["friction_n"]).abs().mean())
+    sys.stdout.write(f"mean difference in friction over {short_s:.0f} s: {difference_n:.2f} N\n")
 
 
 def _timed(work: Callable[[], pd.DataFrame]) -> tuple[float, pd.DataFrame]:

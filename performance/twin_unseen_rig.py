@@ -1,12 +1,12 @@
-"""Is the hybrid taught by the twin closer to true friction than the off-line label is, on rigs it has never seen?
+"""Is the hybrid trained on the twin closer to true friction than the off-line label is, on rigs it has never seen?
 
     python performance/twin_unseen_rig.py 6 64
 
-Six unseen rigs, after teaching by 64 others; a third number, in (0, 1], is the effort of training. Every unseen rig is
-drawn from the whole range of rigs of this size, with four sessions in each of the four tests. The hybrid taught by the
-twin has seen none of it. The tuned low-pass and the default hybrid are taught by the labels of its first two sessions.
-All are scored on the other two, against true friction: MAE in percent of mean |friction|, block-bootstrap intervals of
-95 %. The off-line label looks into the future (zero-phase Savitzky-Golay); the others do not.
+Six unseen rigs, after training on 64 others; a third number, in (0, 1], is the effort of training. Every unseen rig is
+drawn from the whole range of rigs of this size, with four sessions in each of the four conditions. The hybrid trained
+on the twin has seen none of it. The tuned low-pass and the default hybrid are trained on the labels of its first two
+sessions. All are scored on the other two, against true friction: MAE in percent of mean |friction|, block-bootstrap
+intervals of 95 %. The off-line label looks ahead (zero-phase Savitzky-Golay); the others do not.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ if TYPE_CHECKING:
     from friction_benchmark.campaigns import LabelledRecording
 
 FIRST_SEED = 2_000
-TAUGHT_SESSIONS, SESSIONS = 2, 4
+TRAINING_SESSIONS, SESSIONS = 2, 4
 BLOCK_SAMPLES, REPEATS = 400, 2_000
-LABEL, TWIN = "off-line label", "taught by the twin"
+LABEL, TWIN = "off-line label", "trained on the twin"
 
 Piece = tuple["Array", "Array", "Mask"]
 """True friction, estimate and mask of one recording."""
 
 
-def twin_taught(cylinder: Cylinder, rigs: int, effort: float) -> FrictionEstimator:
-    """Return the hybrid taught by so many simulated rigs, as the benchmark makes it before any tuning."""
-    entry = next(one for one in MODELS if one.teacher == "twin")
-    estimator = entry.build(BuildConfiguration(cylinder, SAMPLE_COLUMNS, 0, effort, entry.defaults))
-    estimator.fit([lesson.recording for lesson in teaching_recordings(TwinPlan(rigs=rigs), cylinder)])
+def twin_trained(cylinder: Cylinder, rigs: int, effort: float) -> FrictionEstimator:
+    """Return the hybrid trained on so many simulated rigs, as the benchmark builds it before any tuning."""
+    model = next(one for one in MODELS if one.trained_on == "twin")
+    estimator = model.build(BuildConfiguration(cylinder, SAMPLE_COLUMNS, 0, effort, model.defaults))
+    estimator.fit([entry.recording for entry in teaching_recordings(TwinPlan(rigs=rigs), cylinder)])
     return estimator
 
 
 def rivals(cylinder: Cylinder, effort: float) -> dict[str, FrictionEstimator]:
-    """Return those that learn from the unseen rig's own labels; the hybrid with the settings of ``params.yaml``."""
+    """Return those trained on the unseen rig's own labels; the hybrid with the settings of ``params.yaml``."""
     return {
         "tuned low-pass": LowPassForceBalanceEstimator(cylinder),
         "default hybrid": HybridEstimator(
@@ -68,18 +68,18 @@ def rivals(cylinder: Cylinder, effort: float) -> dict[str, FrictionEstimator]:
 
 
 def scored(cylinder: Cylinder, twin: FrictionEstimator, seed: int, effort: float) -> dict[tuple[str, str], list[Piece]]:
-    """Return an unseen rig's pieces by test and estimator."""
+    """Return an unseen rig's pieces by condition and estimator."""
     plan = CampaignPlan(
         seed=seed, sessions_per_condition=SESSIONS, recordings_per_session=2, duration_s=30.0, specimen="wide"
     )
     everything = labelled_campaign(plan, cylinder)
-    taught = [one.recording for one in everything if _session(one) <= TAUGHT_SESSIONS]
+    training = [one.recording for one in everything if _session(one) <= TRAINING_SESSIONS]
     estimators = rivals(cylinder, effort)
     for estimator in estimators.values():
-        estimator.fit(taught)
+        estimator.fit(training)
     pieces: defaultdict[tuple[str, str], list[Piece]] = defaultdict(list)
     for one in everything:
-        if _session(one) > TAUGHT_SESSIONS:
+        if _session(one) > TRAINING_SESSIONS:
             recording, condition = one.recording, one.recording.metadata.condition
             found = {name: each.estimate(recording) for name, each in {TWIN: twin, **estimators}.items()}
             for name, estimate in {LABEL: recording.column("friction_n"), **found}.items():
@@ -114,9 +114,9 @@ def line(title: str, by_name: dict[str, list[Piece]]) -> tuple[str, float]:
 def main(arguments: list[str]) -> int:
     """Print the table; returns 1 where the hybrid is not below the label outside the interval, over all rigs."""
     given = [*arguments, *("6", "64", "1.0")[len(arguments) :]]
-    rigs, teaching, effort = int(given[0]), int(given[1]), float(given[2])
+    rigs, training_rigs, effort = int(given[0]), int(given[1]), float(given[2])
     cylinder = Cylinder(**yaml.safe_load(Path("params.yaml").read_text(encoding="utf-8"))["cylinder"])
-    twin = twin_taught(cylinder, teaching, effort)
+    twin = twin_trained(cylinder, training_rigs, effort)
     pooled: defaultdict[str, defaultdict[str, list[Piece]]] = defaultdict(lambda: defaultdict(list))
     for number in range(rigs):
         for (condition, name), pieces in scored(cylinder, twin, FIRST_SEED + number, effort).items():
@@ -125,7 +125,7 @@ def main(arguments: list[str]) -> int:
         sys.stdout.write(line(f"rig {number + 1}", pooled[f"rig {number + 1}"])[0] + "\n")
         sys.stdout.flush()
     for title in sorted(pooled):
-        if title.startswith("test"):
+        if title.startswith("condition"):
             sys.stdout.write(line(title, pooled[title])[0] + "\n")
     words, low = line("all", pooled["all"])
     sys.stdout.write(words + "\n")

@@ -10,12 +10,7 @@ import numba
 import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
-from cylinder_friction.friction_models.parameters import (
-    SCALING,
-    STRIBECK,
-    ParameterSpec,
-    StribeckParameters,
-)
+from cylinder_friction.friction_models.parameters import SCALING, STRIBECK, ParameterSpec, StribeckParameters
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
@@ -40,12 +35,7 @@ class CoulombStribeckParameters(StribeckParameters):
     ``g(v) = Fc + (Fs - Fc) exp(-|v / vs|**a)``, ``d`` is the direction of the last motion, 0 before the first.
     """
 
-    specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        *STRIBECK,
-        REGULARISING_VELOCITY,
-        STANDSTILL_SHARE,
-        *SCALING,
-    )
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, REGULARISING_VELOCITY, STANDSTILL_SHARE, *SCALING)
 
     regularising_velocity_m_s: float
     standstill_share: float

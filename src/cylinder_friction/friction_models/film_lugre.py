@@ -95,13 +95,7 @@ class FilmLuGre(FrictionModel):
 
 @numba.njit(cache=True)
 def _simulate(
-    packed: Array,
-    velocity: Array,
-    log_speed: Array,
-    pressure: Array,
-    sample_time: float,
-    state: Array,
-    friction: Array,
+    packed: Array, velocity: Array, log_speed: Array, pressure: Array, sample_time: float, state: Array, friction: Array
 ) -> None:
     coulomb, static, viscous, stiffness = packed[0], packed[1], packed[4], packed[5]
     full_film = 1.0 - coulomb / static

@@ -54,13 +54,7 @@ class LugreParameters(StribeckParameters):
     Source: Canudas de Wit, Olsson, Astrom and Lischinsky 1995; fading damping: Astrom and Canudas de Wit 2008.
     """
 
-    specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        *STRIBECK,
-        STIFFNESS,
-        DAMPING,
-        DAMPING_VELOCITY,
-        *SCALING,
-    )
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, STIFFNESS, DAMPING, DAMPING_VELOCITY, *SCALING)
 
     bristle_stiffness_n_m: float
     bristle_damping_n_s_m: float

@@ -10,13 +10,7 @@ import numba
 import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
-from cylinder_friction.friction_models.parameters import (
-    SCALING,
-    STIFFNESS,
-    STRIBECK,
-    ParameterSpec,
-    StribeckParameters,
-)
+from cylinder_friction.friction_models.parameters import SCALING, STIFFNESS, STRIBECK, ParameterSpec, StribeckParameters
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
@@ -51,14 +45,7 @@ class MaxwellSlipParameters(StribeckParameters):
     ``bristle_stiffness_n_m``. So a presliding curve of any number of elements takes three numbers.
     """
 
-    specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        *STRIBECK,
-        STIFFNESS,
-        TRAVEL_SPREAD,
-        SHARE_TILT,
-        ATTRACTION,
-        *SCALING,
-    )
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, STIFFNESS, TRAVEL_SPREAD, SHARE_TILT, ATTRACTION, *SCALING)
 
     bristle_stiffness_n_m: float
     travel_spread: float
@@ -107,13 +94,7 @@ def _elements(packed: Array, count: int) -> tuple[Array, Array]:
 
 @numba.njit(cache=True)
 def _simulate(
-    packed: Array,
-    velocity: Array,
-    log_speed: Array,
-    pressure: Array,
-    sample_time: float,
-    state: Array,
-    friction: Array,
+    packed: Array, velocity: Array, log_speed: Array, pressure: Array, sample_time: float, state: Array, friction: Array
 ) -> None:
     coulomb, static, viscous, attraction = packed[0], packed[1], packed[4], packed[8]
     count = (state.shape[0] - 1) // 2

@@ -87,12 +87,7 @@ class FrictionModel(ABC):
         return self.parameter_class(*(float(value) for value in values))
 
     def simulate(
-        self,
-        values: Array,
-        velocity_m_s: Array,
-        sample_time_s: float,
-        state: Array,
-        pressure_pa: Array | None = None,
+        self, values: Array, velocity_m_s: Array, sample_time_s: float, state: Array, pressure_pa: Array | None = None
     ) -> Array:
         """Return friction [N], shape ``(n,)``, at the end of each sample, positive when it opposes positive velocity.
 

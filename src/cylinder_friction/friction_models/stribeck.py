@@ -10,12 +10,7 @@ import numba
 import numpy as np
 from scipy.optimize import least_squares
 
-from cylinder_friction.friction_models.parameters import (
-    RETRACT_RATIO,
-    STRIBECK,
-    STRIBECK_EXPONENT,
-    refuse_impossible,
-)
+from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, refuse_impossible
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,13 +18,7 @@ from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.motion import widened
-from cylinder_friction.signals.smooth_signals import (
-    SMOOTH_LOAD,
-    filtered,
-    signals_of,
-    smooth_load,
-    smooth_recording,
-)
+from cylinder_friction.signals.smooth_signals import SMOOTH_LOAD, filtered, signals_of, smooth_load, smooth_recording
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
@@ -235,10 +229,7 @@ class Labeller:
         return friction_n, usable
 
     def _load(
-        self,
-        recording: Recording,
-        identified: SessionIdentification | None,
-        smooth: Callable[[str], Array | None],
+        self, recording: Recording, identified: SessionIdentification | None, smooth: Callable[[str], Array | None]
     ) -> Array | float:
         """Return the load [N]; ``smooth`` gives the measured one by the name of its smooth column.
 

@@ -64,11 +64,7 @@ class RigState:
 
 
 def balanced_state(
-    rig: RigParameters,
-    position_m: float,
-    pressure_2_pa: float,
-    oil_temperature_c: float,
-    load_force_n: float = 0.0,
+    rig: RigParameters, position_m: float, pressure_2_pa: float, oil_temperature_c: float, load_force_n: float = 0.0
 ) -> RigState:
     """Return a state at rest in which the oil pushes as hard as the load resists.
 

@@ -82,20 +82,13 @@ def draw_rig(rig: RigParameters, generator: Generator) -> RigParameters:
     )
     first, second = generator.uniform(-8e-5, 8e-5, 2)
     sensors = replace(
-        rig.sensors,
-        linearity_m=(float(first), float(second)),
-        temperature_offset_c=float(generator.uniform(-0.5, 0.5)),
+        rig.sensors, linearity_m=(float(first), float(second)), temperature_offset_c=float(generator.uniform(-0.5, 0.5))
     )
     return replace(rig, friction=friction, hydraulics=hydraulics, sensors=sensors)
 
 
 def draw_session(
-    rig: RigParameters,
-    generator: Generator,
-    duration_s: float,
-    *,
-    zeroed: bool,
-    residual_offset_pa: float,
+    rig: RigParameters, generator: Generator, duration_s: float, *, zeroed: bool, residual_offset_pa: float
 ) -> Session:
     """Return one session on this rig.
 
@@ -125,9 +118,7 @@ def _calibrated(
     offset = generator.uniform(-1.0, 1.0, 2) * (residual_offset_pa if zeroed else 0.005 * 250.0 * BAR_PA)
     gain = 1.0 + generator.uniform(-1.0, 1.0, 2) * (0.0005 if zeroed else 0.003)
     return replace(
-        sensors,
-        pressure_offset_pa=(float(offset[0]), float(offset[1])),
-        pressure_gain=(float(gain[0]), float(gain[1])),
+        sensors, pressure_offset_pa=(float(offset[0]), float(offset[1])), pressure_gain=(float(gain[0]), float(gain[1]))
     )
 
 

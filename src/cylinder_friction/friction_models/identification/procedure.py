@@ -221,9 +221,7 @@ def _search(
 
 
 def _motion(
-    recording: Recording,
-    velocity: Callable[[Recording], Array],
-    pressure: Callable[[Recording], Array] | None,
+    recording: Recording, velocity: Callable[[Recording], Array], pressure: Callable[[Recording], Array] | None
 ) -> Motion:
     return Motion(
         velocity_m_s=velocity(recording),

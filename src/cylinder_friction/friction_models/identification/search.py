@@ -190,10 +190,6 @@ def search_locally(motions: Motions, coordinates: Coordinates, start: Array, eva
         "initial_simplex": np.vstack([start, start + np.diag(inward)]),
     }
     result = minimize(
-        cost,
-        first,
-        method="Nelder-Mead",
-        bounds=Bounds(coordinates.lower, coordinates.upper),
-        options=options,
+        cost, first, method="Nelder-Mead", bounds=Bounds(coordinates.lower, coordinates.upper), options=options
     )
     return np.asarray(result.x)
