@@ -27,7 +27,6 @@ from cylinder_friction.deployment.latency.measuring import Effort, measure
 from cylinder_friction.deployment.latency.report import circumstances, model_table
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.recordings.storage import read_recordings
 
 if TYPE_CHECKING:
@@ -85,7 +84,7 @@ def lower_bounds(estimators: Mapping[str, FrictionEstimator]) -> dict[str, Lower
     with TemporaryDirectory() as folder, one_core():
         kernels = LowerBoundKernels(Path(folder))
         return {
-            name: kernels.measure(work_of(step_model(estimator)))
+            name: kernels.measure(work_of(estimator.step_model()))
             for name, estimator in estimators.items()
             if not isinstance(estimator, LugreEstimator)
         }

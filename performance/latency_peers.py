@@ -20,7 +20,6 @@ from cylinder_friction.deployment.latency.runtimes import CLOCK, PythonRuntime
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.trees import forest_attributes
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def peers_of(
     if isinstance(estimator, LugreEstimator):
         numpy = LugreInNumpy(estimator)
         return (PythonRuntime("numpy", "LuGre in numpy, as written from its equations", numpy.step), tail)
-    model = step_model(estimator)
+    model = estimator.step_model()
     if model.network is None:
         return (tail,)
     return (

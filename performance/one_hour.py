@@ -24,8 +24,6 @@ from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import HybridEstimator, forest_input
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.onnx_files import network_from_onnx
-from cylinder_friction.realtime.forest import forest_from_onnx
 from cylinder_friction.recordings.storage import read_recordings
 
 if TYPE_CHECKING:
@@ -65,14 +63,14 @@ def training_framework(estimator: HybridEstimator, samples: Array) -> Array:
     assert parts is not None
     block = FrontEndBlock(parts.front_end)
     features, base_n = block.advance(block.new_state(), samples)
-    network = TorchNetwork(network_from_onnx(parts.network))
+    network = TorchNetwork(parts.network)
     with torch.no_grad():
         hidden, _ = network.lstm(torch.from_numpy(features)[None])
         head = network.head(hidden)[0, :, 0].numpy()
     corrected_n = base_n + parts.target_mean_n + parts.target_scale_n * head.astype(np.float64)
     if parts.forest is None:
         return np.asarray(corrected_n)
-    forest = scikit_learn_forest(forest_from_onnx(parts.forest))
+    forest = scikit_learn_forest(parts.forest)
     rows = forest_input(parts.design, hidden[0].numpy(), head, features)
     forest_n = parts.target_scale_n * forest.predict(rows)
     return np.asarray((base_n + parts.target_mean_n if parts.design == "paper" else corrected_n) + forest_n)

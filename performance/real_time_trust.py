@@ -14,7 +14,6 @@ import numpy as np
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.strata import StrataLimits, strata_masks
 from cylinder_friction.realtime.bounds import REGIMES, regimes_of
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.storage import read_recordings
 
@@ -31,7 +30,7 @@ REPEATS = 4
 
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "models/hybrid")
-    model = step_model(load_estimator(folder))
+    model = load_estimator(folder).step_model()
     recordings = read_recordings(Path("data/processed/test"))
     coverage(model, recordings)
     recovery(model, recordings)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from cylinder_friction.estimators.training_range import TrainingRange
 from cylinder_friction.realtime.bounds import velocity_taps
+from cylinder_friction.realtime.guard import TrainingRange
 from cylinder_friction.signals.causal import FirFilter
 from friction_benchmark.data import exams_of, twin_lessons_of
 

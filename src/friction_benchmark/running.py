@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.training_range import TrainingRange
+    from cylinder_friction.realtime.guard import TrainingRange
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.bounds import ErrorBounds
     from friction_benchmark.data import Sources

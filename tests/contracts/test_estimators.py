@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.forest_alone import ForestEstimator
+from cylinder_friction.estimators.forest import ForestEstimator
 from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import KINDS
@@ -43,7 +43,10 @@ PRODUCT: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "lugre": lambda cylinder: LugreEstimator(cylinder, condition="1", population=4, generations=2),
     "pressure_lugre": lambda cylinder: PressureLugreEstimator(cylinder, condition="1", population=4, generations=2),
     "hybrid": lambda cylinder: HybridEstimator(cylinder, "force_balance", SMALL, PLAN, FOREST),
-    "lstm": lambda cylinder: HybridEstimator(cylinder, "force_balance", DEEP, PLAN),
+    "lstm": lambda cylinder: HybridEstimator(cylinder, "force_balance", DEEP, PLAN, None),
+    "hybrid_of_position": lambda cylinder: HybridEstimator(
+        cylinder, architecture=SMALL, plan=PLAN, forest_plan=FOREST, inputs=("position_m",)
+    ),
     "paper_hybrid": lambda cylinder: HybridEstimator(cylinder, "paper", SMALL, PLAN, FOREST),
 }
 INPUTS = {

@@ -12,7 +12,6 @@ from contracts.runtimes import all_runtimes, run
 from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
@@ -30,7 +29,7 @@ STEPPING = sorted(name for name, runtime in RUNTIMES.items() if getattr(runtime,
 
 @pytest.fixture(scope="module")
 def model() -> StepModel:
-    return step_model(load_estimator(GOLDEN / MODEL_FOLDER))
+    return load_estimator(GOLDEN / MODEL_FOLDER).step_model()
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +104,7 @@ def test_warm_up_is_a_reset_and_then_steps_on_one_sample(
     expected, expected_flags = referred(model, np.concatenate([np.tile(samples[0], (steps, 1)), samples]))
     stream = opened(name)
     run(stream, samples[100:150])
-    stream.warm_up(*samples[0], steps)
+    stream.warm_up(*samples[0], steps=steps)
     newtons, flags = run(stream, samples)
     assert not np.any(flags & Flag.WARMING)
     assert_meets(name, newtons, flags, expected[steps:], expected_flags[steps:])

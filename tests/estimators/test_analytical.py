@@ -162,7 +162,7 @@ def test_the_place_of_the_position_among_the_inputs_does_not_matter(
     np.testing.assert_array_equal(alone.estimate(recording), fitted["dahl"].estimate(recording))
 
 
-def test_one_test_alone_is_the_paper_s_way(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+def test_one_condition_alone_is_the_paper_s_way(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     first = [recording for recording in labelled_recordings if recording.metadata.condition == "1"]
     one, same = (
         AnalyticalEstimator(cylinder, Dahl(), condition=condition, effort=scaled_effort(0.02))
@@ -172,7 +172,7 @@ def test_one_test_alone_is_the_paper_s_way(cylinder: Cylinder, labelled_recordin
     same.fit(first)
     assert one.parameters == same.parameters
     missing = AnalyticalEstimator(cylinder, Dahl(), condition="no load")
-    with pytest.raises(RecordingError, match=r"no recording of test 'no load'; got tests \['1', '2', '3', '4'\]"):
+    with pytest.raises(RecordingError, match=r"of condition 'no load'; got conditions \['1', '2', '3', '4'\]"):
         missing.fit(labelled_recordings)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator, scaling_pressure
+from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator, condition_of_smallest_friction
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -65,9 +65,9 @@ def test_only_its_own_test_is_looked_at(
     assert alone.training_range == fitted["lugre"].training_range
 
 
-def test_a_missing_test_is_refused_with_what_there_is(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
+def test_a_missing_condition_is_refused(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     estimator = LugreEstimator(cylinder, condition="no-load")
-    with pytest.raises(RecordingError, match=r"no recording of test 'no-load'; got tests \['1', '2', '3', '4'\]"):
+    with pytest.raises(RecordingError, match=r"of condition 'no-load'; got conditions \['1', '2', '3', '4'\]"):
         estimator.fit(labelled_recordings)
 
 
@@ -113,10 +113,6 @@ def test_plain_lugre_does_not_feel_pressure(
     assert np.abs(felt).mean() > 20.0
 
 
-def test_scaling_pressure_is_the_sum() -> None:
-    np.testing.assert_array_equal(scaling_pressure(np.array([[1e5, 2e5, 0.1]])), [3e5])
-
-
 def test_best_possible_is_at_least_as_good_and_leaves_the_estimator_alone(
     fitted: dict[str, LugreEstimator], labelled_recordings: list[Recording]
 ) -> None:
@@ -130,3 +126,12 @@ def test_best_possible_is_at_least_as_good_and_leaves_the_estimator_alone(
     assert estimator.parameters is before
     with pytest.raises(RecordingError, match="nothing to search on"):
         estimator.best_possible([], SearchEffort(5, 3, 4, 1))
+
+
+def test_without_a_condition_it_is_identified_where_friction_is_smallest(
+    cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    assert condition_of_smallest_friction(labelled_recordings[::-1]) == "1"
+    estimator = LugreEstimator(cylinder, population=3, generations=1, simulated_recordings=1)
+    assert estimator.fit(labelled_recordings).condition == "1"
+    assert repr(estimator).startswith("<LugreEstimator(condition='1', inputs=('pressure_1_pa',")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.training_range import TrainingRange
+from cylinder_friction.realtime.guard import TrainingRange
 from friction_benchmark.data import Sources, folds_of, lessons_of, twin_lessons_of
 from friction_benchmark.flags import VELOCITY, outside, taught_range, with_causal_velocity
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, UNSEEN_RIG

@@ -11,7 +11,6 @@ import pytest
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ def hybrid() -> HybridEstimator:
 
 @pytest.fixture(scope="session")
 def model(hybrid: HybridEstimator) -> StepModel:
-    return step_model(hybrid)
+    return hybrid.step_model()
 
 
 @pytest.fixture(scope="session")

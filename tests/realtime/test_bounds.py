@@ -1,4 +1,4 @@
-"""Regimes told causally, and bounds that hold as often as they say."""
+"""Causal regimes of motion, and bounds that hold the label as often as stated."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.bounds import (
     CREEP,
@@ -16,7 +15,7 @@ from cylinder_friction.realtime.bounds import (
     SLIDING,
     STANDSTILL,
     UNKNOWN_N,
-    calibrate_bounds,
+    calibrated_bounds,
     regimes,
     regimes_of,
     velocity_taps,
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import Bounds
     from cylinder_friction.recordings.recording import Recording
 
 
@@ -51,53 +51,24 @@ def test_velocity_of_a_ramp_is_exact() -> None:
     np.testing.assert_allclose(velocity_taps(0.005) @ position_m, [0.0, 0.0, 0.03], atol=1e-12)
 
 
-class _KnowsNothing(FrictionEstimator):
-    """Always says 0, so that its error is the label."""
-
-    kind = "knows_nothing"
-
-    def fit(self, recordings):  # type: ignore[no-untyped-def]
-        self._begin_fit(recordings)
-        return self
-
-    def new_state(self) -> None:
-        return None
-
-    def advance(self, state: None, samples: np.ndarray) -> np.ndarray:
-        return np.zeros(len(samples))
-
-    def multiply_adds(self) -> int:
-        return 1
-
-    def _write(self, folder: Path) -> dict[str, object]:
-        return {}
-
-    @classmethod
-    def _read(cls, folder: Path, parameters: dict[str, object]) -> _KnowsNothing:
-        return cls()
-
-
 def labelled(recording: Recording, friction_n: np.ndarray, usable: np.ndarray | None = None) -> Recording:
     usable = np.ones(len(recording), dtype=bool) if usable is None else usable
     return recording.with_columns(friction_n=friction_n, usable=usable)
 
 
-@pytest.fixture
-def estimator(labelled_recordings: list[Recording]) -> _KnowsNothing:
-    made = _KnowsNothing()
-    made.fit(labelled_recordings)
-    return made
+def bounds_of(recordings: list[Recording], warm_up_samples: int = 0, probability: float = 0.9) -> Bounds:
+    """Return the bounds of an estimate of 0, whose error is the label."""
+    estimates_n = [np.zeros(len(recording)) for recording in recordings]
+    return calibrated_bounds(recordings, estimates_n, 0.005, warm_up_samples, probability)
 
 
-def test_half_of_the_misses_lie_on_either_side_within_every_regime(
-    estimator: _KnowsNothing, labelled_recordings: list[Recording]
-) -> None:
+def test_half_of_the_misses_lie_on_either_side_within_every_regime(labelled_recordings: list[Recording]) -> None:
     generator = np.random.default_rng(0)
     recordings = []
     for recording in labelled_recordings:
         regime = regimes_of(recording)
         recordings.append(labelled(recording, (1.0 + regime) * generator.normal(size=len(recording))))
-    bounds = calibrate_bounds(estimator, recordings, warm_up_samples=0, probability=0.8)
+    bounds = bounds_of(recordings, probability=0.8)
     for one in (CREEP, SLIDING, REVERSAL):
         errors = np.concatenate([each.column("friction_n")[regimes_of(each) == one] for each in recordings])
         assert np.mean(errors < bounds.lower_n[one]) == pytest.approx(0.1, abs=1.0 / len(errors) + 1e-3)
@@ -105,7 +76,7 @@ def test_half_of_the_misses_lie_on_either_side_within_every_regime(
     assert bounds.upper_n[SLIDING] > bounds.upper_n[CREEP]
 
 
-def test_the_finite_sample_quantile_is_taken(estimator: _KnowsNothing, labelled_recordings: list[Recording]) -> None:
+def test_the_finite_sample_quantile_is_taken(labelled_recordings: list[Recording]) -> None:
     recording = labelled_recordings[0]
     regime = regimes_of(recording)
     rows = np.flatnonzero(regime == SLIDING)[:39]
@@ -113,28 +84,28 @@ def test_the_finite_sample_quantile_is_taken(estimator: _KnowsNothing, labelled_
     friction[rows] = np.arange(1.0, 40.0)
     usable = np.zeros(len(recording), dtype=bool)
     usable[rows] = True
-    bounds = calibrate_bounds(estimator, [labelled(recording, friction, usable)], warm_up_samples=0)
+    bounds = bounds_of([labelled(recording, friction, usable)])
     assert (bounds.lower_n[SLIDING], bounds.upper_n[SLIDING]) == (2.0, 38.0)  # ranks 2 and 38: 40 · 0.95 of 39
     assert bounds.lower_n[CREEP] == bounds.lower_n[SLIDING]  # a regime without rows takes the errors of all
 
 
-def test_without_enough_rows_bounds_say_nothing(estimator: _KnowsNothing, labelled_recordings: list[Recording]) -> None:
+def test_without_enough_rows_bounds_say_nothing(labelled_recordings: list[Recording]) -> None:
     recording = labelled_recordings[0]
     usable = np.arange(len(recording)) < 5
-    bounds = calibrate_bounds(estimator, [labelled(recording, np.zeros(len(recording)), usable)], warm_up_samples=0)
+    bounds = bounds_of([labelled(recording, np.zeros(len(recording)), usable)])
     assert bounds.upper_n == (UNKNOWN_N,) * 4
 
 
-def test_warm_up_rows_do_not_count(estimator: _KnowsNothing, labelled_recordings: list[Recording]) -> None:
+def test_warm_up_rows_do_not_count(labelled_recordings: list[Recording]) -> None:
     friction = np.where(np.arange(len(labelled_recordings[0])) < 600, 1e6, 1.0)
-    bounds = calibrate_bounds(estimator, [labelled(labelled_recordings[0], friction)], warm_up_samples=600)
+    bounds = bounds_of([labelled(labelled_recordings[0], friction)], warm_up_samples=600)
     assert max(bounds.upper_n) == 1.0
 
 
 @pytest.mark.parametrize("probability", [0.0, 1.0, float("nan")])
-def test_a_probability_that_is_none_is_refused(estimator: _KnowsNothing, probability: float) -> None:
+def test_a_probability_that_is_none_is_refused(probability: float) -> None:
     with pytest.raises(ValueError, match=r"probability must be in \(0, 1\), but got"):
-        calibrate_bounds(estimator, [], 0, probability)
+        bounds_of([], probability=probability)
 
 
 def test_a_trained_hybrid_keeps_its_bounds_when_saved(small_hybrid: HybridEstimator, tmp_path: Path) -> None:

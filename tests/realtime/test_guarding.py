@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.training_range import TrainingRange
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.guard import guard_from, largest_friction_n
+from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
 from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -82,7 +81,7 @@ def test_warming_lasts_as_long_as_it_says(stream: Streams) -> None:
 
 
 def test_recovering_begins_with_the_first_sound_sample_and_lasts_as_long_as_it_says(stream: Streams) -> None:
-    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     bad = [stream.step(float("nan"), *SAMPLE[1:]).flags for _ in range(3)]
     steps = stream.model.guard.recovery_samples
     after = [stream.step(*SAMPLE).flags for _ in range(steps + 5)]
@@ -91,7 +90,7 @@ def test_recovering_begins_with_the_first_sound_sample_and_lasts_as_long_as_it_s
 
 
 def test_outside_the_training_range_the_estimate_goes_on(stream: Streams) -> None:
-    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     upper = stream.model.guard.trained_upper[0]
     assert stream.step(upper, SAMPLE[1], SAMPLE[2] + 1e-4).flags == 0
     beyond = stream.step(1.001 * upper, *SAMPLE[1:])
@@ -103,7 +102,7 @@ def test_outside_the_training_range_the_estimate_goes_on(stream: Streams) -> Non
 def test_a_pressure_that_stays_while_the_piston_travels_is_frozen_until_it_changes(
     stream: Streams, channel: int
 ) -> None:
-    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     other = ("p2", "p1")[channel]
     travel = [0.0, 4.9e-3, 5.1e-3, 0.0]
     samples = [moved(SAMPLE, **{other: 1e3 * (1 + step)}, x=x) for step, x in enumerate(travel)]
@@ -112,7 +111,7 @@ def test_a_pressure_that_stays_while_the_piston_travels_is_frozen_until_it_chang
 
 
 def test_a_held_pressure_is_not_a_frozen_one(stream: Streams) -> None:
-    stream.warm_up(*SAMPLE, stream.model.guard.warm_up_samples)
+    stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     for step in range(10):
         got = stream.step(float("nan"), SAMPLE[1] + step, SAMPLE[2] + 2e-3 * step)
         assert got.flags == Flag.INVALID_PRESSURE_1

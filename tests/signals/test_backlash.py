@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.estimators.features import FeatureBlock, fit_features
+from cylinder_friction.estimators.front_end import FrontEndBlock, fit_front_end
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
 from friction_benchmark.models.related_work import last_motion
 
@@ -79,12 +79,12 @@ def test_the_position_is_always_in_the_gap_and_the_last_push_tells_the_direction
 def test_the_direction_among_the_features_is_that_of_the_play(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
-    features = fit_features(("position_m",), cylinder, labelled_recordings)
-    block = FeatureBlock(features)
+    features = fit_front_end("full", cylinder, labelled_recordings, ("position_m",))
+    block = FrontEndBlock(features)
     recording = labelled_recordings[0]
     found, _ = block.advance(block.new_state(), recording.samples(("position_m",)))
-    place = features.front_end.names.index("position_m_20")
-    smooth_m = found[:, place] * features.front_end.scale[place] + features.front_end.mean[place]
+    place = features.names.index("position_m_20")
+    smooth_m = found[:, place] * features.scale[place] + features.mean[place]
     play, expected = new_backlash(), []
     for at in smooth_m:
         push(at, play, HALF_WIDTH, 0.0, STEP_S)

@@ -11,7 +11,6 @@ from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.params.checking import load_params
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.storage import read_recordings
@@ -40,7 +39,7 @@ def train_golden_model(folder: Path, params: Params) -> None:
         recording.metadata.condition: recording for recording in reversed(read_recordings(PROCESSED_FOLDERS["train"]))
     }
     hybrid = HybridEstimator(cylinder_from(params.cylinder), "force_balance", ARCHITECTURE, PLAN, FOREST)
-    hybrid.fit_with_validation(
+    hybrid.fit(
         [firsts[condition] for condition in sorted(firsts)], read_recordings(PROCESSED_FOLDERS["validation"])
     )
     with whole_folder(folder / MODEL_FOLDER) as draft:
@@ -49,7 +48,7 @@ def train_golden_model(folder: Path, params: Params) -> None:
 
 def record_golden(folder: Path) -> str:
     """Record every trajectory anew with the model in ``folder``; returns one line per trajectory."""
-    model = step_model(load_estimator(folder / MODEL_FOLDER))
+    model = load_estimator(folder / MODEL_FOLDER).step_model()
     lines = []
     for name, samples in golden_samples(read_recordings(PROCESSED_FOLDERS["test"])).items():
         write_trajectory(folder, name, trace(model, samples))
@@ -63,7 +62,7 @@ def check_golden(folder: Path) -> tuple[str, bool]:
     Returns:
         Two lines per trajectory, and whether every number and every flag is the same bit for bit.
     """
-    model = step_model(load_estimator(folder / MODEL_FOLDER))
+    model = load_estimator(folder / MODEL_FOLDER).step_model()
     lines, same = [], True
     for name, golden in read_trajectories(folder).items():
         now = trace(model, golden.samples)

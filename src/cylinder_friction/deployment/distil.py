@@ -13,7 +13,6 @@ import numpy as np
 
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.onnx_files import network_to_onnx
 from cylinder_friction.estimators.training_plan import Architecture, LearningCurve, SequenceData, TrainingPlan
 from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.recordings.storage import read_recordings
@@ -88,7 +87,7 @@ def distil(
         raise ValueError(f"nodes must be at least 1, but got {nodes!r}")
     if teacher.parts is None:
         raise ValueError("the teacher is not fitted yet; call fit or load first")
-    from cylinder_friction.estimators.network_training import train_network  # PyTorch: training alone waits for it
+    from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
 
     parts = teacher.parts
     lessons = [_Lesson.of(teacher, parts, recording) for recording in train]
@@ -96,17 +95,18 @@ def distil(
     taught = np.concatenate([lesson.left_n[lesson.usable] for lesson in lessons])
     mean_n, scale_n = float(taught.mean()), float(taught.std()) or 1.0
     architecture = Architecture(1, nodes, 0.0, LEARNING_RATE)
-    weights, curve = train_network(
-        architecture,
+    network, curve = train_network(
+        lambda inputs: FrictionNetwork(architecture, inputs),
+        architecture.learning_rate,
         plan,
         [lesson.sequence(mean_n, scale_n) for lesson in lessons],
         [exam.sequence(mean_n, scale_n) for exam in exams],
         seed,
     )
-    pupil = HybridEstimator(teacher.cylinder, parts.design, architecture, plan, None, seed)
+    pupil = HybridEstimator(teacher.cylinder, parts.design, architecture, plan, None, seed, inputs=teacher.inputs)
     pupil.sample_time_s, pupil.training_range = teacher.sample_time_s, teacher.training_range
     pupil._set(
-        replace(parts, network=network_to_onnx(weights), forest=None, target_mean_n=mean_n, target_scale_n=scale_n)
+        replace(parts, network=weights_of(network), forest=None, target_mean_n=mean_n, target_scale_n=scale_n)
     )
     pupil.learning_curve = LearningCurve(
         [scale_n * mae for mae in curve.train_mae], [scale_n * mae for mae in curve.validation_mae], curve.best_epoch
@@ -148,7 +148,7 @@ class _Lesson:
     @classmethod
     def of(cls, teacher: HybridEstimator, parts: HybridParts, recording: Recording) -> _Lesson:
         block = FrontEndBlock(parts.front_end)
-        features, base_n = block.advance(block.new_state(), recording.samples())
+        features, base_n = block.advance(block.new_state(), recording.samples(teacher.inputs))
         return cls(features, teacher.estimate(recording) - base_n, recording.usable())
 
     def sequence(self, mean_n: float, scale_n: float) -> SequenceData:

@@ -9,8 +9,8 @@ import onnxruntime
 
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.onnx_files import network_from_onnx
-from cylinder_friction.realtime.forest import Forest, forest_from_onnx
+from cylinder_friction.estimators.onnx_files import forest_to_onnx, network_to_onnx
+from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import Lstm, LstmState
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.hybrid import HybridParts
+    from cylinder_friction.realtime.lstm import LstmWeights
 
     Single = NDArray[np.float32]
 
@@ -45,7 +46,7 @@ def load_onnx(folder: Path) -> FrictionEstimator:
     if not isinstance(stored, HybridEstimator):
         return stored
     assert stored.parts is not None
-    result = OnnxHybrid(stored.cylinder, stored.design)
+    result = OnnxHybrid(stored.cylinder, stored.design, inputs=stored.inputs)
     result.sample_time_s, result.training_range = stored.sample_time_s, stored.training_range
     result._set(stored.parts)
     return result
@@ -54,9 +55,9 @@ def load_onnx(folder: Path) -> FrictionEstimator:
 class OnnxLstm(Lstm):
     """Runs the stored network; its state is what goes into the graph and comes out of it."""
 
-    def __init__(self, model: onnx.ModelProto) -> None:
-        super().__init__(network_from_onnx(model))
-        self._session = one_thread_session(model)
+    def __init__(self, weights: LstmWeights) -> None:
+        super().__init__(weights)
+        self._session = one_thread_session(network_to_onnx(weights))
 
     def advance(self, state: LstmState, features: Single) -> tuple[Single, Single]:
         if len(features) == 0:
@@ -87,11 +88,10 @@ class OnnxForest(Forest):
         return np.asarray(output, dtype=np.float64).reshape(-1)
 
 
-def onnx_forest(model: onnx.ModelProto) -> OnnxForest:
-    """Return the forest of an ONNX graph, run by ONNX Runtime."""
-    arrays = forest_from_onnx(model)
+def onnx_forest(arrays: Forest) -> OnnxForest:
+    """Return a forest that ONNX Runtime runs."""
     forest = OnnxForest(**{name: getattr(arrays, name) for name in Forest.__dataclass_fields__})
-    object.__setattr__(forest, "session", one_thread_session(model))
+    object.__setattr__(forest, "session", one_thread_session(forest_to_onnx(arrays)))
     return forest
 
 

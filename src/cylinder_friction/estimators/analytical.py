@@ -32,7 +32,7 @@ VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
 """One-sided Savitzky-Golay differentiators on offer, window in samples and order."""
 
 BACKLASHES_M = (0.0, 8e-5)
-"""Half-widths of the play on offer [m]: none, and about six times the noise of a smoothed potentiometer."""
+"""Half-widths of the backlash operator on offer [m]: none, and about six times a smoothed potentiometer's noise."""
 
 PRESSURE_PAIRS = (("pressure_1_pa", "pressure_2_pa"), ("pressure_1_level_pa", "pressure_2_level_pa"))
 """Columns whose sum scales dry friction, the better pair first: raw pressures, or their slow level."""
@@ -53,9 +53,9 @@ class AnalyticalEstimator(FrictionEstimator):
         cylinder: For the moving mass.
         model: What is identified.
         inputs: Columns of a sample; ``position_m`` must be one, and a pair of pressures for a model scaled by them.
-        test: The ``metadata.condition`` of the recordings that it is identified on; None for all.
+        condition: The ``metadata.condition`` of the recordings that it is identified on; None for all.
         effort: How hard to search.
-        velocity_dead_band_m_s: Slower counts as standstill, where no play tells it [m/s].
+        velocity_dead_band_m_s: Slower counts as standstill, where no backlash operator decides [m/s].
         damping_ratio: Damping ratio of the moving mass on the bristles.
         confidence: Probability of the confidence intervals.
 
@@ -70,6 +70,7 @@ class AnalyticalEstimator(FrictionEstimator):
     """
 
     kind: ClassVar[str] = "analytical"
+    shown: ClassVar[tuple[str, ...]] = ("model",)
 
     def __init__(
         self,
@@ -97,16 +98,16 @@ class AnalyticalEstimator(FrictionEstimator):
         self._values = np.zeros(0)
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Identify the model on the recordings of its test; the others are not looked at.
+        """Identify the model on the recordings of its condition; the others are not looked at.
 
         Raises:
-            RecordingError: There is no recording of that test.
+            RecordingError: There is no recording of that condition.
         """
         chosen = [recording for recording in recordings if self.condition in (None, recording.metadata.condition)]
         if recordings and not chosen:
             raise RecordingError(
-                f"{self.kind}: no recording of condition {self.condition!r}; got tests "
-                f"{sorted({recording.metadata.condition for recording in recordings})}; name one of them as its test"
+                f"{self.kind}: no recording of condition {self.condition!r}; got conditions "
+                f"{sorted({recording.metadata.condition for recording in recordings})}; name one of them"
             )
         self._begin_fit(chosen)
         found = self._identify(chosen, self.effort)

@@ -1,4 +1,4 @@
-"""The one protocol behind everything that estimates friction from raw samples."""
+"""The protocol of everything that estimates friction from raw samples."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from cylinder_friction.estimators.training_range import TrainingRange
-from cylinder_friction.realtime.bounds import calibrate_bounds
-from cylinder_friction.realtime.guard import guard_from
-from cylinder_friction.realtime.model import Bounds, Guard
+from cylinder_friction.realtime.bounds import calibrated_bounds, unknown_bounds, velocity_taps
+from cylinder_friction.realtime.guard import TrainingRange, guard_from
+from cylinder_friction.realtime.model import Bounds, Guard, StepModel
+from cylinder_friction.realtime.stream import EstimatorStream, RealTimeStream, StrictStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -40,18 +40,21 @@ class FrictionEstimator(ABC):
     differ. Output is friction [N], positive when it opposes positive velocity.
 
     A subclass sets ``kind`` and gives ``fit``, ``new_state``, ``advance``, ``multiply_adds``, ``_write`` and ``_read``.
-    ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree.
+    ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree. One that can run in real time, and in
+    other runtimes, gives its ``step_model``.
 
     Attributes:
         kind: Name of the class in a saved model folder.
-        inputs: The columns of a recording that it sees, in this order.
+        shown: Names of the attributes that its representation shows.
+        inputs: The columns of a recording that make up a sample, in this order.
         sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
-        training_range: What raw samples it was taught on; None before ``fit``.
+        training_range: Range of the raw samples that it was trained on; None before ``fit``.
         guard: What a sample must be in real time; None before ``calibrate``.
-        bounds: What the estimate's error may be; None before ``calibrate``.
+        bounds: The interval around the estimate that holds the label; None before ``calibrate``.
     """
 
     kind: ClassVar[str]
+    shown: ClassVar[tuple[str, ...]] = ()
     _kinds: ClassVar[dict[str, type[FrictionEstimator]]] = {}
 
     def __init__(self, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
@@ -65,6 +68,11 @@ class FrictionEstimator(ABC):
         super().__init_subclass__(**kwargs)
         if "kind" in cls.__dict__:
             FrictionEstimator._kinds[cls.kind] = cls
+
+    def __repr__(self) -> str:
+        settings = [f"{name}={getattr(self, name)!r}" for name in (*self.shown, "inputs")]
+        state = "not fitted" if self.sample_time_s is None else f"fitted at {1.0 / self.sample_time_s:g} Hz"
+        return f"<{type(self).__name__}({', '.join(settings)}), {state}>"
 
     @abstractmethod
     def fit(self, recordings: Sequence[Recording]) -> Self:
@@ -90,7 +98,7 @@ class FrictionEstimator(ABC):
 
     @abstractmethod
     def _write(self, folder: Path) -> dict[str, Any]:
-        """Write what is not JSON into ``folder`` and returns the rest as JSON content."""
+        """Write what is not JSON into ``folder`` and return the rest as JSON content."""
 
     @classmethod
     @abstractmethod
@@ -98,7 +106,7 @@ class FrictionEstimator(ABC):
         """Return the estimator that ``_write`` wrote."""
 
     def estimate(self, recording: Recording) -> Array:
-        """Return friction [N], shape ``(n,)``, one a sample, from a fresh state.
+        """Return friction [N], shape ``(n,)``, one value per sample, from a fresh state.
 
         Raises:
             RecordingError: The recording has another sample time, or a sample is NaN or infinite.
@@ -114,10 +122,23 @@ class FrictionEstimator(ABC):
         refuse_not_finite(f"recording {recording.name!r}", samples, self.inputs)
         return self.advance(self.new_state(), samples)
 
-    def stream(self) -> EstimatorStream:
+    def stream(self) -> EstimatorStream | StrictStream:
         """Return a fresh stream; streams of one estimator do not touch each other."""
         self._refuse_unfitted()
         return EstimatorStream(self.new_state, self.advance, self.inputs)
+
+    def step_model(self) -> StepModel:
+        """Return what one real-time step needs: the description from which every runtime is made.
+
+        Raises:
+            NotFittedError: There is nothing fitted or loaded yet.
+            ValueError: This kind of estimator has no such step.
+        """
+        raise ValueError(f"{self.kind}: has no real-time step; expected a hybrid, forest, force balance or ridge")
+
+    def real_time(self) -> RealTimeStream:
+        """Return a fresh guarded stream, which takes whatever the sensors give; see ``RealTimeStream``."""
+        return RealTimeStream(self.step_model())
 
     def calibrate(self, largest_friction_n: float, validation: Sequence[Recording]) -> None:
         """Set guard and bounds, the latter from the errors on recordings that the estimator did not learn from.
@@ -130,7 +151,8 @@ class FrictionEstimator(ABC):
         assert self.training_range is not None
         assert self.sample_time_s is not None
         self.guard = guard_from(self.training_range, largest_friction_n, self.sample_time_s)
-        self.bounds = calibrate_bounds(self, validation, self.guard.warm_up_samples)
+        estimates_n = [self.estimate(recording) for recording in validation]
+        self.bounds = calibrated_bounds(validation, estimates_n, self.sample_time_s, self.guard.warm_up_samples)
 
     def save(self, folder: Path) -> None:
         """Write the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
@@ -186,7 +208,7 @@ class FrictionEstimator(ABC):
         return estimator
 
     def _begin_fit(self, recordings: Sequence[Recording]) -> None:
-        """Check the recordings and notes their sample time and range.
+        """Check the recordings and note their sample time and range.
 
         Raises:
             RecordingError: There is no recording, or they do not share one sample time.
@@ -201,38 +223,35 @@ class FrictionEstimator(ABC):
         self.sample_time_s = sample_times[0]
         self.training_range = TrainingRange.of(recordings, self.inputs)
 
+    def _step_model(self, **fields: Any) -> StepModel:
+        """Return a step model with these fields; the others are those of a step without features, network and forest.
+
+        Guard and bounds are the estimator's own; without them a guard from its training range, which cannot notice a
+        frozen position, and bounds so wide that they state nothing.
+        """
+        self._refuse_unfitted()
+        assert self.sample_time_s is not None
+        assert self.training_range is not None
+        none = np.zeros(0)
+        defaults: dict[str, Any] = {
+            "feature_taps": np.zeros((0, len(self.inputs), 1)),
+            **dict.fromkeys(("feature_limits", "feature_mean", "feature_scale"), none),
+            "network": None,
+            "forest": None,
+            "forest_sees": "nothing",
+            "head_counts": False,
+            "target_mean_n": 0.0,
+            "target_scale_n": 1.0,
+        }
+        return StepModel(
+            **defaults | fields,
+            sample_time_s=self.sample_time_s,
+            velocity_taps=velocity_taps(self.sample_time_s, self.inputs),
+            guard=self.guard or guard_from(self.training_range, np.inf, self.sample_time_s),
+            bounds=self.bounds or unknown_bounds(self.sample_time_s),
+            inputs=self.inputs,
+        )
+
     def _refuse_unfitted(self) -> None:
         if self.sample_time_s is None or self.training_range is None:
             raise NotFittedError(f"{self.kind}: not fitted yet; call fit or load first")
-
-
-class EstimatorStream:
-    """One running estimate: samples go in one at a time, newtons come out."""
-
-    def __init__(
-        self,
-        new_state: Callable[[], Any],
-        advance: Callable[[Any, Array], Array],
-        inputs: Sequence[str] = SAMPLE_COLUMNS,
-    ) -> None:
-        self._new_state = new_state
-        self._advance = advance
-        self._inputs = inputs
-        self._state = new_state()
-
-    def reset(self) -> None:
-        """Forget everything; the next step is a first step."""
-        self._state = self._new_state()
-
-    def step(self, *sample: float) -> float:
-        """Return friction [N] at this sample: one number an input, by default P1 [Pa], P2 [Pa], position [m].
-
-        Raises:
-            RecordingError: A value is NaN or infinite; the state stays as it was.
-            TypeError: There are more or fewer numbers than inputs.
-        """
-        if len(sample) != len(self._inputs):
-            raise TypeError(f"expected {len(self._inputs)} numbers, {', '.join(self._inputs)}, but got {len(sample)}")
-        row = np.array([sample], dtype=np.float64)
-        refuse_not_finite("stream", row, self._inputs)
-        return float(self._advance(self._state, row)[0])

@@ -1,7 +1,7 @@
-"""From raw samples to what a network sees: causal linear filters, a soft limit, standardisation.
+"""From raw samples to what a network sees: causal linear filters, a soft limit, the history of motion, standardisation.
 
-Everything a hybrid does before its network is one bank of finite-impulse-response filters on the three raw signals,
-so it is causal, holds little state, and is stored as plain numbers.
+All but the history is one bank of finite-impulse-response filters on the raw inputs, so it is causal, holds little
+state, and is stored as plain numbers.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
 
 import numpy as np
 
-from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows
+from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows, refuse_missing_inputs
+from cylinder_friction.realtime.history import HISTORY_NAMES, History, history_rows, new_history
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
     FirFilter,
@@ -26,84 +26,128 @@ from cylinder_friction.signals.causal import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
+    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
     from cylinder_friction.recordings.recording import Recording
 
-Design = Literal["force_balance", "paper"]
+Design = Literal["force_balance", "paper", "full"]
 
 SMOOTHING_LAGS = 16
 CREEP_VELOCITY_M_S = 5e-3
 """Velocity at which the soft limit bends: below it lubrication is mixed and friction falls with velocity."""
+SMOOTH_POSITION = "position_m_20"
+"""The feature that the history of motion follows."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrontEnd:
     """Filters and scaling before the network.
 
     Attributes:
-        names: What each feature is, with its unit.
-        taps: Shape ``(features, inputs, lags)``, on raw samples.
-        limits: Shape ``(features,)``; where positive, the filtered value y becomes ``y / (|y| + limit)``.
-        mean: Shape ``(features,)``; taken off before scaling.
-        scale: Shape ``(features,)``; divided by.
+        inputs: Columns of a recording, in the order of its samples.
+        names: What each feature is, with its unit: the linear ones, then those of the history.
+        taps: Shape ``(linear features, inputs, lags)``, on raw samples.
+        limits: Shape ``(linear features,)``; where positive, the filtered value y becomes ``y / (|y| + limit)``.
+        mean: Shape ``(linear features,)``; taken off before scaling.
+        scale: Shape ``(linear features,)``; divided by.
         base_taps: Shape ``(1, inputs, lags)``; the force [N] that the network corrects; None: it starts from 0.
+        history: The features of the motion so far, with their scaling; None: there are none.
+        sample_time_s: Between two samples [s]; only the history depends on it.
     """
 
+    inputs: tuple[str, ...]
     names: tuple[str, ...]
     taps: Array
     limits: Array
     mean: Array
     scale: Array
-    base_taps: Array | None
+    base_taps: Array | None = None
+    history: History | None = None
+    sample_time_s: float = 1.0
+
+    @property
+    def has_base(self) -> bool:
+        """Whether there is a force balance to correct."""
+        return self.base_taps is not None
+
+    def step_fields(self) -> dict[str, Any]:
+        """Return the fields of a ``StepModel`` that are the front end's."""
+        base = np.zeros((len(self.inputs), 1)) if self.base_taps is None else self.base_taps[0]
+        return {
+            "feature_taps": np.ascontiguousarray(self.taps, dtype=np.float64),
+            "feature_limits": self.limits,
+            "feature_mean": self.mean,
+            "feature_scale": self.scale,
+            "base_taps": np.ascontiguousarray(base),
+            "history": self.history,
+        }
 
     def to_dict(self) -> dict[str, Any]:
         return {
+            "inputs": list(self.inputs),
             "names": list(self.names),
             "taps": self.taps.tolist(),
             "limits": self.limits.tolist(),
             "mean": self.mean.tolist(),
             "scale": self.scale.tolist(),
             "base_taps": None if self.base_taps is None else self.base_taps.tolist(),
+            "history": None if self.history is None else self.history.to_dict(),
+            "sample_time_s": self.sample_time_s,
         }
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
-        arrays = {key: np.array(content[key]) for key in ("taps", "limits", "mean", "scale")}
-        base = content["base_taps"]
-        return cls(names=tuple(content["names"]), base_taps=None if base is None else np.array(base), **arrays)
+        base, history = content["base_taps"], content.get("history")
+        return cls(
+            inputs=tuple(content.get("inputs", SAMPLE_COLUMNS)),
+            names=tuple(content["names"]),
+            base_taps=None if base is None else np.array(base),
+            history=None if history is None else History.from_dict(history),
+            sample_time_s=content.get("sample_time_s", 1.0),
+            **{key: np.array(content[key]) for key in ("taps", "limits", "mean", "scale")},
+        )
 
 
 @dataclass
 class FrontEndState:
-    """State of the feature filters and of the force that is corrected."""
+    """State of the feature filters, of the force that is corrected, and of the history of motion."""
 
     features: FirState
     base: FirState
+    motion: Array
 
 
 class FrontEndBlock:
-    """Runs a ``FrontEnd`` over samples."""
+    """Samples, shape ``(n, inputs)``, to standardised features and the force they correct; causal, cut anywhere."""
 
     def __init__(self, front_end: FrontEnd) -> None:
         self.front_end = front_end
         self._features = FirFilter(front_end.taps)
-        self._base = FirFilter(
-            np.zeros((1, front_end.taps.shape[1], 1)) if front_end.base_taps is None else front_end.base_taps
-        )
+        none = np.zeros((1, front_end.taps.shape[1], 1))
+        self._base = FirFilter(none if front_end.base_taps is None else front_end.base_taps)
 
     def new_state(self) -> FrontEndState:
-        return FrontEndState(self._features.new_state(), self._base.new_state())
+        return FrontEndState(self._features.new_state(), self._base.new_state(), new_history())
 
     def advance(self, state: FrontEndState, samples: Array) -> tuple[Any, Array]:
         """Return standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
-        limits = self.front_end.limits
+        plan, history = self.front_end, self.front_end.history
+        limits = plan.limits
         filtered = self._features.advance(state.features, samples)
         soft = np.where(limits > 0.0, filtered / (np.abs(filtered) + np.where(limits > 0.0, limits, 1.0)), filtered)
-        scaled = (soft - self.front_end.mean) / self.front_end.scale
-        return scaled.astype(np.float32), self._base.advance(state.base, samples)[:, 0]
+        features = ((soft - plan.mean) / plan.scale).astype(np.float32)
+        if history is not None:
+            position_m = np.ascontiguousarray(filtered[:, history.position_feature])
+            moved = history_rows(position_m, state.motion, history.settings(), plan.sample_time_s)
+            scaled = (moved - history.mean) / history.scale
+            features = np.concatenate([features, scaled.astype(np.float32)], axis=1)
+        return features, self._base.advance(state.base, samples)[:, 0]
 
     def multiply_adds(self) -> int:
-        return int(np.count_nonzero(self._features.taps) + np.count_nonzero(self._base.taps))
+        history = 0 if self.front_end.history is None else 5 * len(HISTORY_NAMES)
+        return int(np.count_nonzero(self._features.taps) + np.count_nonzero(self._base.taps)) + history
 
 
 class FeatureMaker(Protocol):
@@ -116,69 +160,36 @@ class FeatureMaker(Protocol):
         """Return features, shape ``(n, k)``, and the force to correct [N], shape ``(n,)``; changes ``state``."""
 
 
-def fit_front_end(design: Design, cylinder: Cylinder, recordings: Sequence[Recording]) -> FrontEnd:
+def fit_front_end(
+    design: Design, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS
+) -> FrontEnd:
     """Return the front end of a hybrid, its scaling (and the smoothing of its base) learnt on these recordings alone.
 
     Args:
         design: ``paper``: pressures through a moving average of 10 and velocity from differences of the averaged
             position, nothing to correct. ``force_balance``: the force balance and what moves it, correcting the
-            least-squares smoothed force balance.
+            least-squares smoothed force balance. ``full``: all features that the inputs allow, the history of motion
+            too; ``force_balance`` is the same where there are no raw pressures, and then there is nothing to correct.
         cylinder: Its areas.
         recordings: Labelled recordings of one sample time.
+        inputs: Columns of a sample; ``position_m`` must be one, both raw pressures too for ``paper``.
+
+    Raises:
+        ValueError: An input is missing.
     """
-    sample_time_s = recordings[0].sample_time_s
-    rows = _paper_rows(sample_time_s) if design == "paper" else _force_balance_rows(cylinder, sample_time_s)
-    base = None if design == "paper" else smoothed_force_balance_taps(cylinder, recordings)
-    raw = unscaled_front_end(rows, base)
-    mean, scale = standardisation(FrontEndBlock(raw), SAMPLE_COLUMNS, recordings)
-    return replace(raw, mean=mean, scale=scale)
+    inputs, sample_time_s = tuple(inputs), recordings[0].sample_time_s
+    rows = _feature_rows(design, inputs, cylinder, sample_time_s)
+    base = None
+    if design != "paper" and _has_pressures(inputs):
+        base = smoothed_force_balance_taps(cylinder, recordings, inputs)
+    front_end = with_history(unscaled_front_end(inputs, rows, base, sample_time_s))
+    return standardised(front_end, FrontEndBlock(front_end), recordings)
 
 
-def unscaled_front_end(rows: Sequence[FeatureRow], base_taps: Array | None) -> FrontEnd:
-    """Return a front end that neither centres nor scales these features."""
-    taps, limits = _stack([row.taps for row in rows]), np.array([row.limit for row in rows])
-    names, count = tuple(row.name for row in rows), len(rows)
-    return FrontEnd(names, taps, limits, np.zeros(count), np.ones(count), base_taps)
-
-
-def standardisation(block: FeatureMaker, inputs: Sequence[str], recordings: Sequence[Recording]) -> tuple[Array, Array]:
-    """Return mean and standard deviation of each feature over the usable rows; 1 for one that never varies."""
-    seen = [
-        block.advance(block.new_state(), recording.samples(inputs))[0][recording.usable()].astype(np.float64)
-        for recording in recordings
-    ]
-    values = np.concatenate(seen)
-    mean, scale = values.mean(axis=0), values.std(axis=0)
-    scale[scale == 0.0] = 1.0
-    return mean, scale
-
-
-def smoothed_force_balance_taps(cylinder: Cylinder, recordings: Sequence[Recording]) -> Array:
-    """Return the taps, shape ``(1, 3, lags)``, of the causally smoothed force balance nearest to the labels.
-
-    Least squares on the last ``SMOOTHING_LAGS`` values of P1·A1 - P2·A2 (a finite Wiener filter; Wiener 1949).
-    """
-    labels, masks = labelled_rows(recordings)
-    balance = FirFilter(force_balance_taps(cylinder))
-    lags = FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
-    rows = []
-    for recording, mask in zip(recordings, masks, strict=True):
-        force = balance.advance(balance.new_state(), recording.samples())
-        rows.append(lags.advance(lags.new_state(), force)[mask])
-    lagged = np.concatenate(rows)
-    weights = np.linalg.lstsq(lagged.T @ lagged, lagged.T @ labels, rcond=None)[0]
-    return force_balance_taps(cylinder) * weights[None, None, :]
-
-
-def feature_count(design: Design) -> int:
+def feature_count(design: Design, inputs: Sequence[str] = SAMPLE_COLUMNS) -> int:
     """Return how many features a design gives its network."""
-    if design == "paper":
-        return len(_paper_rows(1.0))
-    return len(
-        _force_balance_rows(
-            Cylinder(name="any", bore_diameter_m=2.0, rod_diameter_m=1.0, stroke_m=1.0, moving_mass_kg=1.0), 1.0
-        )
-    )
+    rows = _feature_rows(design, tuple(inputs), None, 1.0)
+    return len(rows) + (len(HISTORY_NAMES) if any(row.name == SMOOTH_POSITION for row in rows) else 0)
 
 
 @dataclass(frozen=True)
@@ -190,68 +201,120 @@ class FeatureRow:
     limit: float = 0.0
 
 
-def feature_rows(inputs: Sequence[str], cylinder: Cylinder, sample_time_s: float) -> list[FeatureRow]:
-    """Return the linear features of any set of inputs.
+def unscaled_front_end(
+    inputs: tuple[str, ...], rows: Sequence[FeatureRow], base_taps: Array | None, sample_time_s: float
+) -> FrontEnd:
+    """Return a front end that neither centres nor scales these features."""
+    length, count = max(row.taps.shape[1] for row in rows), len(rows)
+    taps = np.stack([np.pad(row.taps, ((0, 0), (0, length - row.taps.shape[1]))) for row in rows])
+    names, limits = tuple(row.name for row in rows), np.array([row.limit for row in rows])
+    mean, scale = np.zeros(count), np.ones(count)
+    return FrontEnd(inputs, names, taps, limits, mean, scale, base_taps, sample_time_s=sample_time_s)
 
-    Position gives itself, velocity, creep and acceleration; raw pressures, which then come first, what the default
-    hybrid sees of them; every other column (a temperature, a pressure level) its moving average of 20.
+
+def with_history(front_end: FrontEnd) -> FrontEnd:
+    """Return an unscaled front end with the history of motion, where a smoothed position is among its features."""
+    if SMOOTH_POSITION not in front_end.names:
+        return front_end
+    place, count = front_end.names.index(SMOOTH_POSITION), len(HISTORY_NAMES)
+    history = History(place, np.zeros(count), np.ones(count))
+    return replace(front_end, names=front_end.names + HISTORY_NAMES, history=history)
+
+
+def standardised(front_end: FrontEnd, block: FeatureMaker, recordings: Sequence[Recording]) -> FrontEnd:
+    """Return an unscaled front end with mean and standard deviation of each feature that ``block`` makes of it.
+
+    Only usable rows count; a feature that never varies has the scale 1.
     """
-    rows = []
-    if tuple(inputs[:3]) == SAMPLE_COLUMNS:
-        pad = ((0, len(inputs) - 3), (0, 0))
-        rows = [replace(row, taps=np.pad(row.taps, pad)) for row in _force_balance_rows(cylinder, sample_time_s)]
-    place, count = inputs.index("position_m"), len(inputs)
-    if not rows:
-        velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
-        slow_velocity = cascade_taps(moving_average_taps(20), difference_taps(sample_time_s))
-        rows = [
-            FeatureRow("velocity_m_s", _signal(place, velocity, count)),
-            FeatureRow("creep_velocity", _signal(place, velocity, count), CREEP_VELOCITY_M_S),
-            FeatureRow("slow_creep_velocity", _signal(place, slow_velocity, count), CREEP_VELOCITY_M_S),
-        ]
-    acceleration = one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
-    rows.append(FeatureRow("acceleration_m_s2", _signal(place, acceleration, count)))
-    known = SAMPLE_COLUMNS if tuple(inputs[:3]) == SAMPLE_COLUMNS else ()
-    for column, name in enumerate(inputs):
-        if name not in known or name == "position_m":
-            rows.append(FeatureRow(f"{name}_20", _signal(column, moving_average_taps(20), count)))
-    return rows
-
-
-def _signal(column: int, taps: Array, inputs: int = 3) -> Array:
-    result = np.zeros((inputs, len(taps)))
-    result[column] = taps
-    return result
-
-
-def _paper_rows(sample_time_s: float) -> list[FeatureRow]:
-    average = moving_average_taps(10)
-    velocity = cascade_taps(average, difference_taps(sample_time_s))
-    return [
-        FeatureRow("pressure_1_pa", _signal(0, average)),
-        FeatureRow("pressure_2_pa", _signal(1, average)),
-        FeatureRow("velocity_m_s", _signal(2, velocity)),
+    values = [
+        block.advance(block.new_state(), recording.samples(front_end.inputs))[0][recording.usable()]
+        for recording in recordings
     ]
+    rows = np.concatenate([each.astype(np.float64) for each in values])
+    mean, scale = rows.mean(axis=0), rows.std(axis=0)
+    scale[scale == 0.0] = 1.0
+    linear, history = len(front_end.taps), front_end.history
+    if history is not None:
+        count = len(history.mean)
+        history = replace(history, mean=mean[linear:][:count], scale=scale[linear:][:count])
+    return replace(front_end, mean=mean[:linear], scale=scale[:linear], history=history)
 
 
-def _force_balance_rows(cylinder: Cylinder, sample_time_s: float) -> list[FeatureRow]:
-    areas = force_balance_taps(cylinder)[0, :, 0]
+def smoothed_force_balance_taps(
+    cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS
+) -> Array:
+    """Return the taps, shape ``(1, inputs, lags)``, of the causally smoothed force balance nearest to the labels.
+
+    Least squares on the last ``SMOOTHING_LAGS`` values of P1·A1 - P2·A2, less a measured load (a finite Wiener filter;
+    Wiener 1949).
+    """
+    labels, masks = labelled_rows(recordings)
+    taps = force_balance_taps(cylinder, inputs)
+    balance = FirFilter(taps)
+    lags = FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
+    rows = []
+    for recording, mask in zip(recordings, masks, strict=True):
+        force = balance.advance(balance.new_state(), recording.samples(inputs))
+        rows.append(lags.advance(lags.new_state(), force)[mask])
+    lagged = np.concatenate(rows)
+    weights = np.linalg.lstsq(lagged.T @ lagged, lagged.T @ labels, rcond=None)[0]
+    return taps * weights[None, None, :]
+
+
+def _has_pressures(inputs: tuple[str, ...]) -> bool:
+    return set(SAMPLE_COLUMNS) <= set(inputs)
+
+
+def _feature_rows(
+    design: Design, inputs: tuple[str, ...], cylinder: Cylinder | None, sample_time_s: float
+) -> list[FeatureRow]:
+    """Return the linear features of a design; without a cylinder, with areas of no meaning.
+
+    Position gives velocity, creep and, in full, itself and acceleration; raw pressures the force balance and what
+    moves it; every other column (a temperature, a pressure level) its moving average of 20.
+    """
+    if "position_m" not in inputs:
+        raise ValueError(f"expected position_m among the inputs, but got {inputs}")
+    raw = _has_pressures(inputs)
+    full = design == "full" or (design == "force_balance" and not raw)
+
+    def signal(column: str, taps: NDArray[np.float64]) -> Array:
+        result = np.zeros((len(inputs), len(taps)))
+        result[inputs.index(column)] = taps
+        return result
+
+    if design == "paper":
+        refuse_missing_inputs(inputs)
+        average = moving_average_taps(10)
+        velocity = cascade_taps(average, difference_taps(sample_time_s))
+        return [
+            FeatureRow("pressure_1_pa", signal("pressure_1_pa", average)),
+            FeatureRow("pressure_2_pa", signal("pressure_2_pa", average)),
+            FeatureRow("velocity_m_s", signal("position_m", velocity)),
+        ]
+    rows = []
+    if raw:
+        areas = force_balance_taps(cylinder, inputs)[0] if cylinder is not None else np.ones((len(inputs), 1))
+        pressure_rate = one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
+        rows = [
+            FeatureRow("force_balance_n", areas),
+            FeatureRow("force_balance_4_n", areas * moving_average_taps(4)),
+            FeatureRow("force_balance_12_n", areas * moving_average_taps(12)),
+            FeatureRow("pressure_1_pa", signal("pressure_1_pa", moving_average_taps(8))),
+            FeatureRow("pressure_2_pa", signal("pressure_2_pa", moving_average_taps(8))),
+            FeatureRow("pressure_1_rate_pa_s", signal("pressure_1_pa", pressure_rate)),
+        ]
     velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
     slow_velocity = cascade_taps(moving_average_taps(20), difference_taps(sample_time_s))
-    pressure_rate = one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
-    return [
-        FeatureRow("force_balance_n", areas[:, None] * np.ones((1, 1))),
-        FeatureRow("force_balance_4_n", areas[:, None] * moving_average_taps(4)),
-        FeatureRow("force_balance_12_n", areas[:, None] * moving_average_taps(12)),
-        FeatureRow("pressure_1_pa", _signal(0, moving_average_taps(8))),
-        FeatureRow("pressure_2_pa", _signal(1, moving_average_taps(8))),
-        FeatureRow("pressure_1_rate_pa_s", _signal(0, pressure_rate)),
-        FeatureRow("velocity_m_s", _signal(2, velocity)),
-        FeatureRow("creep_velocity", _signal(2, velocity), CREEP_VELOCITY_M_S),
-        FeatureRow("slow_creep_velocity", _signal(2, slow_velocity), CREEP_VELOCITY_M_S),
+    rows += [
+        FeatureRow("velocity_m_s", signal("position_m", velocity)),
+        FeatureRow("creep_velocity", signal("position_m", velocity), CREEP_VELOCITY_M_S),
+        FeatureRow("slow_creep_velocity", signal("position_m", slow_velocity), CREEP_VELOCITY_M_S),
     ]
-
-
-def _stack(rows: list[Array]) -> Array:
-    length = max(row.shape[1] for row in rows)
-    return np.stack([np.pad(row, ((0, 0), (0, length - row.shape[1]))) for row in rows])
+    if full:
+        acceleration = one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
+        rows.append(FeatureRow("acceleration_m_s2", signal("position_m", acceleration)))
+    for name in inputs:
+        if (name == "position_m" and full) or name not in SAMPLE_COLUMNS or (name != "position_m" and not raw):
+            rows.append(FeatureRow(f"{name}_20", signal(name, moving_average_taps(20))))
+    return rows

@@ -1,21 +1,22 @@
-"""The hybrid of LSTM and random forest, in two designs.
+"""The hybrid of LSTM and random forest, for any inputs.
 
-``paper``: an LSTM over both pressures and velocity, filtered as published; its last hidden state goes into a random
-forest, whose output is the estimate. ``force_balance``: the causal force balance first, an LSTM that corrects it,
-and a forest that corrects what the LSTM leaves. Without its forest, either is the LSTM alone.
+``force_balance``, the default: the causal force balance first, an LSTM that corrects it, and a forest that corrects
+the residual of the LSTM; without raw pressures LSTM and forest give all of friction. ``paper``: an LSTM over both
+pressures and velocity, filtered as published; its last hidden state goes into a random forest, whose output is the
+estimate. Without its forest, either is the LSTM alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-import onnx
 
-from cylinder_friction.estimators.early_stopping import held_out_for_stopping
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.forest import FOREST_FILE, ForestPlan, fit_forest
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
-from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.onnx_files import read_forest, read_network, write_forest, write_network
 from cylinder_friction.estimators.training_plan import (
     Architecture,
     EpochReport,
@@ -23,10 +24,10 @@ from cylinder_friction.estimators.training_plan import (
     SequenceData,
     TrainingPlan,
 )
-from cylinder_friction.realtime.estimator import RealTimeEstimator
-from cylinder_friction.realtime.forest import Forest, fit_forest, forest_from_onnx
 from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.realtime.lstm import Lstm, LstmState
+from cylinder_friction.realtime.stream import StrictStream
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,40 +35,35 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import Array
-    from cylinder_friction.estimators.checkpoint import Checkpoint
+    from cylinder_friction.estimators.training_plan import Checkpoint
+    from cylinder_friction.realtime.forest import Forest
+    from cylinder_friction.realtime.lstm import LstmWeights
+    from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
 
 NETWORK_FILE = "network.onnx"
-FOREST_FILE = "forest.onnx"
-
-
-@dataclass(frozen=True)
-class ForestPlan:
-    """The forest: trees and their greatest depth (the paper's Table I), rows it is fitted on, fewest rows in a leaf."""
-
-    trees: int
-    depth: int
-    rows: int
-    leaf: int
+KEPT_SESSIONS = 2
+"""Sessions of each condition that must be left to train on, before one of each is held out."""
+DEFAULT_FOREST = ForestPlan()
 
 
 @dataclass(frozen=True)
 class HybridParts:
-    """A trained hybrid: everything that a step needs.
+    """A trained hybrid.
 
     Attributes:
-        design: Which of the two.
-        front_end: Filters and scaling.
-        network: The LSTM as ONNX.
-        forest: The forest as ONNX; None for the LSTM alone.
-        target_mean_n: What the network's output 0 stands for [N].
-        target_scale_n: What its output 1 adds to that [N].
+        design: How it is put together.
+        front_end: Filters, history and scaling.
+        network: The LSTM.
+        forest: The forest; None for the LSTM alone.
+        target_mean_n: Force that the network's output 0 stands for [N].
+        target_scale_n: Force that its output 1 adds to that [N].
     """
 
     design: Design
     front_end: FrontEnd
-    network: onnx.ModelProto
-    forest: onnx.ModelProto | None
+    network: LstmWeights
+    forest: Forest | None
     target_mean_n: float
     target_scale_n: float
 
@@ -80,20 +76,24 @@ class HybridState:
     network: LstmState
 
 
-class HybridEstimator(RealTimeEstimator):
+class HybridEstimator(FrictionEstimator):
     """LSTM + random forest on causally filtered samples.
 
+    Example: ``HybridEstimator(cylinder).fit(recordings).estimate(recording)``.
+
     Args:
-        cylinder: Its areas.
-        design: ``force_balance`` (the default of the project) or ``paper``.
-        architecture: Of the LSTM.
-        plan: Of its training.
+        cylinder: Its areas; needed for ``fit`` alone.
+        design: ``force_balance``, ``paper`` or ``full``, see ``fit_front_end``.
+        architecture: Of the LSTM; None for the default.
+        plan: Of its training; None for the default.
         forest_plan: Of the forest; None for the LSTM alone.
-        seed: Of weights, dropout, order and bootstrap.
+        seed: Seeds weights, dropout, batch order and bootstrap.
         device: ``cpu`` or ``cuda``, for training.
+        inputs: Columns of a sample; ``position_m`` must be among them.
     """
 
     kind: ClassVar[str] = "hybrid"
+    shown: ClassVar[tuple[str, ...]] = ("design", "architecture", "forest_plan")
 
     def __init__(
         self,
@@ -101,47 +101,58 @@ class HybridEstimator(RealTimeEstimator):
         design: Design = "force_balance",
         architecture: Architecture | None = None,
         plan: TrainingPlan | None = None,
-        forest_plan: ForestPlan | None = None,
+        forest_plan: ForestPlan | None = DEFAULT_FOREST,
         seed: int = 0,
         device: str = "cpu",
+        inputs: Sequence[str] = SAMPLE_COLUMNS,
     ) -> None:
-        super().__init__()
-        self.cylinder, self.design, self.architecture, self.plan = cylinder, design, architecture, plan
-        self.forest_plan, self.seed, self.device = forest_plan, seed, device
+        super().__init__(inputs)
+        self.cylinder, self.design, self.forest_plan = cylinder, design, forest_plan
+        self.architecture, self.plan = architecture or Architecture(), plan or TrainingPlan()
+        self.seed, self.device = seed, device
         self.learning_curve = LearningCurve()
         self.parts: HybridParts | None = None
 
-    def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Learn from all but the sessions that early stopping listens to: see ``held_out_for_stopping``."""
-        return self.fit_with_validation(*held_out_for_stopping(recordings))
-
-    def fit_with_validation(
+    def fit(
         self,
-        train: Sequence[Recording],
-        validation: Sequence[Recording],
+        recordings: Sequence[Recording],
+        validation: Sequence[Recording] | None = None,
         checkpoint: Checkpoint | None = None,
         report: EpochReport | None = None,
     ) -> Self:
-        """Learn front end, network and forest from ``train``; ``validation`` only stops the network's training.
+        """Learn front end, network and forest.
 
         Args:
-            train: Labelled recordings.
-            validation: Labelled recordings of other sessions.
-            checkpoint: Where training stands, kept after each epoch.
+            recordings: Labelled recordings.
+            validation: Labelled recordings of other sessions, which stop the network's training and calibrate the
+                bounds; None: whole sessions of ``recordings`` are held out for that, see ``held_out_for_stopping``,
+                or none if the plan's ``patience`` is None, and then there are no bounds.
+            checkpoint: Where the network's training stands, kept after each epoch.
             report: Called after each epoch with its number and both mean absolute errors [N].
         """
-        if self.cylinder is None or self.architecture is None or self.plan is None:
-            raise ValueError("a hybrid needs cylinder, architecture and plan to be fitted; got a loaded one without")
-        from cylinder_friction.estimators.network_training import train_network  # PyTorch: training alone waits for it
+        if self.cylinder is None:
+            raise ValueError("a hybrid needs a cylinder to be fitted; got a loaded one without")
+        from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
 
+        train = recordings
+        if validation is None:
+            stops = self.plan.patience is not None
+            train, validation = held_out_for_stopping(recordings) if stops else (recordings, ())
         self._begin_fit(train)
-        front_end = fit_front_end(self.design, self.cylinder, train)
-        mean_n, scale_n = _target_scaling(front_end, train)
-        weights, curve = train_network(
-            self.architecture,
+        front_end = fit_front_end(self.design, self.cylinder, train, self.inputs)
+        pairs = [_corrected(front_end, recording) for recording in train]
+        usable = [left[recording.usable()] for (_, left), recording in zip(pairs, train, strict=True)]
+        mean_n, scale_n = float(np.concatenate(usable).mean()), float(np.concatenate(usable).std()) or 1.0
+
+        def sequence(recording: Recording, features: Any, left: Array) -> SequenceData:
+            return SequenceData(features, ((left - mean_n) / scale_n).astype(np.float32), recording.usable())
+
+        network, curve = train_network(
+            lambda inputs: FrictionNetwork(self.architecture, inputs),
+            self.architecture.learning_rate,
             self.plan,
-            [_sequence(front_end, recording, mean_n, scale_n) for recording in train],
-            [_sequence(front_end, recording, mean_n, scale_n) for recording in validation],
+            [sequence(recording, *pair) for recording, pair in zip(train, pairs, strict=True)],
+            [sequence(recording, *_corrected(front_end, recording)) for recording in validation],
             self.seed,
             self.device,
             checkpoint,
@@ -152,21 +163,21 @@ class HybridEstimator(RealTimeEstimator):
             [scale_n * mae for mae in curve.validation_mae],
             curve.best_epoch,
         )
-        network = network_to_onnx(weights)
-        self._set(HybridParts(self.design, front_end, network, None, mean_n, scale_n))
+        self._set(HybridParts(self.design, front_end, weights_of(network), None, mean_n, scale_n))
         if self.forest_plan is not None:
-            self._set(self._with_forest(train, self.forest_plan))
-        self.calibrate(largest_friction_n(train), validation)
+            self._set(replace(self._fitted(), forest=self._fit_forest(train, self.forest_plan)))
+        self.guard = self.bounds = None
+        if validation:
+            self.calibrate(largest_friction_n(train), validation)
         return self
 
     def without_forest(self) -> HybridEstimator:
         """Return the LSTM alone: the same network, the forest left out."""
-        parts = self._fitted()
-        alone = HybridEstimator(self.cylinder, self.design, self.architecture, self.plan, None, self.seed, self.device)
+        parts = replace(self._fitted(), forest=None)
+        settings = (self.design, self.architecture, self.plan, None, self.seed, self.device, self.inputs)
+        alone = HybridEstimator(self.cylinder, *settings)
         alone.sample_time_s, alone.training_range, alone.guard = self.sample_time_s, self.training_range, self.guard
-        alone._set(
-            HybridParts(parts.design, parts.front_end, parts.network, None, parts.target_mean_n, parts.target_scale_n)
-        )
+        alone._set(parts)
         return alone
 
     def new_state(self) -> HybridState:
@@ -178,7 +189,7 @@ class HybridEstimator(RealTimeEstimator):
         features, base_n = self._front_end.advance(state.front_end, samples)
         hidden, head = self._network.advance(state.network, features)
         corrected_n = base_n + parts.target_mean_n + parts.target_scale_n * head.astype(np.float64)
-        if self._forest is None:
+        if parts.forest is None:
             return corrected_n
         forest_n = parts.target_scale_n * self._forest.predict(forest_input(parts.design, hidden, head, features))
         if parts.design == "paper":
@@ -186,47 +197,58 @@ class HybridEstimator(RealTimeEstimator):
         return corrected_n + forest_n
 
     def multiply_adds(self) -> int:
-        self._fitted()
-        trees = 0 if self._forest is None else self._forest.comparisons()
-        return self._front_end.multiply_adds() + self._network.weights.multiply_adds() + trees
+        parts = self._fitted()
+        trees = 0 if parts.forest is None else parts.forest.comparisons()
+        return self._front_end.multiply_adds() + parts.network.multiply_adds() + trees
+
+    def step_model(self) -> StepModel:
+        """Return what one real-time step needs; see ``FrictionEstimator.step_model``."""
+        parts = self._fitted()
+        paper = parts.design == "paper"
+        return self._step_model(
+            **parts.front_end.step_fields(),
+            network=parts.network,
+            forest=parts.forest,
+            forest_sees="nothing" if parts.forest is None else "hidden" if paper else "hidden_head_features",
+            head_counts=parts.forest is None or not paper,
+            target_mean_n=parts.target_mean_n,
+            target_scale_n=parts.target_scale_n,
+        )
+
+    def stream(self) -> StrictStream:
+        """Return a fresh stream on the compiled step; equal to ``estimate`` bit for bit."""
+        return StrictStream(self.step_model())
 
     def _set(self, parts: HybridParts) -> None:
         self.parts = parts
         self.design = parts.design
         self._front_end = FrontEndBlock(parts.front_end)
-        self._network = Lstm(network_from_onnx(parts.network))
-        self._forest: Forest | None = None if parts.forest is None else forest_from_onnx(parts.forest)
+        self._network = Lstm(parts.network)
+        self._forest: Any = parts.forest
 
     def _fitted(self) -> HybridParts:
         self._refuse_unfitted()
         assert self.parts is not None
         return self.parts
 
-    def _with_forest(self, train: Sequence[Recording], plan: ForestPlan) -> HybridParts:
-        """Fit the forest on ``plan.rows`` usable rows: on the label (paper) or on what the LSTM leaves of it."""
+    def _fit_forest(self, train: Sequence[Recording], plan: ForestPlan) -> Forest:
+        """Fit the forest on the label (paper) or on the residual of the LSTM."""
         parts = self._fitted()
         inputs, targets = [], []
         for recording in train:
-            features, base_n = self._front_end.advance(self._front_end.new_state(), recording.samples())
+            features, left = _corrected(parts.front_end, recording)
             hidden, head = self._network.advance(self._network.new_state(), features)
-            target = (recording.column("friction_n") - base_n - parts.target_mean_n) / parts.target_scale_n
-            left = target if parts.design == "paper" else target - head
+            target = (left - parts.target_mean_n) / parts.target_scale_n
             mask = recording.usable()
             inputs.append(forest_input(parts.design, hidden, head, features)[mask])
-            targets.append(left[mask])
-        rows, target = np.concatenate(inputs), np.concatenate(targets)
-        count = min(plan.rows, len(rows))
-        chosen = np.sort(np.random.default_rng(self.seed).choice(len(rows), count, replace=False))
-        forest = fit_forest(rows[chosen], target[chosen], plan.trees, plan.depth, plan.leaf, self.seed)
-        return HybridParts(
-            parts.design, parts.front_end, parts.network, forest, parts.target_mean_n, parts.target_scale_n
-        )
+            targets.append((target if parts.design == "paper" else target - head)[mask])
+        return fit_forest(np.concatenate(inputs), np.concatenate(targets), plan, self.seed)
 
     def _write(self, folder: Path) -> dict[str, Any]:
         parts = self._fitted()
-        (folder / NETWORK_FILE).write_bytes(parts.network.SerializeToString(deterministic=True))
+        write_network(parts.network, folder / NETWORK_FILE)
         if parts.forest is not None:
-            (folder / FOREST_FILE).write_bytes(parts.forest.SerializeToString(deterministic=True))
+            write_forest(parts.forest, folder / FOREST_FILE)
         return {
             "design": parts.design,
             "front_end": parts.front_end.to_dict(),
@@ -238,13 +260,16 @@ class HybridEstimator(RealTimeEstimator):
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
-        estimator = cls(design=parameters["design"])
-        forest = None if parameters["forest"] is None else onnx.load(folder / parameters["forest"])
+        network = read_network(folder / parameters["network"])
+        forest = None if parameters["forest"] is None else read_forest(folder / parameters["forest"])
+        architecture = replace(Architecture(), layers=network.layers, nodes=network.nodes)
+        plan = None if forest is None else replace(DEFAULT_FOREST, trees=len(forest.roots), depth=forest.depth)
+        estimator = cls(None, parameters["design"], architecture, None, plan)
         estimator._set(
             HybridParts(
                 parameters["design"],
                 FrontEnd.from_dict(parameters["front_end"]),
-                onnx.load(folder / parameters["network"]),
+                network,
                 forest,
                 parameters["target_mean_n"],
                 parameters["target_scale_n"],
@@ -254,24 +279,34 @@ class HybridEstimator(RealTimeEstimator):
 
 
 def forest_input(design: Design, hidden: Any, head: Any, features: Any) -> Any:
-    """Return what the forest sees, float32: the last hidden state; in ``force_balance`` head and features too."""
+    """Return what the forest sees, float32: the last hidden state; except in ``paper`` head and features too."""
     if design == "paper":
         return hidden
     return np.concatenate([hidden, head[:, None], features], axis=1)
 
 
-def _target_scaling(front_end: FrontEnd, recordings: Sequence[Recording]) -> tuple[float, float]:
-    """Return mean and standard deviation [N] of what the network is to learn, over the usable rows."""
+def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
+    """Return the recordings to train on, and those that early stopping goes by.
+
+    Where there is one session alone, both are all of it.
+
+    Held out is the last session, by name, of each condition, so that every load counts: one session of one load tells
+    little about the others. Where a condition would be left with fewer than ``KEPT_SESSIONS`` others, it is the last
+    session alone. No session is on both sides, even if several conditions share it.
+    """
+    sessions: dict[str, set[str]] = {}
+    for recording in recordings:
+        sessions.setdefault(recording.metadata.condition, set()).add(recording.metadata.session)
+    held = {max(names) for names in sessions.values()}
+    if any(len(names - held) < KEPT_SESSIONS for names in sessions.values()):
+        held = {max(held)}
+    train = [recording for recording in recordings if recording.metadata.session not in held]
+    validation = [recording for recording in recordings if recording.metadata.session in held]
+    return train or validation, validation
+
+
+def _corrected(front_end: FrontEnd, recording: Recording) -> tuple[Any, Array]:
+    """Return the features of a recording, and the label less the force that is corrected [N]."""
     block = FrontEndBlock(front_end)
-    left = np.concatenate([_left(block, recording)[1][recording.usable()] for recording in recordings])
-    return float(left.mean()), float(left.std()) or 1.0
-
-
-def _left(block: FrontEndBlock, recording: Recording) -> tuple[Any, Array]:
-    features, base_n = block.advance(block.new_state(), recording.samples())
+    features, base_n = block.advance(block.new_state(), recording.samples(front_end.inputs))
     return features, recording.column("friction_n") - base_n
-
-
-def _sequence(front_end: FrontEnd, recording: Recording, mean_n: float, scale_n: float) -> SequenceData:
-    features, left = _left(FrontEndBlock(front_end), recording)
-    return SequenceData(features, ((left - mean_n) / scale_n).astype(np.float32), recording.usable())

@@ -1,6 +1,6 @@
 """Estimators that are linear in lagged raw samples: the force balance, its low-pass, and ridge regression.
 
-They are the floor under every learned estimator: pressures times areas already are the label, but for noise.
+They are the baseline of every learned estimator: pressures times areas already are the label, but for noise.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from sklearn.linear_model import Ridge
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
@@ -31,46 +30,51 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.estimators.base import Array
+    from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
 
 PAPER_WINDOW = 10
 PAPER_ACCELERATION_WINDOW = 30
+FORGOTTEN = 1e-12
+"""The response of a low-pass ends where all that follows weighs less than this share of its largest value."""
 
 
-def force_balance_taps(cylinder: Cylinder) -> Array:
-    """Return taps, shape ``(1, 3, 1)``, of P1·A1 - P2·A2 [N] on raw samples; inertia (about 1 N) is left out."""
-    return np.array([[[cylinder.piston_area_m2], [-cylinder.annulus_area_m2], [0.0]]])
+def force_balance_taps(cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
+    """Return taps, shape ``(1, inputs, 1)``, of P1·A1 - P2·A2 - F_load [N] on raw samples.
 
-
-def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float) -> Array:
-    """Return taps, shape ``(1, 3, length)``, of P1·A1 - P2·A2 - m·a [N] with the paper's causal filters.
-
-    Pressures and position run through a moving average of 10 samples; acceleration, twice the difference of
-    position, through one of 30.
-    """
-    average = moving_average_taps(PAPER_WINDOW)
-    difference = difference_taps(sample_time_s)
-    acceleration = cascade_taps(average, difference, difference, moving_average_taps(PAPER_ACCELERATION_WINDOW))
-    taps = np.zeros((1, 3, len(acceleration)))
-    taps[0, 0, :PAPER_WINDOW] = cylinder.piston_area_m2 * average
-    taps[0, 1, :PAPER_WINDOW] = -cylinder.annulus_area_m2 * average
-    taps[0, 2] = -cylinder.moving_mass_kg * acceleration
-    return taps
-
-
-def on_inputs(taps: Array, inputs: Sequence[str]) -> Array:
-    """Return taps on P1, P2 and position, shape ``(m, 3, length)``, as taps on other inputs that hold them by name.
+    Inertia (about 1 N) is left out, and the load where ``load_force_n`` is not among the inputs.
 
     Raises:
         ValueError: A raw pressure or the position is not among the inputs.
     """
-    missing = [name for name in SAMPLE_COLUMNS if name not in inputs]
-    if missing:
+    refuse_missing_inputs(inputs)
+    weights = {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": -cylinder.annulus_area_m2, "load_force_n": -1}
+    return np.array([[[float(weights.get(name, 0.0))] for name in inputs]])
+
+
+def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
+    """Return taps, shape ``(1, inputs, length)``, of P1·A1 - P2·A2 - m·a - F_load [N] with the paper's causal filters.
+
+    Forces and position run through a moving average of 10 samples; acceleration, twice the difference of position,
+    through one of 30.
+    """
+    average = moving_average_taps(PAPER_WINDOW)
+    difference = difference_taps(sample_time_s)
+    acceleration = cascade_taps(average, difference, difference, moving_average_taps(PAPER_ACCELERATION_WINDOW))
+    taps = np.zeros((1, len(inputs), len(acceleration)))
+    taps[:, :, :PAPER_WINDOW] = force_balance_taps(cylinder, inputs) * average
+    taps[0, list(inputs).index("position_m")] = -cylinder.moving_mass_kg * acceleration
+    return taps
+
+
+def refuse_missing_inputs(inputs: Sequence[str]) -> None:
+    """Refuse inputs without both raw pressures and the position.
+
+    Raises:
+        ValueError: One of them is missing.
+    """
+    if not set(SAMPLE_COLUMNS) <= set(inputs):
         raise ValueError(f"expected {', '.join(SAMPLE_COLUMNS)} among the inputs, but got {tuple(inputs)}")
-    placed = np.zeros((taps.shape[0], len(inputs), taps.shape[2]))
-    for column, name in enumerate(SAMPLE_COLUMNS):
-        placed[:, list(inputs).index(name)] = taps[:, column]
-    return placed
 
 
 def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
@@ -80,52 +84,79 @@ def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
     return np.concatenate(labels), masks
 
 
-class ForceBalanceEstimator(FrictionEstimator):
-    """The equation of motion, causally: P1·A1 - P2·A2, unfiltered or through the paper's moving averages.
+class LinearEstimator(FrictionEstimator):
+    """An estimator that is one FIR filter on raw samples plus a constant."""
+
+    def __init__(self, inputs: Sequence[str]) -> None:
+        super().__init__(inputs)
+        self._filter: FirFilter | None = None
+        self._constant_n = 0.0
+
+    @property
+    def taps(self) -> Array:
+        """Taps on raw samples, shape ``(inputs, lags)``."""
+        return self._fir().taps[0]
+
+    def new_state(self) -> FirState:
+        return self._fir().new_state()
+
+    def advance(self, state: FirState, samples: Array) -> Array:
+        return self._fir().advance(state, samples)[:, 0] + self._constant_n
+
+    def multiply_adds(self) -> int:
+        return int(np.count_nonzero(self.taps))
+
+    def step_model(self) -> StepModel:
+        """Return what one real-time step needs; see ``FrictionEstimator.step_model``."""
+        self._refuse_unfitted()
+        return self._step_model(base_taps=self.taps, target_mean_n=self._constant_n)
+
+    def _fir(self) -> FirFilter:
+        self._refuse_unfitted()
+        assert self._filter is not None
+        return self._filter
+
+
+class ForceBalanceEstimator(LinearEstimator):
+    """The equation of motion, causally: P1·A1 - P2·A2 - F_load, unfiltered or through the paper's moving averages.
 
     Args:
         cylinder: Its areas and moving mass.
-        filtering: ``none`` takes raw pressures; ``paper`` the paper's windows of 10 and 30 samples.
-        inputs: Columns that it is given; both raw pressures and the position must be among them.
+        filtering: ``none`` takes raw samples; ``paper`` the paper's windows of 10 and 30 samples.
+        inputs: Columns of a sample; both raw pressures and the position must be among them, and ``load_force_n``
+            for the load.
     """
 
     kind: ClassVar[str] = "force_balance"
+    shown: ClassVar[tuple[str, ...]] = ("filtering",)
 
     def __init__(
-        self, cylinder: Cylinder, filtering: Literal["none", "paper"], inputs: Sequence[str] = SAMPLE_COLUMNS
+        self,
+        cylinder: Cylinder,
+        filtering: Literal["none", "paper"] = "none",
+        inputs: Sequence[str] = SAMPLE_COLUMNS,
     ) -> None:
         super().__init__(inputs)
         if filtering not in ("none", "paper"):
             raise ValueError(f"filtering must be 'none' or 'paper', but got {filtering!r}")
-        on_inputs(force_balance_taps(cylinder), inputs)  # refuses inputs without pressures
+        refuse_missing_inputs(inputs)
         self.cylinder = cylinder
         self.filtering = filtering
-        self._filter: FirFilter | None = None
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Take the sample time from the recordings; there is nothing else to learn."""
         self._begin_fit(recordings)
         return self
 
-    def new_state(self) -> FirState:
-        return self._fir().new_state()
-
-    def advance(self, state: FirState, samples: Array) -> Array:
-        return self._fir().advance(state, samples)[:, 0]
-
-    def multiply_adds(self) -> int:
-        return int(np.count_nonzero(self._fir().taps))
-
     def _fir(self) -> FirFilter:
         if self._filter is None:
+            self._refuse_unfitted()
             assert self.sample_time_s is not None
-            paper = self.filtering == "paper"
-            taps = (
-                paper_force_balance_taps(self.cylinder, self.sample_time_s)
-                if paper
-                else force_balance_taps(self.cylinder)
+            self._filter = FirFilter(
+                force_balance_taps(self.cylinder, self.inputs)
+                if self.filtering == "none"
+                else paper_force_balance_taps(self.cylinder, self.sample_time_s, self.inputs)
             )
-            self._filter = FirFilter(on_inputs(taps, self.inputs))
         return self._filter
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
@@ -145,25 +176,27 @@ class LowPassForceState:
 
 
 class LowPassForceBalanceEstimator(FrictionEstimator):
-    """P1·A1 - P2·A2 through a first-order low-pass whose weight is tuned on the training labels.
+    """P1·A1 - P2·A2 - F_load through a first-order low-pass whose weight is tuned on the training labels.
 
     Args:
         cylinder: Its areas.
         weight: Share of the new sample, in (0, 1]; None until tuned by ``fit``.
-        inputs: Columns that it is given; both raw pressures and the position must be among them.
+        inputs: Columns of a sample; both raw pressures and the position must be among them, and ``load_force_n``
+            for the load.
     """
 
     kind: ClassVar[str] = "low_pass_force_balance"
+    shown: ClassVar[tuple[str, ...]] = ("weight",)
 
     def __init__(self, cylinder: Cylinder, weight: float | None = None, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
         super().__init__(inputs)
+        refuse_missing_inputs(inputs)
         self.cylinder = cylinder
         self.weight = weight
-        on_inputs(force_balance_taps(cylinder), inputs)  # refuses inputs without pressures
 
     @cached_property
     def _balance(self) -> FirFilter:
-        return FirFilter(on_inputs(force_balance_taps(self.cylinder), self.inputs))
+        return FirFilter(force_balance_taps(self.cylinder, self.inputs))
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Choose the weight with the smallest mean absolute error on the usable rows."""
@@ -194,6 +227,14 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
     def multiply_adds(self) -> int:
         return 3
 
+    def step_model(self) -> StepModel:
+        """Return what one real-time step needs, the response without end cut where the rest no longer counts."""
+        self._refuse_unfitted()
+        assert self.weight is not None
+        length = 1 if self.weight >= 1.0 else 1 + int(np.log(FORGOTTEN) / np.log1p(-self.weight))
+        response = self.weight * (1.0 - self.weight) ** np.arange(length)
+        return self._step_model(base_taps=self._balance.taps[0] * response)
+
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002
         return {"cylinder": asdict(self.cylinder), "weight": self.weight}
 
@@ -202,16 +243,17 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         return cls(Cylinder(**parameters["cylinder"]), parameters["weight"])
 
 
-class RidgeEstimator(FrictionEstimator):
+class RidgeEstimator(LinearEstimator):
     """Ridge regression (Hoerl and Kennard 1970) of the label on the last ``lags`` raw samples of every input.
 
     Args:
-        lags: Samples looked back, the present one included.
+        lags: Samples that it looks back on, the present one included.
         penalty: Weight of the squared coefficients, in standardised units.
-        inputs: Columns that it sees.
+        inputs: Columns of a sample.
     """
 
     kind: ClassVar[str] = "ridge"
+    shown: ClassVar[tuple[str, ...]] = ("lags", "penalty")
 
     def __init__(self, lags: int = 20, penalty: float = 1.0, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
         super().__init__(inputs)
@@ -219,8 +261,6 @@ class RidgeEstimator(FrictionEstimator):
             raise ValueError(f"lags must be at least 1 sample, but got {lags!r}")
         self.lags = lags
         self.penalty = penalty
-        self._filter = FirFilter(np.zeros((1, len(self.inputs), lags)))
-        self._intercept_n = 0.0
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Solve the normal equations on all usable rows."""
@@ -234,10 +274,12 @@ class RidgeEstimator(FrictionEstimator):
         )
         mean, scale = rows.mean(axis=0), rows.std(axis=0)
         scale[scale == 0.0] = 1.0
+        from sklearn.linear_model import Ridge
+
         model = Ridge(alpha=self.penalty, solver="cholesky").fit((rows - mean) / scale, labels)
         coefficients = model.coef_ / scale
         self._filter = FirFilter(coefficients.reshape(1, len(self.inputs), self.lags))
-        self._intercept_n = float(model.intercept_ - coefficients @ mean)
+        self._constant_n = float(model.intercept_ - coefficients @ mean)
         return self
 
     def _lagged(self, samples: Array) -> Array:
@@ -246,26 +288,17 @@ class RidgeEstimator(FrictionEstimator):
         windows = np.lib.stride_tricks.sliding_window_view(padded, self.lags, axis=0)[:, :, ::-1]
         return windows.reshape(len(samples), -1)
 
-    def new_state(self) -> FirState:
-        return self._filter.new_state()
-
-    def advance(self, state: FirState, samples: Array) -> Array:
-        return self._filter.advance(state, samples)[:, 0] + self._intercept_n
-
-    def multiply_adds(self) -> int:
-        return len(self.inputs) * self.lags
-
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002
         return {
             "lags": self.lags,
             "penalty": self.penalty,
-            "taps": self._filter.taps[0].tolist(),
-            "intercept_n": self._intercept_n,
+            "taps": self.taps.tolist(),
+            "intercept_n": self._constant_n,
         }
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
         estimator = cls(parameters["lags"], parameters["penalty"])
         estimator._filter = FirFilter(np.array([parameters["taps"]]))
-        estimator._intercept_n = parameters["intercept_n"]
+        estimator._constant_n = parameters["intercept_n"]
         return estimator

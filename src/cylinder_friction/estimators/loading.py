@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.forest_alone import ForestEstimator
+from cylinder_friction.estimators.forest import ForestEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator

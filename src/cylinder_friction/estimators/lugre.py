@@ -1,4 +1,4 @@
-"""LuGre as published comparisons use it: identified on one test alone; pressures only scale it, if at all."""
+"""LuGre as published comparisons use it: identified in one condition alone; pressures only scale it, if at all."""
 
 from __future__ import annotations
 
@@ -7,48 +7,42 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.analytical import AnalyticalEstimator, AnalyticalState
+from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
-from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS, LuGre, LugreParameters
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from cylinder_friction.friction_models.parameters import ModelParameters
+    from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.causal_velocity import CausalVelocity
-
-    Array = NDArray[np.float64]
-
-__all__ = [
-    "LUGRE_STEP_MULTIPLY_ADDS",
-    "AnalyticalState",
-    "LugreEstimator",
-    "PressureLugreEstimator",
-    "scaling_pressure",
-]
 
 
 class LugreEstimator(AnalyticalEstimator):
-    """LuGre identified on one test alone, as published comparisons do; at run time it sees position only.
+    """LuGre identified in one condition alone, as published comparisons do; at run time it sees position only.
 
     Args:
         cylinder: For the moving mass.
-        test: The ``metadata.condition`` of the recordings that it is identified on.
+        condition: The ``metadata.condition`` of the recordings that it is identified on; None: the condition with the
+            smallest mean absolute friction, as the paper identifies LuGre at the smallest load. ``fit`` sets it.
         seed: Seed of the search.
-        population: Members of differential evolution, a coordinate.
+        population: Members of differential evolution per coordinate.
         generations: Greatest number of generations.
         simulated_recordings: How many recordings differential evolution simulates.
-        velocity_dead_band_m_s: Slower counts as standstill, where no play tells it [m/s].
+        velocity_dead_band_m_s: Slower counts as standstill, where no backlash operator decides [m/s].
         damping_ratio: Damping ratio of the moving mass on the bristles.
         confidence: Probability of the confidence intervals.
+        inputs: Columns of a sample; ``position_m`` must be one.
 
     Attributes:
         parameters: The model; None before ``fit``.
     """
 
     kind: ClassVar[str] = "lugre"
+    shown: ClassVar[tuple[str, ...]] = ("condition",)
     pressure_scaled: ClassVar[bool] = False
 
     parameters: LugreParameters | None
@@ -56,7 +50,7 @@ class LugreEstimator(AnalyticalEstimator):
     def __init__(
         self,
         cylinder: Cylinder,
-        condition: str = "1",
+        condition: str | None = None,
         seed: int = 0,
         population: int = 12,
         generations: int = 60,
@@ -64,10 +58,12 @@ class LugreEstimator(AnalyticalEstimator):
         velocity_dead_band_m_s: float = 1e-3,
         damping_ratio: float = 0.5,
         confidence: float = 0.95,
+        inputs: Sequence[str] = SAMPLE_COLUMNS,
     ) -> None:
         super().__init__(
             cylinder,
             LuGre(self.pressure_scaled),
+            inputs,
             condition=condition,
             effort=SearchEffort(seed, population, generations, simulated_recordings),
             velocity_dead_band_m_s=velocity_dead_band_m_s,
@@ -75,13 +71,23 @@ class LugreEstimator(AnalyticalEstimator):
             confidence=confidence,
         )
 
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Identify the model on the recordings of its condition; the others are not looked at.
+
+        Raises:
+            RecordingError: There is no recording of that condition.
+        """
+        if self.condition is None and recordings:
+            self.condition = condition_of_smallest_friction(recordings)
+        return super().fit(recordings)
+
     def _use(self, parameters: ModelParameters, sense: CausalVelocity) -> None:
         assert isinstance(parameters, LugreParameters)
         super()._use(parameters, sense)
 
     def _write(self, folder: Path) -> dict[str, Any]:
         content = super()._write(folder)
-        kept = {key: value for key, value in content.items() if key not in ("friction_model", "inputs")}
+        kept = {key: value for key, value in content.items() if key != "friction_model"}
         for entry in kept["model"].values():
             del entry["meaning"]
         return kept
@@ -94,13 +100,14 @@ class LugreEstimator(AnalyticalEstimator):
             velocity_dead_band_m_s=parameters["least_velocity_dead_band_m_s"],
             damping_ratio=parameters["damping_ratio"],
             confidence=parameters["confidence"],
+            inputs=parameters.get("inputs", SAMPLE_COLUMNS),
         )
         estimator._restore(parameters)
         return estimator
 
 
 class PressureLugreEstimator(LugreEstimator):
-    """LuGre whose dry friction grows linearly with the sum of both pressures; the slope is found on the same test.
+    """LuGre whose dry friction grows linearly with the sum of both pressures; the slope is identified with it.
 
     Source: Coulomb friction with preload and a pressure coefficient times the sum of pressures is the usual law of
     cylinder friction in simulation tools (Simscape's Cylinder Friction).
@@ -110,6 +117,10 @@ class PressureLugreEstimator(LugreEstimator):
     pressure_scaled: ClassVar[bool] = True
 
 
-def scaling_pressure(samples: Array) -> Array:
-    """Return the pressure that scales dry friction, P1 + P2 [Pa], shape ``(n,)``, of raw samples, shape ``(n, 3)``."""
-    return np.ascontiguousarray(samples[:, 0] + samples[:, 1])
+def condition_of_smallest_friction(recordings: Sequence[Recording]) -> str:
+    """Return the condition whose usable rows have the smallest mean absolute label, the first by name of equals."""
+    labels: dict[str, list[float]] = {}
+    for recording in sorted(recordings, key=lambda each: each.metadata.condition):
+        friction = np.abs(recording.column("friction_n")[recording.usable()])
+        labels.setdefault(recording.metadata.condition, []).extend(friction.tolist())
+    return min(labels, key=lambda condition: float(np.mean(labels[condition])) if labels[condition] else np.inf)

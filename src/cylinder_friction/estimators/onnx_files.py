@@ -1,27 +1,52 @@
-"""The LSTM as an ONNX graph, and back: the one form in which a trained network is stored.
+"""Networks and forests as ONNX, and back: the one form in which they are stored.
 
-Inputs of the graph (all float32): ``features`` (time, batch, features), ``hidden_in`` and ``cell_in`` (layers, batch,
-nodes). Outputs: ``hidden`` (time, batch, nodes), the last layer's hidden states; ``head`` (time, batch, 1), the linear
-head's output; ``hidden_out`` and ``cell_out``, the state to carry on. Time 1 makes it a step, any time a sequence.
+The network's graph takes (all float32) ``features`` (time, batch, features), ``hidden_in`` and ``cell_in`` (layers,
+batch, nodes); it gives ``hidden`` (time, batch, nodes), the last layer's hidden states; ``head`` (time, batch, 1), the
+linear head's output; ``hidden_out`` and ``cell_out``, the state to carry on. Time 1 makes it a step, any time a
+sequence. The forest's takes ``features`` (rows, features) and gives ``output`` (rows, 1).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import LstmWeights
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     Single = NDArray[np.float32]
 
-OPSET = 17
+OPSET, ML_OPSET = 17, 3
 IR_VERSION = 8
+
+
+def write_onnx(model: onnx.ModelProto, path: Path) -> None:
+    """Write a graph; equal graphs give equal bytes."""
+    path.write_bytes(model.SerializeToString(deterministic=True))
+
+
+def write_network(weights: LstmWeights, path: Path) -> None:
+    write_onnx(network_to_onnx(weights), path)
+
+
+def read_network(path: Path) -> LstmWeights:
+    return network_from_onnx(onnx.load(path))
+
+
+def write_forest(forest: Forest, path: Path) -> None:
+    write_onnx(forest_to_onnx(forest), path)
+
+
+def read_forest(path: Path) -> Forest:
+    return forest_from_onnx(onnx.load(path))
 
 
 def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
@@ -92,6 +117,66 @@ def network_from_onnx(model: onnx.ModelProto) -> LstmWeights:
     )
 
 
+def forest_to_onnx(forest: Forest) -> onnx.ModelProto:
+    """Return the checked graph of a forest: one ``TreeEnsembleRegressor``."""
+    leaf = forest.feature < 0
+    leaves = np.flatnonzero(leaf)
+    tree = np.searchsorted(forest.roots, np.arange(len(leaf)), side="right") - 1
+    first = forest.roots[tree]
+    columns: dict[str, Any] = {
+        "nodes_treeids": tree,
+        "nodes_nodeids": np.arange(len(leaf)) - first,
+        "nodes_featureids": np.where(leaf, 0, forest.feature),
+        "nodes_values": np.where(leaf, np.float32(0.0), forest.threshold),
+        "nodes_truenodeids": np.where(leaf, 0, forest.left - first),
+        "nodes_falsenodeids": np.where(leaf, 0, forest.right - first),
+        "target_treeids": tree[leaves],
+        "target_nodeids": (np.arange(len(leaf)) - first)[leaves],
+        "target_ids": np.zeros(len(leaves), dtype=np.int64),
+        "target_weights": forest.value[leaves],
+    }
+    node = helper.make_node(
+        "TreeEnsembleRegressor",
+        ["features"],
+        ["output"],
+        domain="ai.onnx.ml",
+        nodes_modes=["LEAF" if end else "BRANCH_LEQ" for end in leaf],
+        n_targets=1,
+        **{name: column.tolist() for name, column in columns.items()},
+    )
+    graph = helper.make_graph(
+        [node], "forest", [_value("features", ["rows", forest.inputs])], [_value("output", ["rows", 1])]
+    )
+    opsets = [helper.make_opsetid("", OPSET), helper.make_opsetid("ai.onnx.ml", ML_OPSET)]
+    model = helper.make_model(graph, opset_imports=opsets, ir_version=IR_VERSION)
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def forest_from_onnx(model: onnx.ModelProto) -> Forest:
+    """Return the arrays inside a ``TreeEnsembleRegressor``, whichever library wrote it."""
+    node = next(node for node in model.graph.node if node.op_type == "TreeEnsembleRegressor")
+    attributes = {attribute.name: helper.get_attribute_value(attribute) for attribute in node.attribute}
+    trees, roots = np.unique(attributes["nodes_treeids"], return_index=True)
+    first = dict(zip(trees.tolist(), roots.tolist(), strict=True))
+    base = np.array([first[tree] for tree in attributes["nodes_treeids"]])
+    leaf = np.array([mode == b"LEAF" for mode in attributes["nodes_modes"]])
+    value = np.zeros(len(leaf), dtype=np.float32)
+    targets = zip(attributes["target_treeids"], attributes["target_nodeids"], strict=True)
+    value[[first[tree] + place for tree, place in targets]] = attributes["target_weights"]
+    if attributes.get("aggregate_function", b"SUM") == b"AVERAGE":
+        value /= np.float32(len(first))
+    return Forest.of(
+        feature=np.where(leaf, -1, attributes["nodes_featureids"]),
+        threshold=np.array(attributes["nodes_values"], dtype=np.float32),
+        left=base + attributes["nodes_truenodeids"],
+        right=base + attributes["nodes_falsenodeids"],
+        value=value,
+        roots=roots,
+        inputs=int(model.graph.input[0].type.tensor_type.shape.dim[1].dim_value),
+    )
+
+
 def _layer_nodes(layer: int, source: str, width: int) -> list[onnx.NodeProto]:
     own = f"layer{layer}_"
     return [
@@ -115,5 +200,5 @@ def _tensor(name: str, values: Single) -> onnx.TensorProto:
     return numpy_helper.from_array(np.ascontiguousarray(values, dtype=np.float32), name)
 
 
-def _value(name: str, shape: list[int | str]) -> onnx.ValueInfoProto:
+def _value(name: str, shape: list[Any]) -> onnx.ValueInfoProto:
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)

@@ -1,47 +1,65 @@
-"""What a network's training is told and what it tells; free of PyTorch, which only training needs."""
+"""What the training of a network takes and gives, free of PyTorch, which training alone needs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
 
 if TYPE_CHECKING:
-    import numpy as np
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
 EpochReport = Callable[[int, float, float], None]
+"""Called after each epoch with its number, training error and validation error (NaN without validation)."""
 
 
 @dataclass(frozen=True)
 class Architecture:
-    """What the paper's Table I tunes in the network: layers, nodes per layer, dropout rate, learning rate."""
+    """What the paper's Table I tunes in the network: layers, nodes per layer, dropout rate, learning rate.
 
-    layers: int
-    nodes: int
-    dropout: float
-    learning_rate: float
+    The defaults are those that the default search finds on the rig's campaign.
+    """
+
+    layers: int = 2
+    nodes: int = 24
+    dropout: float = 0.2
+    learning_rate: float = 0.0094
 
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """How long and in which pieces the network is trained.
+    """How long and in which pieces a network is trained.
 
     Attributes:
         epochs: Passes over the training recordings, at most.
-        patience: Epochs without a better validation error before it stops early.
+        patience: Epochs without a better validation error before training stops early; None: all epochs are trained,
+            on all recordings, and none is held out for validation.
         sequence_length: Samples between two updates; the state is carried over, the gradient is not.
-        burn_in: First samples of each recording that are not scored, while the state finds its place.
+        burn_in: First samples of each recording that are not scored, while the state settles.
         batch_size: Recordings trained on side by side.
         schedule: ``constant`` as in the paper, or ``cosine`` down to nothing over ``epochs``.
+        warm_up: Share of training over which the learning rate rises to its highest.
+        weight_decay: Of AdamW (Loshchilov and Hutter 2019).
     """
 
-    epochs: int
-    patience: int
-    sequence_length: int
-    burn_in: int
-    batch_size: int
+    epochs: int = 40
+    patience: int | None = 12
+    sequence_length: int = 200
+    burn_in: int = 100
+    batch_size: int = 16
     schedule: Literal["constant", "cosine"] = "cosine"
+    warm_up: float = 0.0
+    weight_decay: float = 0.0
+
+    def __post_init__(self) -> None:
+        if min(self.epochs, self.patience or 1, self.sequence_length, self.batch_size) < 1:
+            raise ValueError(f"expected epochs, patience, sequence_length and batch_size of at least 1, but got {self}")
+        if min(self.burn_in, self.warm_up, self.weight_decay) < 0:
+            raise ValueError(f"expected burn_in, warm_up and weight_decay of at least 0, but got {self}")
 
 
 @dataclass(frozen=True)
@@ -60,3 +78,32 @@ class LearningCurve:
     train_mae: list[float] = field(default_factory=list)
     validation_mae: list[float] = field(default_factory=list)
     best_epoch: int = 0
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Training state on disk after each epoch: plain arrays, no pickle, whole or not at all.
+
+    Attributes:
+        folder: Holds ``checkpoint.npz``; name it after a hash of everything that training depends on, so that a
+            checkpoint of another configuration is never picked up.
+    """
+
+    folder: Path
+
+    @property
+    def path(self) -> Path:
+        return self.folder / "checkpoint.npz"
+
+    def save(self, arrays: dict[str, NDArray[Any]]) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        draft = self.folder / "draft.npz"
+        np.savez(draft, allow_pickle=False, **cast("dict[str, Any]", arrays))
+        draft.replace(self.path)
+
+    def load(self) -> dict[str, NDArray[Any]] | None:
+        """Return what was saved last, or None where nothing was."""
+        if not self.path.is_file():
+            return None
+        with np.load(self.path, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}

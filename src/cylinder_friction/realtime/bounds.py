@@ -1,10 +1,11 @@
 """Bounds around an estimate: split conformal prediction within each regime of motion.
 
-The errors of an estimate on recordings that it did not learn from are sorted by regime, and their quantiles become the
+The errors of an estimate on recordings that it was not trained on are sorted by regime, and their quantiles become the
 bounds (split conformal prediction: Vovk, Gammerman and Shafer 2005; within groups: Vovk, Lindsay, Nouretdinov and
-Gammerman 2003, "Mondrian confidence machine"). The regime is told from the causal velocity, so that every runtime knows
-it at once. Neighbouring samples are alike, so the finite-sample guarantee, which wants exchangeable errors, does not
-hold to the letter; coverage is measured on the test recordings instead.
+Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, so it is the label that the bounds hold.
+The regime follows from the causal velocity, so every runtime knows it at once. Neighbouring samples are alike, so the
+finite-sample guarantee, which needs exchangeable errors, does not hold to the letter; coverage is measured on the test
+recordings instead.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numba
 import numpy as np
 
 from cylinder_friction.realtime.model import Bounds
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import FirFilter, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
@@ -23,10 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
+    Whole = NDArray[np.int64]
 
 REGIMES = ("standstill", "creep", "sliding", "reversal")
 STANDSTILL, CREEP, SLIDING, REVERSAL = range(4)
@@ -38,56 +40,101 @@ PROBABILITY = 0.9
 VELOCITY_WINDOW = 21
 VELOCITY_ORDER = 2
 UNKNOWN_N = 1e9
-"""Offset of bounds that nobody calibrated: so wide that they say nothing."""
+"""Offset of bounds that were never calibrated: so wide that they state nothing."""
 
 
-def velocity_taps(sample_time_s: float) -> Array:
-    """Return the taps, shape ``(3, 21)``, of the causal velocity [m/s] that regimes go by."""
-    taps = np.zeros((3, VELOCITY_WINDOW))
-    taps[2] = one_sided_savitzky_golay_taps(VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s)
+def velocity_taps(sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
+    """Return the taps, shape ``(inputs, 21)``, of the causal velocity [m/s] that regimes go by."""
+    taps = np.zeros((len(inputs), VELOCITY_WINDOW))
+    taps[list(inputs).index("position_m")] = one_sided_savitzky_golay_taps(
+        VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s
+    )
     return taps
 
 
+def causal_velocity(recording: Recording) -> Array:
+    """Return the velocity that regimes go by [m/s], shape ``(n,)``."""
+    block = FirFilter(velocity_taps(recording.sample_time_s, ("position_m",))[None])
+    return block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
+
+
+def regimes_of(recording: Recording) -> Whole:
+    """Return the regime of each row, shape ``(n,)``, as the real-time step finds it on valid samples."""
+    reversal_samples = round(REVERSAL_S / recording.sample_time_s)
+    return regimes(causal_velocity(recording), STANDSTILL_M_S, CREEP_M_S, reversal_samples)
+
+
 def unknown_bounds(sample_time_s: float) -> Bounds:
-    """Return bounds that say nothing, for an estimator that was never calibrated."""
-    wide = (UNKNOWN_N, UNKNOWN_N, UNKNOWN_N, UNKNOWN_N)
-    return _bounds((-UNKNOWN_N, -UNKNOWN_N, -UNKNOWN_N, -UNKNOWN_N), wide, sample_time_s, 1.0)
+    """Return bounds that state nothing, for an estimator that was never calibrated."""
+    wide = np.full(len(REGIMES), UNKNOWN_N)
+    return _bounds(-wide, wide, sample_time_s, 1.0)
 
 
-def calibrate_bounds(
-    estimator: FrictionEstimator,
+def calibrated_bounds(
     recordings: Sequence[Recording],
+    estimates_n: Sequence[Array],
+    sample_time_s: float,
     warm_up_samples: int,
     probability: float = PROBABILITY,
 ) -> Bounds:
     """Return bounds between which the label lies with ``probability``, half of the rest on either side.
 
     Args:
-        estimator: Fitted; must not have learnt from ``recordings``.
-        recordings: Labelled; their usable rows count, but for the first ``warm_up_samples``.
+        recordings: Labelled, none of them trained on; their usable rows count, but for the first ``warm_up_samples``.
+        estimates_n: Estimated friction of each [N].
+        sample_time_s: Between two samples [s].
         warm_up_samples: Rows at each recording's start that are left out.
         probability: In (0, 1).
+
+    Raises:
+        ValueError: The probability is not in (0, 1).
     """
-    if not 0.0 < probability < 1.0:
-        raise ValueError(f"probability must be in (0, 1), but got {probability!r}")
-    errors, regime = [], []
-    for recording in recordings:
+    errors, regime = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    for recording, estimate_n in zip(recordings, estimates_n, strict=True):
         counted = recording.usable().copy()
         counted[:warm_up_samples] = False
-        errors.append((recording.column("friction_n") - estimator.estimate(recording))[counted])
+        errors.append((recording.column("friction_n") - estimate_n)[counted])
         regime.append(regimes_of(recording)[counted])
-    every, regimes = np.concatenate([np.empty(0), *errors]), np.concatenate([np.empty(0, dtype=np.int64), *regime])
-    sample_time_s = estimator.sample_time_s
-    assert sample_time_s is not None
-    lower, upper = zip(*(_offsets(every, every[regimes == one], probability) for one in range(4)), strict=True)
+    lower, upper = conformal_offsets(np.concatenate(errors), np.concatenate(regime), len(REGIMES), probability)
     return _bounds(lower, upper, sample_time_s, probability)
 
 
-def regimes_of(recording: Recording) -> NDArray[np.int64]:
-    """Return the regime of each row, shape ``(n,)``, as the real-time step tells it on clean samples."""
-    block = FirFilter(velocity_taps(recording.sample_time_s)[None])
-    velocity = block.advance(block.new_state(), recording.samples())[:, 0]
-    return regimes(velocity, STANDSTILL_M_S, CREEP_M_S, round(REVERSAL_S / recording.sample_time_s))
+def conformal_offsets(
+    errors_n: Array, groups: Whole, count: int, probability: float, fewest: int = 1
+) -> tuple[Array, Array]:
+    """Return finite-sample quantiles of each group's errors [N], shape ``(count,)`` below and above.
+
+    A group with fewer than ``fewest`` errors, or too few for its quantile, takes those of all errors; where even these
+    are too few, the offsets are so wide that they state nothing.
+
+    Args:
+        errors_n: Label - estimate, shape ``(n,)``.
+        groups: Group of each error, in ``range(count)``, shape ``(n,)``.
+        count: Number of groups.
+        probability: Of lying between the two, half of the rest on either side; in (0, 1).
+        fewest: Errors that a group needs.
+
+    Raises:
+        ValueError: The probability is not in (0, 1).
+    """
+    if not 0.0 < probability < 1.0:
+        raise ValueError(f"probability must be in (0, 1), but got {probability!r}")
+    side = 1.0 - (1.0 - probability) / 2.0
+    every = _finite_sample_quantiles(errors_n, side) or (-UNKNOWN_N, UNKNOWN_N)
+    offsets = []
+    for group in range(count):
+        own = errors_n[groups == group]
+        offsets.append((_finite_sample_quantiles(own, side) if len(own) >= fewest else None) or every)
+    lower, upper = np.array(offsets).reshape(-1, 2).T
+    return lower, upper
+
+
+def _finite_sample_quantiles(errors_n: Array, side: float) -> tuple[float, float] | None:
+    rank = math.ceil((len(errors_n) + 1) * side)
+    if rank > len(errors_n):
+        return None
+    ordered = np.sort(errors_n)
+    return float(ordered[len(errors_n) - rank]), float(ordered[rank - 1])
 
 
 @numba.njit(cache=True)
@@ -106,7 +153,7 @@ def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, revers
 def next_regime(
     velocity_m_s: float, direction: int, left: int, standstill_m_s: float, creep_m_s: float, reversal_samples: int
 ) -> tuple[int, int, int]:
-    """Return this step's regime, direction and what is left of a reversal, from those of the step before.
+    """Return this step's regime, direction and remaining steps of a reversal, from those of the step before.
 
     Direction is 0 below ``standstill_m_s``, else the velocity's sign. A new direction other than 0 begins a reversal
     (or start) of ``reversal_samples`` steps, this one included, whatever the velocity is in them.
@@ -127,21 +174,11 @@ def next_regime(
     return 2, now, left
 
 
-def _offsets(every: Array, errors: Array, probability: float) -> tuple[float, float]:
-    """Return the finite-sample quantiles of a regime's errors; of all where the regime has too few."""
-    side = 1.0 - (1.0 - probability) / 2.0
-    for values in (errors, every):
-        rank = math.ceil((len(values) + 1) * side)
-        if rank <= len(values):
-            ordered = np.sort(values)
-            return float(ordered[len(values) - rank]), float(ordered[rank - 1])
-    return -UNKNOWN_N, UNKNOWN_N
-
-
-def _bounds(lower: Sequence[float], upper: Sequence[float], sample_time_s: float, probability: float) -> Bounds:
+def _bounds(lower: Array, upper: Array, sample_time_s: float, probability: float) -> Bounds:
+    below, above = lower.tolist(), upper.tolist()
     return Bounds(
-        lower_n=(lower[0], lower[1], lower[2], lower[3]),
-        upper_n=(upper[0], upper[1], upper[2], upper[3]),
+        lower_n=(below[0], below[1], below[2], below[3]),
+        upper_n=(above[0], above[1], above[2], above[3]),
         standstill_m_s=STANDSTILL_M_S,
         creep_m_s=CREEP_M_S,
         reversal_samples=round(REVERSAL_S / sample_time_s),

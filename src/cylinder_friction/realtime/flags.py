@@ -1,4 +1,4 @@
-"""What a real-time step says beside newtons: one estimate with its bounds, and flags on how far to trust it."""
+"""Output of a real-time step: one estimate with its bounds, and flags on how far to trust it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ class Flag(IntFlag):
     """Bits of a step's flags; 0 where all is well. The same numbers in every runtime."""
 
     NOT_READY = 1
-    """No sample with all three channels valid has come yet; estimate and bounds are 0."""
+    """No sample with all inputs valid has come yet; estimate and bounds are 0."""
     WARMING = 2
     """The state still remembers the reset."""
     OUTSIDE = 4
-    """A channel lies outside the training range widened by 5 %; the estimate is an extrapolation."""
+    """An input lies outside the training range widened by 5 %; the estimate is an extrapolation."""
     INVALID_PRESSURE_1 = 8
     """Pressure 1 is no number or no reading of a working sensor; its last valid value stands in."""
     INVALID_PRESSURE_2 = 16
@@ -22,14 +22,26 @@ class Flag(IntFlag):
     INVALID_POSITION = 32
     """The same of the position."""
     FROZEN = 64
-    """A channel repeats one value although it cannot be constant."""
+    """An input repeats one value although it cannot be constant."""
     RECOVERING = 128
-    """Channels are sound again, but the state still remembers invalid or frozen ones."""
+    """All inputs are valid again, but the state still remembers invalid or frozen ones."""
+    INVALID_OTHER = 256
+    """The same as ``INVALID_POSITION``, of an input that is neither a raw pressure nor the position."""
 
     @classmethod
     def names(cls, flags: int) -> tuple[str, ...]:
         """Return the names of the bits that are set, lowest first."""
         return tuple(flag.name for flag in cls if flags & flag and flag.name is not None)
+
+
+def invalid_flag(column: str) -> Flag:
+    """Return the flag that an invalid value of an input sets."""
+    known = {
+        "pressure_1_pa": Flag.INVALID_PRESSURE_1,
+        "pressure_2_pa": Flag.INVALID_PRESSURE_2,
+        "position_m": Flag.INVALID_POSITION,
+    }
+    return known.get(column, Flag.INVALID_OTHER)
 
 
 class Estimate(NamedTuple):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Self
+
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from cylinder_friction.realtime.forest import Forest
+    from cylinder_friction.realtime.history import History
     from cylinder_friction.realtime.lstm import LstmWeights
 
     Array = NDArray[np.float64]
@@ -22,9 +26,8 @@ class Guard:
     """What a sample must be, and what happens where it is not.
 
     Attributes:
-        accept_lower, accept_upper: A value outside is no reading of a working sensor: pressure 1 [Pa], pressure 2 [Pa],
-            position [m].
-        trained_lower, trained_upper: Outside, the estimate goes on and says so.
+        accept_lower, accept_upper: A value outside is no reading of a working sensor; one number per input.
+        trained_lower, trained_upper: Outside, the estimate goes on and is flagged as an extrapolation.
         freeze_travel_m: A pressure that stays exactly constant over more travel than this is frozen [m].
         freeze_samples: A position that stays exactly constant longer is frozen, if the force is too large to hold.
         freeze_force_n: More than the piston can hold at rest [N].
@@ -32,10 +35,10 @@ class Guard:
         recovery_samples: The same after the last bad sample.
     """
 
-    accept_lower: tuple[float, float, float]
-    accept_upper: tuple[float, float, float]
-    trained_lower: tuple[float, float, float]
-    trained_upper: tuple[float, float, float]
+    accept_lower: tuple[float, ...]
+    accept_upper: tuple[float, ...]
+    trained_lower: tuple[float, ...]
+    trained_upper: tuple[float, ...]
     freeze_travel_m: float
     freeze_samples: int
     freeze_force_n: float
@@ -52,15 +55,17 @@ class Guard:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Lower and upper bound around an estimate, by regime: standstill, creep, sliding, just after a reversal or start.
+    """An interval for the label around an estimate, by regime of motion (see ``realtime.bounds``).
+
+    The regimes are standstill, creep, sliding, and the moments just after a reversal or start.
 
     Attributes:
-        lower_n: Added to the estimate [N], one a regime, shape ``(4,)``.
-        upper_n: The same above [N].
-        standstill_m_s: Below, the piston stands [m/s].
-        creep_m_s: Below, it creeps [m/s].
+        lower_n: Added to the estimate [N], one per regime, shape ``(4,)``.
+        upper_n: The same for the upper bound [N].
+        standstill_m_s: Slower, the piston stands still [m/s].
+        creep_m_s: Slower, it creeps [m/s].
         reversal_samples: How long a reversal or start lasts.
-        probability: That the label lies between, on recordings like those of the calibration.
+        probability: That the label lies between the bounds, on recordings like those of the calibration.
     """
 
     lower_n: tuple[float, float, float, float]
@@ -84,18 +89,20 @@ class StepModel:
 
     Attributes:
         sample_time_s: Between two samples [s]; an LSTM cannot take another.
-        feature_taps: FIR filters on raw samples, shape ``(features, 3, lags)``.
+        feature_taps: FIR filters on raw samples, shape ``(features, inputs, lags)``.
         feature_limits: Where positive, a filtered value y becomes ``y / (|y| + limit)``, shape ``(features,)``.
         feature_mean, feature_scale: Taken off, then divided by, shape ``(features,)``.
-        base_taps: The force that is corrected [N], shape ``(3, lags)``; zeros where there is none.
-        velocity_taps: The causal velocity that bounds go by [m/s], shape ``(3, lags)``.
+        base_taps: The force that is corrected [N], shape ``(inputs, lags)``; zeros where there is none.
+        velocity_taps: The causal velocity that bounds go by [m/s], shape ``(inputs, lags)``.
         network: None for a model without LSTM.
         forest: None for a model without forest.
         forest_sees: Which inputs the forest takes, in this order: hidden state, head, features.
         head_counts: Whether the network's head is part of the estimate.
         target_mean_n, target_scale_n: What the network's and the forest's outputs mean [N].
         guard: What a sample must be.
-        bounds: What the estimate's error may be.
+        bounds: The interval around the estimate.
+        inputs: Columns of a recording that make up a sample, in this order; ``position_m`` is one.
+        history: Features of the motion so far, which follow the linear ones; None for a model without.
     """
 
     sample_time_s: float
@@ -113,3 +120,20 @@ class StepModel:
     target_scale_n: float
     guard: Guard
     bounds: Bounds
+    inputs: tuple[str, ...] = SAMPLE_COLUMNS
+    history: History | None = None
+
+    @cached_property
+    def position(self) -> int:
+        """Place of the position among the inputs."""
+        return self.inputs.index("position_m")
+
+    @cached_property
+    def pressures(self) -> tuple[int, ...]:
+        """Places of the raw pressures among the inputs: those that cannot stay constant over a travel."""
+        return tuple(self.inputs.index(name) for name in SAMPLE_COLUMNS[:2] if name in self.inputs)
+
+    @property
+    def feature_count(self) -> int:
+        """Number of features that network and forest take, history included."""
+        return len(self.feature_taps) + (0 if self.history is None else len(self.history.mean))

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cylinder_friction.realtime.flags import invalid_flag
+from cylinder_friction.realtime.history import new_history
 from cylinder_friction.realtime.lstm import LstmWeights
 
 if TYPE_CHECKING:
@@ -19,16 +21,17 @@ if TYPE_CHECKING:
     Single = NDArray[np.float32]
     Whole = NDArray[np.int64]
 
-# Places in ``PackedModel.settings``; the first four are one a channel, LOWER and UPPER one a regime.
-ACCEPT_LOWER, ACCEPT_UPPER, TRAINED_LOWER, TRAINED_UPPER = 0, 3, 6, 9
-FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP = range(12, 18)
-LOWER, UPPER = 18, 22
+# Places in ``PackedModel.settings``.
+FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP, SAMPLE_TIME = range(7)
+# Rows of ``PackedModel.limits`` and of ``PackedModel.offsets``.
+ACCEPT_LOWER, ACCEPT_UPPER, TRAINED_LOWER, TRAINED_UPPER = range(4)
+LOWER, UPPER = range(2)
 # Places in ``PackedModel.counts``.
-FREEZE_SAMPLES, WARM_UP, RECOVERY, REVERSAL, FEATURES, HEAD_COUNTS, SEEN_FROM, DEPTH = range(8)
-# Places in ``PackedState.memory``.
-HELD, CONSTANT_FROM = 0, 3
-# Places in ``PackedState.counters``; FROZEN is one a pressure.
+FREEZE_SAMPLES, WARM_UP, RECOVERY, REVERSAL, FEATURES, HEAD_COUNTS, SEEN_FROM, DEPTH, POSITION, HISTORY = range(10)
+# Places in ``PackedState.counters``; FROZEN is one per raw pressure.
 READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, FROZEN = range(8)
+# Rows of ``PackedState.samples``.
+NOW, HELD, CONSTANT_FROM, INVALID = range(4)
 
 _NOTHING = np.zeros((0, 0, 0), dtype=np.float32)
 NO_NETWORK = LstmWeights(_NOTHING, _NOTHING, _NOTHING.reshape(0, 0), _NOTHING.ravel(), 0.0, 0)
@@ -39,10 +42,15 @@ class PackedModel:
     """Constants of the compiled step.
 
     Attributes:
-        taps: Shape ``(3, lags, features + 2)``: the features, then the base force, then the velocity.
-        scaling: Limits, means and scales of the features, shape ``(3, features)``.
+        taps: Shape ``(inputs, lags, features + 2)``: the linear features, then the base force, then the velocity.
+        scaling: Limits, means and scales of the linear features, shape ``(3, features)``.
+        history: Settings, means and scales of the history features, shape ``(3, 6)``; no rows without history.
+        limits: Guard limits of each input, see the rows above, shape ``(4, inputs)``.
+        offsets: Bounds of each regime, see the rows above, shape ``(2, 4)``.
         settings: Numbers of guard, target and bounds, see the places above.
         counts: Whole numbers of guard, bounds and shape, see the places above.
+        invalid_flags: Flag that an invalid value of each input sets, shape ``(inputs,)``.
+        pressures: Place of each raw pressure among the inputs.
         input, recurrent, bias, head: The network's weights; without network no layer and no node.
         head_bias: Added to the head, shape ``(1,)``.
         nodes: Each node's feature, left and right child, and a fourth column that ``splits`` reads, shape ``(n, 4)``;
@@ -53,8 +61,13 @@ class PackedModel:
 
     taps: Array
     scaling: Array
+    history: Array
+    limits: Array
+    offsets: Array
     settings: Array
     counts: Whole
+    invalid_flags: Whole
+    pressures: Whole
     input: Single
     recurrent: Single
     bias: Single
@@ -66,11 +79,11 @@ class PackedModel:
 
     @classmethod
     def of(cls, model: StepModel) -> PackedModel:
-        """Lays a model out."""
+        """Return a model laid out."""
         banks = [*model.feature_taps, model.base_taps, model.velocity_taps]
         lags = max(bank.shape[1] for bank in banks)
         taps = np.stack([np.pad(bank, ((0, 0), (0, lags - bank.shape[1]))) for bank in banks], axis=2)
-        features = len(model.feature_taps)
+        history, places = model.history, model.pressures
         network = NO_NETWORK if model.network is None else model.network
         seen_from = {"nothing": 0, "hidden": 0, "hidden_head_features": 0, "features": network.nodes + 1}[
             model.forest_sees
@@ -80,21 +93,27 @@ class PackedModel:
         return cls(
             taps=np.ascontiguousarray(taps, dtype=np.float64),
             scaling=np.ascontiguousarray([model.feature_limits, model.feature_mean, model.feature_scale]),
+            history=np.array(
+                [] if history is None else [history.settings(), history.mean, history.scale], dtype=np.float64
+            ).reshape(-1, 6),
+            limits=np.array([guard.accept_lower, guard.accept_upper, guard.trained_lower, guard.trained_upper]),
+            offsets=np.array([bounds.lower_n, bounds.upper_n]),
             settings=np.array(
                 [
-                    *(*guard.accept_lower, *guard.accept_upper, *guard.trained_lower, *guard.trained_upper),
                     *(guard.freeze_travel_m, guard.freeze_force_n, model.target_mean_n, model.target_scale_n),
-                    *(bounds.standstill_m_s, bounds.creep_m_s, *bounds.lower_n, *bounds.upper_n),
-                ],
-                dtype=np.float64,
+                    *(bounds.standstill_m_s, bounds.creep_m_s, model.sample_time_s),
+                ]
             ),
             counts=np.array(
                 [
                     *(guard.freeze_samples, guard.warm_up_samples, guard.recovery_samples, bounds.reversal_samples),
-                    *(features, int(model.head_counts), seen_from, depth),
+                    *(model.feature_count, int(model.head_counts), seen_from, depth, model.position),
+                    -1 if history is None else history.position_feature,
                 ],
                 dtype=np.int64,
             ),
+            invalid_flags=np.array([int(invalid_flag(name)) for name in model.inputs]),
+            pressures=np.array(places, dtype=np.int64),
             input=np.ascontiguousarray(network.input),
             recurrent=np.ascontiguousarray(network.recurrent),
             bias=np.ascontiguousarray(network.bias),
@@ -108,7 +127,8 @@ class PackedModel:
     def arrays(self) -> tuple[Any, ...]:
         """Return the arrays in the order in which the compiled step takes them."""
         return (
-            *(self.taps, self.scaling, self.settings, self.counts),
+            *(self.taps, self.scaling, self.history, self.limits, self.offsets, self.settings, self.counts),
+            *(self.invalid_flags, self.pressures),
             *(self.input, self.recurrent, self.bias, self.head, self.head_bias),
             *(self.nodes, self.splits, self.roots),
         )
@@ -119,22 +139,27 @@ class PackedState:
     """What the compiled step changes.
 
     Attributes:
-        history: Each channel's last samples, written twice, ``lags`` apart, so that from the newest on they always lie
-            in a row, newest first, shape ``(3, 2 lags)``.
-        memory: See the places above.
+        ring: Each input's last samples, written twice, ``lags`` apart, so that from the newest on they always lie in
+            a row, newest first, shape ``(inputs, 2 lags)``.
+        samples: One number per input in each row, see the rows above: this sample as it counts, the last one, the
+            position at which the input last changed [m], whether the input is invalid.
+        motion: Memory of the motion, see ``history.new_history``.
         counters: See the places above.
         lstm: Hidden and cell state, shape ``(2, layers, nodes)``.
-        outputs: Room for the filters' outputs, shape ``(features + 2,)``.
+        outputs: Room for the filters' outputs, shape ``(linear features + 2,)``.
+        moved: Room for the history features, shape ``(6,)``.
         seen: Room for hidden state, head and features, shape ``(nodes + 1 + features,)``.
         gates: Room for the gates, shape ``(4 nodes,)``.
         places: Room for where each tree is, shape ``(trees,)``.
     """
 
-    history: Array
-    memory: Array
+    ring: Array
+    samples: Array
+    motion: Array
     counters: Whole
     lstm: Single
     outputs: Array
+    moved: Array
     seen: Single
     gates: Single
     places: NDArray[np.int32]
@@ -142,15 +167,17 @@ class PackedState:
     @classmethod
     def of(cls, model: PackedModel) -> PackedState:
         """Return a state before the first sample."""
-        lags, outputs = model.taps.shape[1], model.taps.shape[2]
+        inputs, lags, outputs = model.taps.shape
         layers, nodes = len(model.bias), len(model.head)
         return cls(
-            history=np.zeros((3, 2 * lags)),
-            memory=np.zeros(CONSTANT_FROM + 2),
-            counters=np.zeros(FROZEN + 2, dtype=np.int64),
+            ring=np.zeros((inputs, 2 * lags)),
+            samples=np.zeros((4, inputs)),
+            motion=new_history(),
+            counters=np.zeros(FROZEN + len(model.pressures), dtype=np.int64),
             lstm=np.zeros((2, layers, nodes), dtype=np.float32),
             outputs=np.zeros(outputs),
-            seen=np.zeros(nodes + 1 + outputs - 2, dtype=np.float32),
+            moved=np.zeros(6),
+            seen=np.zeros(nodes + 1 + int(model.counts[FEATURES]), dtype=np.float32),
             gates=np.zeros(4 * nodes, dtype=np.float32),
             places=np.zeros(len(model.roots), dtype=np.int32),
         )
@@ -159,12 +186,13 @@ class PackedState:
         """Forget everything."""
         self.counters[:] = 0
         self.lstm[:] = 0.0
+        self.motion[:] = new_history()
 
     def arrays(self) -> tuple[Any, ...]:
         """Return the arrays in the order in which the compiled step takes them."""
         return (
-            *(self.history, self.memory, self.counters, self.lstm),
-            *(self.outputs, self.seen, self.gates, self.places),
+            *(self.ring, self.samples, self.motion, self.counters, self.lstm),
+            *(self.outputs, self.moved, self.seen, self.gates, self.places),
         )
 
 

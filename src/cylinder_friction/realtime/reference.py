@@ -1,8 +1,8 @@
 """The reference: one guarded real-time step in plain Python. It is the definition that every runtime must meet.
 
-A step, in this order: guard, filters, network, forest, bounds. Filters, scaling and sums run in double precision, LSTM
-and forest in single; every sum adds in the order in which the estimator's own ``advance`` does, so on sound samples the
-two agree bit for bit.
+A step, in this order: guard, filters, history, network, forest, bounds. Filters, scaling and sums run in double
+precision, LSTM and forest in single; every sum adds in the order in which the estimator's own ``advance`` does, so on
+valid samples the two agree bit for bit.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.realtime.bounds import next_regime
-from cylinder_friction.realtime.flags import Estimate, Flag
+from cylinder_friction.realtime.flags import Estimate, Flag, invalid_flag
+from cylinder_friction.realtime.history import history_step, new_history
 from cylinder_friction.realtime.lstm import Lstm
 
 if TYPE_CHECKING:
@@ -26,29 +27,26 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Single = NDArray[np.float32]
 
-PRESSURES = (0, 1)
-POSITION = 2
-
 
 @dataclass
 class GuardState:
-    """What the guard remembers.
+    """State of the guard.
 
     Attributes:
-        ready: A sample with three valid channels has come.
-        held: The last valid value of each channel, shape ``(3,)``.
+        ready: A sample with all inputs valid has come.
+        held: The last valid value of each input, shape ``(inputs,)``.
         constant_samples: For how many steps the position has been exactly constant.
-        constant_from_m: Position at which each pressure last changed (or was invalid) [m].
-        frozen: Whether each pressure is frozen.
+        constant_from_m: Position at which each raw pressure last changed (or was invalid) [m], by its place.
+        frozen: Places of the raw pressures that are frozen.
         warming: Steps of warm-up left.
         recovering: Steps of recovery left.
     """
 
     ready: bool = False
-    held: Array = field(default_factory=lambda: np.zeros(3))
+    held: Array = field(default_factory=lambda: np.zeros(0))
     constant_samples: int = 0
-    constant_from_m: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    frozen: list[bool] = field(default_factory=lambda: [False, False])
+    constant_from_m: dict[int, float] = field(default_factory=dict)
+    frozen: set[int] = field(default_factory=set)
     warming: int = 0
     recovering: int = 0
 
@@ -65,34 +63,36 @@ class ReferenceStream:
     def reset(self) -> None:
         """Forget everything; the next step is a first step."""
         self._guard = GuardState()
-        self._history = np.zeros((self._lags, 3))  # newest first
+        self._samples = np.zeros((self._lags, len(self.model.inputs)))  # newest first
+        self._motion = new_history()
         self._lstm: LstmState | None = None if self._network is None else self._network.new_state()
         self._direction, self._reversal_left = 0, 0
 
-    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Reset, then takes ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
+    def warm_up(self, *sample: float, steps: int) -> None:
+        """Reset, then take ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
         self.reset()
         for _ in range(steps):
-            self.step(pressure_1_pa, pressure_2_pa, position_m)
+            self.step(*sample)
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Return the estimate at this sample, whatever the sample is."""
-        raw = (float(pressure_1_pa), float(pressure_2_pa), float(position_m))
-        invalid = [not _accepted(self.model.guard, channel, raw[channel]) for channel in range(3)]
-        flags = sum(Flag.INVALID_PRESSURE_1 << channel for channel in range(3) if invalid[channel])
+    def step(self, *sample: float) -> Estimate:
+        """Return the estimate at this sample, one number per input, whatever the sample is."""
+        raw = np.array(sample, dtype=np.float64)
+        invalid = [not _accepted(self.model.guard, place, value) for place, value in enumerate(raw)]
+        flags = Flag(0)
+        for name, bad in zip(self.model.inputs, invalid, strict=True):
+            flags |= invalid_flag(name) if bad else Flag(0)
         if not self._guard.ready and any(invalid):
             return Estimate(0.0, 0.0, 0.0, int(Flag.NOT_READY | flags))
-        first = not self._guard.ready
-        if first:
+        if not self._guard.ready:
             self._begin(raw)
-        sample = [self._guard.held[channel] if invalid[channel] else raw[channel] for channel in range(3)]
-        self._history = np.vstack([sample, self._history[:-1]])
+        now = np.where(invalid, self._guard.held, raw)
+        self._samples = np.vstack([now, self._samples[:-1]])
         base_n = self._fir(self.model.base_taps)
-        if self._outside(sample):
+        if self._outside(now):
             flags |= Flag.OUTSIDE
-        if self._frozen(sample, invalid, base_n):
+        if self._frozen(now, invalid, base_n):
             flags |= Flag.FROZEN
-        self._guard.held[:] = sample
+        self._guard.held = now
         flags |= self._trust(bad=any(invalid) or bool(flags & Flag.FROZEN))
         friction_n = self._friction(base_n)
         regime = self._regime()
@@ -101,37 +101,37 @@ class ReferenceStream:
             friction_n, friction_n + bounds.lower_n[regime], friction_n + bounds.upper_n[regime], int(flags)
         )
 
-    def _begin(self, sample: tuple[float, float, float]) -> None:
-        """The first sound sample: as if it had always been there."""
+    def _begin(self, sample: Array) -> None:
+        """Begin with the first valid sample: as if it had always been there."""
         guard = self._guard
         guard.ready = True
-        guard.held[:] = sample
-        guard.constant_from_m = [sample[POSITION], sample[POSITION]]
+        guard.held = sample
+        guard.constant_from_m = dict.fromkeys(self.model.pressures, float(sample[self.model.position]))
         guard.warming = self.model.guard.warm_up_samples
-        self._history[:] = sample
+        self._samples[:] = sample
 
-    def _outside(self, sample: list[float]) -> bool:
+    def _outside(self, now: Array) -> bool:
         guard = self.model.guard
-        return any(not guard.trained_lower[c] <= sample[c] <= guard.trained_upper[c] for c in range(3))
+        return bool(((now < guard.trained_lower) | (now > guard.trained_upper)).any())
 
-    def _frozen(self, sample: list[float], invalid: list[bool], base_n: float) -> bool:
-        """Follow how long each channel has been constant; a held value is not the sensor's and starts afresh."""
-        guard, state = self.model.guard, self._guard
-        for channel in PRESSURES:
-            if invalid[channel] or sample[channel] != state.held[channel]:
-                state.constant_from_m[channel] = sample[POSITION]
-                state.frozen[channel] = False
-            elif abs(sample[POSITION] - state.constant_from_m[channel]) > guard.freeze_travel_m:
-                state.frozen[channel] = True
-        if invalid[POSITION] or sample[POSITION] != state.held[POSITION]:
+    def _frozen(self, now: Array, invalid: list[bool], base_n: float) -> bool:
+        """Follow how long each input has been constant; a held value is not the sensor's and starts afresh."""
+        guard, state, place = self.model.guard, self._guard, self.model.position
+        for pressure in self.model.pressures:
+            if invalid[pressure] or now[pressure] != state.held[pressure]:
+                state.constant_from_m[pressure] = float(now[place])
+                state.frozen.discard(pressure)
+            elif abs(now[place] - state.constant_from_m[pressure]) > guard.freeze_travel_m:
+                state.frozen.add(pressure)
+        if invalid[place] or now[place] != state.held[place]:
             state.constant_samples = 0
         else:
             state.constant_samples = min(state.constant_samples + 1, guard.freeze_samples + 1)
         stuck = state.constant_samples > guard.freeze_samples and abs(base_n) > guard.freeze_force_n
-        return any(state.frozen) or stuck
+        return bool(state.frozen) or stuck
 
     def _trust(self, bad: bool) -> Flag:
-        """Count warm-up and recovery down, and returns which of the two this step is in."""
+        """Count warm-up and recovery down; return the flags of those that this step is in."""
         state, flags = self._guard, Flag(0)
         if state.warming > 0:
             state.warming -= 1
@@ -166,21 +166,26 @@ class ReferenceStream:
 
     def _features(self) -> Single:
         model = self.model
-        result = np.empty(len(model.feature_taps), dtype=np.float32)
+        result = []
         for feature, taps in enumerate(model.feature_taps):
             value, limit = self._fir(taps), model.feature_limits[feature]
             if limit > 0.0:
                 value = value / (abs(value) + limit)
-            result[feature] = (value - model.feature_mean[feature]) / model.feature_scale[feature]
-        return result
+            result.append((value - model.feature_mean[feature]) / model.feature_scale[feature])
+        if (history := model.history) is not None:
+            moved = np.empty(len(history.mean))
+            smooth_m = self._fir(model.feature_taps[history.position_feature])
+            history_step(smooth_m, self._motion, history.settings(), model.sample_time_s, moved)
+            result.extend((moved - history.mean) / history.scale)
+        return np.array(result, dtype=np.float32)
 
     def _fir(self, taps: Array) -> float:
-        """Return ``sum over i, l of taps[i, l] * u[t - l, i]``, lag after lag, channel after channel."""
+        """Return ``sum over i, l of taps[i, l] * u[t - l, i]``, lag after lag, input after input."""
         total = 0.0
-        for channel in range(3):
-            for lag, tap in enumerate(taps[channel]):
+        for channel, row in enumerate(taps):
+            for lag, tap in enumerate(row):
                 if tap != 0.0:
-                    total += float(tap * self._history[lag, channel])
+                    total += float(tap * self._samples[lag, channel])
         return total
 
     def _regime(self) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from cylinder_friction.realtime import packed as at
 from cylinder_friction.realtime.bounds import next_regime
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.history import history_step
 from cylinder_friction.realtime.lstm import head_of, lstm_step
 
 if TYPE_CHECKING:
@@ -20,13 +21,8 @@ if TYPE_CHECKING:
 
     Int = NDArray[np.int32]
 
-POSITION = 2
-NOT_READY, WARMING, OUTSIDE, INVALID_FIRST, FROZEN, RECOVERING = (
-    int(flag)
-    for flag in (
-        *(Flag.NOT_READY, Flag.WARMING, Flag.OUTSIDE),
-        *(Flag.INVALID_PRESSURE_1, Flag.FROZEN, Flag.RECOVERING),
-    )
+NOT_READY, WARMING, OUTSIDE, FROZEN, RECOVERING = (
+    int(flag) for flag in (Flag.NOT_READY, Flag.WARMING, Flag.OUTSIDE, Flag.FROZEN, Flag.RECOVERING)
 )
 
 
@@ -34,8 +30,13 @@ NOT_READY, WARMING, OUTSIDE, INVALID_FIRST, FROZEN, RECOVERING = (
 def step(
     taps: Array,
     scaling: Array,
+    history: Array,
+    limits: Array,
+    offsets: Array,
     settings: Array,
     counts: Whole,
+    invalid_flags: Whole,
+    pressures: Whole,
     input_weights: Single,
     recurrent: Single,
     bias: Single,
@@ -44,45 +45,43 @@ def step(
     nodes: Int,
     splits: Single,
     roots: Int,
-    history: Array,
-    memory: Array,
+    ring: Array,
+    samples: Array,
+    motion: Array,
     counters: Whole,
     lstm: Single,
     outputs: Array,
+    moved: Array,
     seen: Single,
     gates: Single,
     places: Int,
-    pressure_1_pa: float,
-    pressure_2_pa: float,
-    position_m: float,
+    sample: Array,
 ) -> tuple[float, float, float, int]:
-    """Take the arrays of ``PackedModel`` and ``PackedState`` and a sample; returns friction, bounds [N] and flags."""
-    invalid = _invalid(settings, pressure_1_pa, pressure_2_pa, position_m)
+    """Return friction, bounds [N] and flags from the arrays of ``PackedModel`` and ``PackedState`` and a sample."""
+    flags = _check(limits, invalid_flags, samples, sample)
     if counters[at.READY] == 0:
-        if invalid != 0:
-            return 0.0, 0.0, 0.0, NOT_READY | invalid * INVALID_FIRST
-        _begin(counts, history, memory, counters, pressure_1_pa, pressure_2_pa, position_m)
-    if invalid & 1:
-        pressure_1_pa = memory[at.HELD]
-    if invalid & 2:
-        pressure_2_pa = memory[at.HELD + 1]
-    if invalid & 4:
-        position_m = memory[at.HELD + POSITION]
-    _filter(taps, history, counters, outputs, pressure_1_pa, pressure_2_pa, position_m)
+        if flags != 0:
+            return 0.0, 0.0, 0.0, NOT_READY | flags
+        _begin(counts, ring, samples, counters)
+    _filter(taps, ring, counters, outputs, samples[at.NOW])
     base_n = outputs[outputs.shape[0] - 2]
-    flags = invalid * INVALID_FIRST
-    if _outside(settings, pressure_1_pa, pressure_2_pa, position_m):
+    bad = flags != 0
+    if _outside(limits, samples[at.NOW]):
         flags |= OUTSIDE
-    if _frozen(settings, counts, memory, counters, invalid, base_n, pressure_1_pa, pressure_2_pa, position_m):
+    if _frozen(settings, counts, pressures, samples, counters, base_n):
         flags |= FROZEN
-    memory[at.HELD] = pressure_1_pa
-    memory[at.HELD + 1] = pressure_2_pa
-    memory[at.HELD + POSITION] = position_m
-    flags |= _trust(counts, counters, flags & ~OUTSIDE != 0)
-    _scale(scaling, outputs, seen[head.shape[0] + 1 :])
+        bad = True
+    samples[at.HELD] = samples[at.NOW]
+    flags |= _trust(counts, counters, bad)
+    features = seen[head.shape[0] + 1 :]
+    _scale(scaling, outputs, features)
+    if history.shape[0] > 0:
+        history_step(outputs[counts[at.HISTORY]], motion, history[0], settings[at.SAMPLE_TIME], moved)
+        for feature in range(moved.shape[0]):
+            scaled = (moved[feature] - history[1, feature]) / history[2, feature]
+            features[scaling.shape[1] + feature] = np.float32(scaled)
     friction_n = base_n + settings[at.TARGET_MEAN]
     if bias.shape[0] > 0:
-        features = seen[head.shape[0] + 1 :]
         lstm_step(input_weights, recurrent, bias, counts[at.FEATURES], features, lstm[0], lstm[1], gates)
         for node in range(head.shape[0]):
             seen[node] = lstm[0, bias.shape[0] - 1, node]
@@ -103,43 +102,39 @@ def step(
     )
     counters[at.DIRECTION] = direction
     counters[at.REVERSAL_LEFT] = left
-    return friction_n, friction_n + settings[at.LOWER + regime], friction_n + settings[at.UPPER + regime], flags
+    return friction_n, friction_n + offsets[at.LOWER, regime], friction_n + offsets[at.UPPER, regime], flags
 
 
 @numba.njit(cache=True)
-def _invalid(settings: Array, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> int:
-    """Return one bit a channel that is no reading of a working sensor."""
-    bits = 0
-    for channel, value in enumerate((pressure_1_pa, pressure_2_pa, position_m)):
-        if not (
-            isfinite(value)
-            and settings[at.ACCEPT_LOWER + channel] <= value
-            and value <= settings[at.ACCEPT_UPPER + channel]
-        ):
-            bits |= 1 << channel
-    return bits
+def _check(limits: Array, invalid_flags: Whole, samples: Array, sample: Array) -> int:
+    """Take the sample, with the last valid value in place of an invalid one; return the flags of those."""
+    flags = 0
+    for channel in range(sample.shape[0]):
+        value = sample[channel]
+        if isfinite(value) and limits[at.ACCEPT_LOWER, channel] <= value and value <= limits[at.ACCEPT_UPPER, channel]:
+            samples[at.NOW, channel] = value
+            samples[at.INVALID, channel] = 0.0
+        else:
+            samples[at.NOW, channel] = samples[at.HELD, channel]
+            samples[at.INVALID, channel] = 1.0
+            flags |= invalid_flags[channel]
+    return flags
 
 
 @numba.njit(cache=True)
-def _begin(
-    counts: Whole, history: Array, memory: Array, counters: Whole, first: float, second: float, third: float
-) -> None:
-    """The first sound sample: as if it had always been there."""
-    for channel, value in enumerate((first, second, third)):
-        memory[at.HELD + channel] = value
-        for lag in range(history.shape[1]):
-            history[channel, lag] = value
-    memory[at.CONSTANT_FROM] = third
-    memory[at.CONSTANT_FROM + 1] = third
+def _begin(counts: Whole, ring: Array, samples: Array, counters: Whole) -> None:
+    """Begin with the first valid sample: as if it had always been there."""
+    for channel in range(samples.shape[1]):
+        ring[channel] = samples[at.NOW, channel]
+        samples[at.HELD, channel] = samples[at.NOW, channel]
+        samples[at.CONSTANT_FROM, channel] = samples[at.NOW, counts[at.POSITION]]
     counters[at.READY] = 1
     counters[at.WARMING] = counts[at.WARM_UP]
 
 
 @numba.njit(cache=True)
-def _filter(
-    taps: Array, history: Array, counters: Whole, outputs: Array, first: float, second: float, third: float
-) -> None:
-    """Put the sample into the history and filters it."""
+def _filter(taps: Array, ring: Array, counters: Whole, outputs: Array, now: Array) -> None:
+    """Put the sample into the ring and filter it."""
     lags = taps.shape[1]
     newest = counters[at.NEWEST] - 1
     if newest < 0:
@@ -147,53 +142,48 @@ def _filter(
     counters[at.NEWEST] = newest
     for output in range(outputs.shape[0]):
         outputs[output] = 0.0
-    for channel, value in enumerate((first, second, third)):
-        history[channel, newest] = value
-        history[channel, newest + lags] = value
+    for channel in range(now.shape[0]):
+        ring[channel, newest] = now[channel]
+        ring[channel, newest + lags] = now[channel]
         for lag in range(lags):
-            past = history[channel, newest + lag]
+            past = ring[channel, newest + lag]
             for output in range(outputs.shape[0]):
                 outputs[output] += taps[channel, lag, output] * past
 
 
 @numba.njit(cache=True)
-def _outside(settings: Array, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> bool:
-    for channel, value in enumerate((pressure_1_pa, pressure_2_pa, position_m)):
-        if value < settings[at.TRAINED_LOWER + channel] or value > settings[at.TRAINED_UPPER + channel]:
+def _outside(limits: Array, now: Array) -> bool:
+    for channel in range(now.shape[0]):
+        if now[channel] < limits[at.TRAINED_LOWER, channel] or now[channel] > limits[at.TRAINED_UPPER, channel]:
             return True
     return False
 
 
 @numba.njit(cache=True)
-def _frozen(
-    settings: Array,
-    counts: Whole,
-    memory: Array,
-    counters: Whole,
-    invalid: int,
-    base_n: float,
-    pressure_1_pa: float,
-    pressure_2_pa: float,
-    position_m: float,
-) -> bool:
-    """Follow how long each channel has been constant; a held value is not the sensor's and starts afresh."""
-    for channel, value in enumerate((pressure_1_pa, pressure_2_pa)):
-        if invalid >> channel & 1 or value != memory[at.HELD + channel]:
-            memory[at.CONSTANT_FROM + channel] = position_m
-            counters[at.FROZEN + channel] = 0
-        elif abs(position_m - memory[at.CONSTANT_FROM + channel]) > settings[at.FREEZE_TRAVEL]:
-            counters[at.FROZEN + channel] = 1
-    if invalid & 4 or position_m != memory[at.HELD + POSITION]:
+def _frozen(settings: Array, counts: Whole, pressures: Whole, samples: Array, counters: Whole, base_n: float) -> bool:
+    """Follow how long each input has been constant; a held value is not the sensor's and starts afresh."""
+    now, held = samples[at.NOW], samples[at.HELD]
+    constant_from, invalid = samples[at.CONSTANT_FROM], samples[at.INVALID]
+    place = counts[at.POSITION]
+    frozen = False
+    for index, channel in enumerate(pressures):
+        if invalid[channel] != 0.0 or now[channel] != held[channel]:
+            constant_from[channel] = now[place]
+            counters[at.FROZEN + index] = 0
+        elif abs(now[place] - constant_from[channel]) > settings[at.FREEZE_TRAVEL]:
+            counters[at.FROZEN + index] = 1
+        frozen = frozen or counters[at.FROZEN + index] != 0
+    if invalid[place] != 0.0 or now[place] != held[place]:
         counters[at.CONSTANT] = 0
     else:
         counters[at.CONSTANT] = min(counters[at.CONSTANT] + 1, counts[at.FREEZE_SAMPLES] + 1)
     stuck = counters[at.CONSTANT] > counts[at.FREEZE_SAMPLES] and abs(base_n) > settings[at.FREEZE_FORCE]
-    return counters[at.FROZEN] != 0 or counters[at.FROZEN + 1] != 0 or stuck
+    return frozen or stuck
 
 
 @numba.njit(cache=True)
 def _trust(counts: Whole, counters: Whole, bad: bool) -> int:
-    """Count warm-up and recovery down, and returns the flags of which of the two this step is in."""
+    """Count warm-up and recovery down; return the flags of those that this step is in."""
     flags = 0
     if counters[at.WARMING] > 0:
         counters[at.WARMING] -= 1
@@ -217,7 +207,7 @@ def _scale(scaling: Array, outputs: Array, features: Single) -> None:
 
 @numba.njit(cache=True)
 def _forest(nodes: Int, splits: Single, roots: Int, depth: int, places: Int, seen: Single) -> float:
-    """All trees go down together, a level at a time: the machine waits for many of them at once, not for each."""
+    """Descend all trees together, level by level: the machine waits for many of them at once, not for each."""
     for tree in range(roots.shape[0]):
         places[tree] = roots[tree]
     for _ in range(depth):
@@ -233,10 +223,9 @@ def _forest(nodes: Int, splits: Single, roots: Int, depth: int, places: Int, see
 
 @numba.njit(cache=True)
 def steps(model: tuple, state: tuple, samples: Array, newtons: Array, flags: Whole) -> None:  # type: ignore[type-arg]
-    """Take the step on each of ``samples``, shape ``(n, 3)``; fills ``newtons``, shape ``(n, 3)``, and ``flags``."""
+    """Take the step on each of ``samples``, shape ``(n, inputs)``; fills ``newtons``, ``(n, 3)``, and ``flags``."""
     for row in range(samples.shape[0]):
-        sample = (samples[row, 0], samples[row, 1], samples[row, 2])
-        friction, lower, upper, flags[row] = step(*model, *state, *sample)  # type: ignore[call-arg]
+        friction, lower, upper, flags[row] = step(*model, *state, samples[row])  # type: ignore[call-arg]
         newtons[row, 0] = friction
         newtons[row, 1] = lower
         newtons[row, 2] = upper

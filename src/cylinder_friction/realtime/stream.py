@@ -1,23 +1,22 @@
-"""Running estimates in Python on the compiled step: guarded for real time, or strict as every estimator's stream."""
+"""Running estimates in Python: any estimator's, those of the compiled step, and the guarded one for real time."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from math import isfinite, nan
+from math import isfinite
 from sys import float_info
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cylinder_friction.estimators.base import EstimatorStream
 from cylinder_friction.realtime.flags import Estimate
 from cylinder_friction.realtime.packed import PackedModel, PackedState
 from cylinder_friction.realtime.step import step, steps
 from cylinder_friction.recordings.recording import refuse_not_finite
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -28,64 +27,116 @@ if TYPE_CHECKING:
 _STEP: Callable[..., Any] = step
 
 
-class RealTimeStream:
-    """One running estimate, guarded: takes whatever the sensors give, and says how far the estimate can be trusted.
-
-    A channel that is not finite, or that no working sensor would give, is held at its last valid value and flagged; it
-    never reaches the state. Streams do not touch each other, but one stream is for one thread.
+class EstimatorStream:
+    """One running estimate: samples go in one at a time, newtons come out.
 
     Args:
-        model: From ``step_model``.
+        new_state: Returns the state before the first sample.
+        advance: Returns friction [N] for the next samples and changes the state.
+        inputs: What makes up a sample.
     """
 
+    def __init__(
+        self, new_state: Callable[[], Any], advance: Callable[[Any, Array], Array], inputs: Sequence[str]
+    ) -> None:
+        self._new_state = new_state
+        self._advance = advance
+        self.inputs = tuple(inputs)
+        self._state = new_state()
+
+    def reset(self) -> None:
+        """Forget everything; the next step is a first step."""
+        self._state = self._new_state()
+
+    def step(self, *sample: float) -> float:
+        """Return friction [N] at this sample: one number per input, by default P1 [Pa], P2 [Pa], position [m].
+
+        Raises:
+            RecordingError: A value is NaN or infinite; the state stays as it was.
+            TypeError: There are more or fewer numbers than inputs.
+        """
+        _refuse_other_length(sample, self.inputs)
+        row = np.array([sample], dtype=np.float64)
+        refuse_not_finite("stream", row, self.inputs)
+        return float(self._advance(self._state, row)[0])
+
+
+class _CompiledStep:
+    """The compiled step with its state."""
+
     def __init__(self, model: StepModel) -> None:
-        self.model = model
+        self.inputs = model.inputs
         self._packed = PackedModel.of(model)
         self._state = PackedState.of(self._packed)
-        self._step: Callable[..., Any] = partial(_STEP, *self._packed.arrays(), *self._state.arrays())
-        self._step(nan, nan, nan)  # compiled, or loaded, before time counts; touches no state
-
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Return the estimate at this sample: friction, bounds [N] and flags (see ``Flag``)."""
-        return Estimate(*self._step(float(pressure_1_pa), float(pressure_2_pa), float(position_m)))
+        self._sample = np.full(len(model.inputs), np.nan)
+        self._step = partial(_STEP, *self._packed.arrays(), *self._state.arrays(), self._sample)
+        self._step()  # compiled, or loaded, before time counts; NaN touches no state
 
     def reset(self) -> None:
         """Forget everything; the next step is a first step."""
         self._state.reset()
 
-    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int | None = None) -> None:
-        """Reset, then steps on one and the same sample, so that the state comes to rest at it.
+    def _take(self, sample: tuple[float, ...]) -> tuple[float, float, float, int]:
+        _refuse_other_length(sample, self.inputs)
+        for place, value in enumerate(sample):
+            self._sample[place] = value
+        taken: tuple[float, float, float, int] = self._step()
+        return taken
+
+
+class RealTimeStream(_CompiledStep):
+    """One running estimate, guarded: takes whatever the sensors give, and flags how far the estimate can be trusted.
+
+    An input that is not finite, or that no working sensor would give, is held at its last valid value and flagged; it
+    never reaches the state. Streams do not touch each other, but one stream is for one thread.
+
+    Args:
+        model: From an estimator's ``step_model``.
+    """
+
+    def __init__(self, model: StepModel) -> None:
+        super().__init__(model)
+        self.model = model
+
+    def step(self, *sample: float) -> Estimate:
+        """Return the estimate at this sample, one number per input: friction, bounds [N] and flags (see ``Flag``)."""
+        return Estimate(*self._take(sample))
+
+    def warm_up(self, *sample: float, steps: int | None = None) -> None:
+        """Reset, then step on one and the same sample, so that the state comes to rest at it.
 
         Args:
-            pressure_1_pa, pressure_2_pa, position_m: Where the cylinder stands now.
+            sample: Where the cylinder stands now.
             steps: How often; None for the guard's ``warm_up_samples``, after which ``WARMING`` is over.
         """
         self.reset()
         for _ in range(self.model.guard.warm_up_samples if steps is None else steps):
-            self._step(float(pressure_1_pa), float(pressure_2_pa), float(position_m))
+            self._take(sample)
 
     def run(self, samples: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Step over samples, shape ``(n, 3)``; returns friction, lower and upper [N], shape ``(n, 3)``, and flags."""
+        """Step over samples, shape ``(n, inputs)``; return friction, lower and upper [N], ``(n, 3)``, and flags."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         newtons, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.int64)
         steps(self._packed.arrays(), self._state.arrays(), samples, newtons, flags)
         return newtons, flags
 
 
-class StrictStream(EstimatorStream):
+class StrictStream(_CompiledStep):
     """An estimator's ``stream()`` on the compiled step: equal to ``estimate`` bit for bit; refuses NaN and infinity."""
 
     def __init__(self, model: StepModel) -> None:
-        every, none = (-float_info.max,) * 3, (float_info.max,) * 3
-        packed = PackedModel.of(replace(model, guard=replace(model.guard, accept_lower=every, accept_upper=none)))
-        self._packed_state = PackedState.of(packed)
-        self._step: Callable[..., Any] = partial(_STEP, *packed.arrays(), *self._packed_state.arrays())
-        self._step(nan, nan, nan)  # compiled, or loaded, before time counts; touches no state
+        largest = (float_info.max,) * len(model.inputs)
+        smallest = tuple(-value for value in largest)
+        super().__init__(replace(model, guard=replace(model.guard, accept_lower=smallest, accept_upper=largest)))
 
-    def reset(self) -> None:
-        self._packed_state.reset()
+    def step(self, *sample: float) -> float:
+        """Return friction [N] at this sample; see ``EstimatorStream.step``."""
+        if not all(map(isfinite, sample)):
+            _refuse_other_length(sample, self.inputs)
+            refuse_not_finite("stream", np.array([sample], dtype=np.float64), self.inputs)
+        return self._take(sample)[0]
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:  # type: ignore[override]
-        if not (isfinite(pressure_1_pa) and isfinite(pressure_2_pa) and isfinite(position_m)):
-            refuse_not_finite("stream", np.array([[pressure_1_pa, pressure_2_pa, position_m]], dtype=np.float64))
-        return self._step(float(pressure_1_pa), float(pressure_2_pa), float(position_m))[0]
+
+def _refuse_other_length(sample: tuple[float, ...], inputs: tuple[str, ...]) -> None:
+    if len(sample) != len(inputs):
+        raise TypeError(f"expected {len(inputs)} numbers, {', '.join(inputs)}, but got {len(sample)}")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.front_end import Design
     from cylinder_friction.params.learning import TrainingParams
 
-RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.checkpoint")
+RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.training_plan")
 """The modules that train a hybrid: what was trained with other ones is not continued."""
 
 

@@ -52,7 +52,7 @@ def run(params: Params) -> RunRecord:
             bar.update(1)
             report(validation_mae_n)
 
-        estimator.fit_with_validation(train, validation, report=after_epoch)
+        estimator.fit(train, validation, report=after_epoch)
         return mean_absolute_error_n(estimator, validation)
 
     finished: list[Trial] = []

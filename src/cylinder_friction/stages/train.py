@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from cylinder_friction.estimators.checkpoint import Checkpoint
-from cylinder_friction.estimators.forest_alone import ForestEstimator
-from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.baselines import baselines
+from cylinder_friction.estimators.training_plan import Checkpoint
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from cylinder_friction.params.learning import TrainingParams, TrainParams
     from cylinder_friction.recordings.recording import Recording
 
-RIDGE_LAGS = 20
 REAL_TIME_BASELINES = ("random_forest", "lstm", "paper_lstm")
 """What can be exported to other runtimes beside the hybrids, and so needs guard and bounds."""
 
@@ -55,9 +53,9 @@ def run(params: Params) -> RunRecord:
     paper = _trained(
         params, "paper", settings.paper_hybrid.model_dump(), settings.paper_training, train, validation, datasets
     )
-    baselines = _baselines(params, train) | {"lstm": hybrid.without_forest(), "paper_lstm": paper.without_forest()}
+    others = _baselines(params, train) | {"lstm": hybrid.without_forest(), "paper_lstm": paper.without_forest()}
     for name in REAL_TIME_BASELINES:
-        baselines[name].calibrate(largest_friction_n(train), validation)
+        others[name].calibrate(largest_friction_n(train), validation)
     for folder, estimator in ((HYBRID_FOLDER, hybrid), (PAPER_HYBRID_FOLDER, paper)):
         with whole_folder(folder) as draft:
             estimator.save(draft)
@@ -66,9 +64,9 @@ def run(params: Params) -> RunRecord:
             if estimator is hybrid:
                 write_json(draft / CHOSEN_FILE.name, chosen)
     with whole_folder(BASELINES_FOLDER) as draft:
-        for name, baseline in baselines.items():
+        for name, baseline in others.items():
             baseline.save(draft / name)
-    named: dict[str, FrictionEstimator] = {"hybrid": hybrid, "paper_hybrid": paper, **baselines}
+    named: dict[str, FrictionEstimator] = {"hybrid": hybrid, "paper_hybrid": paper, **others}
     return RunRecord(
         name="train",
         params=flat(settings) | {f"chosen.{key}": value for key, value in chosen.items()},
@@ -111,23 +109,17 @@ def _trained(
             bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
             bar.update(epoch - bar.n)
 
-        estimator.fit_with_validation(train, validation, Checkpoint(folder), after_epoch)
+        estimator.fit(train, validation, Checkpoint(folder), after_epoch)
     return estimator
 
 
 def _baselines(params: Params, train: Sequence[Recording]) -> dict[str, FrictionEstimator]:
     cylinder = cylinder_from(params.cylinder)
     trees = forest_plan(params.train.paper_hybrid.model_dump(), params.train.paper_training)
-    baselines: dict[str, FrictionEstimator] = {
-        "force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none"),
-        "force_balance_paper": ForceBalanceEstimator(cylinder, "paper"),
-        "force_balance_low_pass": LowPassForceBalanceEstimator(cylinder),
-        "ridge": RidgeEstimator(RIDGE_LAGS),
-        "random_forest": ForestEstimator(cylinder, trees, params.train.seed),
-    }
-    for estimator in tqdm(baselines.values(), desc="train baselines", unit="estimator", disable=None):
+    made = baselines(cylinder, forest_plan=trees, seed=params.train.seed)
+    for estimator in tqdm(made.values(), desc="train baselines", unit="estimator", disable=None):
         estimator.fit(train)
-    return baselines
+    return made
 
 
 def _write_curve(path: Path, curve: LearningCurve) -> None:

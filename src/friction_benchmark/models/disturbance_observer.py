@@ -21,7 +21,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.linear import labelled_rows, on_inputs
+from cylinder_friction.estimators.linear import labelled_rows, refuse_missing_inputs
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps
 from cylinder_friction.signals.kalman import constant_jerk
@@ -167,7 +167,8 @@ class DisturbanceObserver(FrictionEstimator):
         self.cylinder, self.evaluations, self.recordings = cylinder, evaluations, recordings
         self.noise = noise or ObserverNoise()
         self.law = np.zeros((2, COEFFICIENTS))
-        self._order = [int(np.argmax(column)) for column in on_inputs(np.eye(3)[:, :, None], inputs)[:, :, 0]]
+        refuse_missing_inputs(inputs)
+        self._order = [list(inputs).index(name) for name in SAMPLE_COLUMNS]
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Find the friction law, the sensors' errors, and the noises, in this order."""

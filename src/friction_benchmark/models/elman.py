@@ -130,7 +130,7 @@ class ElmanEstimator(LearnedEstimator):
         self.found: Found | None = None
 
     def learn(self, train: Sequence[SequenceData]) -> None:
-        from cylinder_friction.estimators.network_training import reproducible  # PyTorch: only training needs it
+        from cylinder_friction.estimators.training import reproducible  # PyTorch: only training needs it
 
         with reproducible(self.seed):
             train_weights = _train_with_swarm if self.plan.trainer == "swarm" else _train_with_adam

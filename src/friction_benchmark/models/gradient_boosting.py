@@ -9,12 +9,12 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
-import onnx
-from onnx import TensorProto, helper
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # comes with scikit-learn
 
-from cylinder_friction.realtime.forest import OPSETS, Forest, forest_from_onnx
+from cylinder_friction.estimators.forest import rounded_down
+from cylinder_friction.estimators.onnx_files import read_forest, write_forest
+from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.lagged import Past, PastMemory
 from friction_benchmark.models.learned import LearnedEstimator
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.training_plan import SequenceData
 
-IR_VERSION = 8
 TREES_FILE = "trees.onnx"
 PAST = Past(lags=(6, 20, 60), averages=(100.0, 1000.0))
 """30, 100 and 300 ms ago; averages over 0.5 and 5 s, which show the contribution of sensor zeros or of a load."""
@@ -86,13 +85,12 @@ class GradientBoostingEstimator(LearnedEstimator):
     ) -> None:
         super().__init__(cylinder, inputs, seed)
         self.plan, self.past = plan or BoostingPlan(), past
-        self._model: onnx.ModelProto | None = None
         self._trees: Forest | None = None
 
     def learn(self, train: Sequence[SequenceData]) -> None:
         rows = [self.past.advance(self.past.new_memory(), each.features)[each.usable] for each in train]
         target = np.concatenate([each.target[each.usable] for each in train]).astype(np.float64)
-        self._set_model(fit_boosted_trees(np.concatenate(rows), target, self.plan, self.seed))
+        self._trees = fit_boosted_trees(np.concatenate(rows), target, self.plan, self.seed)
 
     def new_memory(self) -> PastMemory:
         return self.past.new_memory()
@@ -107,12 +105,9 @@ class GradientBoostingEstimator(LearnedEstimator):
         assert self.features is not None
         return self._trees.comparisons() + self.past.multiply_adds(len(self.features.names))
 
-    def _set_model(self, model: onnx.ModelProto) -> None:
-        self._model, self._trees = model, forest_from_onnx(model)
-
     def write_model(self, folder: Path) -> dict[str, Any]:
-        assert self._model is not None
-        (folder / TREES_FILE).write_bytes(self._model.SerializeToString(deterministic=True))
+        assert self._trees is not None
+        write_forest(self._trees, folder / TREES_FILE)
         return {"trees": TREES_FILE, "plan": asdict(self.plan), "past": asdict(self.past), "seed": self.seed}
 
     @classmethod
@@ -123,13 +118,13 @@ class GradientBoostingEstimator(LearnedEstimator):
         return estimator
 
     def _read_trees(self, folder: Path, content: dict[str, Any]) -> None:
-        self._set_model(onnx.load(folder / content["trees"]))
+        self._trees = read_forest(folder / content["trees"])
 
 
 def fit_boosted_trees(
     features: NDArray[np.float32], target: NDArray[np.float64], plan: BoostingPlan, seed: int
-) -> onnx.ModelProto:
-    """Fit histogram gradient boosting and return it as ONNX, the one form it is stored and run in.
+) -> Forest:
+    """Fit histogram gradient boosting and return its trees as plain arrays.
 
     One thread sums the histograms, so that the same rows give the same trees on any machine.
 
@@ -154,60 +149,26 @@ def fit_boosted_trees(
             early_stopping=False,
             random_state=seed,
         ).fit(features[chosen], target[chosen])
-    return trees_to_onnx(model, features.shape[1])
+    return trees_of(model, features.shape[1])
 
 
-def trees_to_onnx(model: HistGradientBoostingRegressor, inputs: int) -> onnx.ModelProto:
-    """Return a fitted model as a ``TreeEnsembleRegressor`` in which every row takes the path it takes in scikit-learn.
+def trees_of(model: HistGradientBoostingRegressor, inputs: int) -> Forest:
+    """Return a fitted model as a forest in which every row takes the path that it takes in scikit-learn.
 
-    scikit-learn compares with thresholds in double precision, ONNX in single. Features are single precision on both
-    sides, so the greatest single-precision number not above a threshold splits them alike (skl2onnx rounds to nearest
-    here, which does not). Leaf values are rounded to single precision. The first tree is one leaf, the value that
-    boosting begins from.
+    Leaf values are rounded to single precision. The first tree is one leaf, the value that boosting begins from.
     """
-    table: dict[str, list[Any]] = {
-        name: [] for name in ("treeids", "nodeids", "featureids", "modes", "values", "truenodeids", "falsenodeids")
-    }
-    weights: dict[str, list[Any]] = {"treeids": [], "nodeids": [], "weights": []}
-    start = np.zeros(1, dtype=[("is_leaf", bool), ("value", float), ("feature_idx", int), ("num_threshold", float),
-                               ("left", int), ("right", int)])  # fmt: skip
-    start["is_leaf"], start["value"] = True, float(np.ravel(model._baseline_prediction)[0])
-    for tree, nodes in enumerate([start, *(stage[0].nodes for stage in model._predictors)]):
-        leaf = nodes["is_leaf"].astype(bool)
-        count = len(nodes)
-        table["treeids"] += [tree] * count
-        table["nodeids"] += range(count)
-        table["featureids"] += np.where(leaf, 0, nodes["feature_idx"]).tolist()
-        table["modes"] += ["LEAF" if end else "BRANCH_LEQ" for end in leaf]
-        table["values"] += np.where(leaf, 0.0, _rounded_down(nodes["num_threshold"])).tolist()
-        table["truenodeids"] += np.where(leaf, 0, nodes["left"]).tolist()
-        table["falsenodeids"] += np.where(leaf, 0, nodes["right"]).tolist()
-        weights["treeids"] += [tree] * int(leaf.sum())
-        weights["nodeids"] += np.flatnonzero(leaf).tolist()
-        weights["weights"] += nodes["value"][leaf].astype(np.float32).tolist()
-    attributes: dict[str, Any] = {f"nodes_{name}": values for name, values in table.items()}
-    attributes |= {f"target_{name}": values for name, values in weights.items()}
-    attributes |= {"target_ids": [0] * len(weights["weights"]), "n_targets": 1}
-    attributes |= {"aggregate_function": "SUM", "post_transform": "NONE"}
-    node = helper.make_node(
-        "TreeEnsembleRegressor", ["features"], ["output"], name="trees", domain="ai.onnx.ml", **attributes
+    trees = [stage[0].nodes for stage in model._predictors]
+    starts = 1 + np.cumsum([0, *(len(nodes) for nodes in trees[:-1])])
+    nodes = np.concatenate(trees)
+    first = np.repeat(starts, [len(tree) for tree in trees])
+    leaf = nodes["is_leaf"].astype(bool)
+    begins = float(np.ravel(model._baseline_prediction)[0])
+    return Forest.of(
+        feature=np.concatenate([[-1], np.where(leaf, -1, nodes["feature_idx"])]),
+        threshold=np.concatenate([[0.0], np.where(leaf, 0.0, rounded_down(nodes["num_threshold"]))]),
+        left=np.concatenate([[0], first + nodes["left"]]),
+        right=np.concatenate([[0], first + nodes["right"]]),
+        value=np.concatenate([[begins], np.where(leaf, nodes["value"], 0.0)]),
+        roots=np.concatenate([[0], starts]),
+        inputs=inputs,
     )
-    graph = helper.make_graph(
-        [node],
-        "boosted_trees",
-        [helper.make_tensor_value_info("features", TensorProto.FLOAT, [None, inputs])],
-        [helper.make_tensor_value_info("output", TensorProto.FLOAT, [None, 1])],
-    )
-    opsets = [helper.make_opsetid(domain, version) for domain, version in sorted(OPSETS.items())]
-    made = helper.make_model(graph, opset_imports=opsets, ir_version=IR_VERSION)
-    onnx.checker.check_model(made)
-    return made
-
-
-def _rounded_down(thresholds: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the greatest single-precision numbers that are not above given ones."""
-    with np.errstate(over="ignore"):
-        single = thresholds.astype(np.float32)
-    above = single.astype(np.float64) > thresholds
-    single[above] = np.nextafter(single[above], np.float32(-np.inf))
-    return single

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cylinder_friction.estimators.features import fit_features
+from cylinder_friction.estimators.front_end import fit_front_end
 from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, passive_damping_velocity, simulate
 from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator, new_perceptron, train_perceptron
 from friction_benchmark.models.related_work import last_motion, places_of, task_columns
@@ -115,7 +115,7 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Train on synthetic friction along the recordings' motion and, if fine-tuned, on their labels afterwards."""
         self._begin_fit(recordings)
-        self._set_features(fit_features(MOTION, self.cylinder, recordings))
+        self._set_features(fit_front_end("full", self.cylinder, recordings, MOTION))
         self.target_mean_n, self.target_scale_n = 0.0, generic_parameters(self.cylinder).coulomb_n
         self.network = self._learn_synthetic(recordings)
         return super().fit(recordings) if self.plan.fine_tuned else self
@@ -161,7 +161,7 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
     def _inputs(self, memory: HanMemory, features: Single) -> tuple[Single, NDArray[np.bool_]]:
         """Return what the network sees at each sample, and where the window stepped; changes ``memory``."""
         assert self.features is not None
-        plan, place = self.features.front_end, self.features.names.index("velocity_m_s")
+        plan, place = self.features, self.features.names.index("velocity_m_s")
         velocity = features[:, place].astype(np.float64) * plan.scale[place] + plan.mean[place]
         rows, stepped = advance_window(memory.window, velocity)
         direction = last_motion(self.features, features).astype(np.float32)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.features import FeatureBlock, Features, FeatureState, fit_features
+from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
 from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class LearnedState:
     """State of the features, and the model's own memory."""
 
-    features: FeatureState
+    features: FrontEndState
     memory: Any
 
 
@@ -48,8 +48,8 @@ class LearnedEstimator(FrictionEstimator):
         super().__init__(inputs)
         self.cylinder, self.seed = cylinder, seed
         self.target_mean_n, self.target_scale_n = 0.0, 1.0
-        self.features: Features | None = None
-        self._block: FeatureBlock | None = None
+        self.features: FrontEnd | None = None
+        self._block: FrontEndBlock | None = None
 
     @abstractmethod
     def learn(self, train: Sequence[SequenceData]) -> None:
@@ -88,7 +88,7 @@ class LearnedEstimator(FrictionEstimator):
         Nothing is held out for early stopping: measured on other sessions, the sessions missed more than it brought.
         """
         self._begin_fit(recordings)
-        self._set_features(fit_features(self.inputs, self.cylinder, recordings))
+        self._set_features(fit_front_end("full", self.cylinder, recordings, self.inputs))
         pairs = [self._pair(recording) for recording in recordings]
         targets = np.concatenate(
             [left[recording.usable()] for (_, left), recording in zip(pairs, recordings, strict=True)]
@@ -111,8 +111,8 @@ class LearnedEstimator(FrictionEstimator):
         assert self._block is not None
         return self._block.multiply_adds() + self.model_multiply_adds()
 
-    def _set_features(self, features: Features) -> None:
-        self.features, self._block = features, FeatureBlock(features)
+    def _set_features(self, features: FrontEnd) -> None:
+        self.features, self._block = features, FrontEndBlock(features)
 
     def _pair(self, recording: Recording) -> tuple[NDArray[np.float32], Array]:
         """Return the features of a recording, and what the force balance leaves of its label [N]."""
@@ -136,7 +136,7 @@ class LearnedEstimator(FrictionEstimator):
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
-        features = Features.from_dict(parameters["features"])
+        features = FrontEnd.from_dict(parameters["features"])
         cylinder = Cylinder(**parameters["cylinder"])
         estimator = cls.read_model(folder, parameters["model"], cylinder, features.inputs)
         estimator._set_features(features)

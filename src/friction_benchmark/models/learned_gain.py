@@ -254,7 +254,7 @@ def _train(
     import torch  # only training needs it
     from torch import nn
 
-    from cylinder_friction.estimators.network_training import FrictionNetwork, reproducible, side_by_side, weights_of
+    from cylinder_friction.estimators.training import FrictionNetwork, reproducible, side_by_side, weights_of
 
     with reproducible(seed):
         inputs = sequences[0].features.shape[1]

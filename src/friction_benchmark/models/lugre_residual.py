@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, AnalyticalState, scaled_effort
-from cylinder_friction.estimators.features import FeatureBlock, Features, FeatureState
+from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.gradient_boosting import PAST, BoostingPlan, GradientBoostingEstimator
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class LugreFeatureState(FeatureState):
+class LugreFeatureState(FrontEndState):
     """State of the features, and of LuGre."""
 
     lugre: AnalyticalState
 
 
-class LugreFeatureBlock(FeatureBlock):
+class LugreFeatureBlock(FrontEndBlock):
     """Features with LuGre's friction beside them; LuGre is also what is corrected where there is no force balance.
 
     Args:
@@ -40,19 +40,19 @@ class LugreFeatureBlock(FeatureBlock):
         scale_n: Divides LuGre's friction [N].
     """
 
-    def __init__(self, features: Features, lugre: AnalyticalEstimator, scale_n: float) -> None:
+    def __init__(self, features: FrontEnd, lugre: AnalyticalEstimator, scale_n: float) -> None:
         super().__init__(features)
         self._lugre, self._scale_n = lugre, scale_n
 
     def new_state(self) -> LugreFeatureState:
         plain = super().new_state()
-        return LugreFeatureState(plain.front_end, plain.history, self._lugre.new_state())
+        return LugreFeatureState(plain.features, plain.base, plain.motion, self._lugre.new_state())
 
-    def advance(self, state: FeatureState, samples: Array) -> tuple[Any, Array]:
+    def advance(self, state: FrontEndState, samples: Array) -> tuple[Any, Array]:
         assert isinstance(state, LugreFeatureState)
         features, base_n = super().advance(state, samples)
         lugre_n = self._lugre.advance(state.lugre, samples)
-        if not self.features.has_base:
+        if not self.front_end.has_base:
             return np.column_stack([features, (lugre_n / self._scale_n).astype(np.float32)]), lugre_n
         beside = np.stack([lugre_n, base_n - lugre_n], axis=1) / self._scale_n
         return np.concatenate([features, beside.astype(np.float32)], axis=1), base_n
@@ -120,13 +120,13 @@ class LugreResidualEstimator(GradientBoostingEstimator):
         features, base_n = self._block.advance(state.features, samples)
         predicted = self.predict(state.memory, features).astype(np.float64)
         friction = np.asarray(base_n + self.target_mean_n + self.target_scale_n * predicted)
-        column = self.features.front_end.names.index("velocity_m_s")
-        front_end = self.features.front_end
+        column = self.features.names.index("velocity_m_s")
+        front_end = self.features
         velocity = features[:, column].astype(np.float64) * front_end.scale[column] + front_end.mean[column]
         feeds = (np.abs(velocity) > self.passive_above_m_s) & (friction * velocity < 0.0)
         return np.where(feeds, 0.0, friction)
 
-    def _set_features(self, features: Features) -> None:
+    def _set_features(self, features: FrontEnd) -> None:
         self.features = features
         self._block = LugreFeatureBlock(features, self.lugre, self.lugre_scale_n)
 

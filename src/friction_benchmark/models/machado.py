@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.features import Features
+    from cylinder_friction.estimators.front_end import FrontEnd
     from cylinder_friction.estimators.training_plan import SequenceData
 
     Single = NDArray[np.float32]
@@ -100,15 +100,15 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
         assert self.network is not None
         return self.network.run(self._inputs(memory, features))
 
-    def _set_features(self, features: Features) -> None:
+    def _set_features(self, features: FrontEnd) -> None:
         if self.plan.corrects == "nothing":
-            features = replace(features, front_end=replace(features.front_end, base_taps=None))
+            features = replace(features, base_taps=None)
         super()._set_features(features)
 
     def _inputs(self, memory: Array, features: Single) -> Single:
         """Return what the network sees, shape ``(n, k)``; changes ``memory``."""
         assert self.features is not None
-        front_end, names = self.features.front_end, self.features.names
+        front_end, names = self.features, self.features.names
         now, creep = (features[:, place] for place in places_of(self.features, VELOCITIES))
         if len(now) and np.isnan(memory[0]):
             memory[:] = now[0]
@@ -128,7 +128,7 @@ def _fit(rows: Array, target: Array, plan: MachadoPlan, generator: np.random.Gen
     """Return the network of least mean cost with the penalty; its gradient comes from PyTorch in double precision."""
     import torch  # only training needs it
 
-    from cylinder_friction.estimators.network_training import reproducible
+    from cylinder_friction.estimators.training import reproducible
 
     inputs, nodes = rows.shape[1], plan.nodes
     sizes = [inputs * nodes, nodes, nodes, 1]

@@ -133,7 +133,7 @@ class NarxEstimator(LearnedEstimator):
 
     def _kept(self, features: NDArray[np.float32]) -> Array:
         assert self.features is not None
-        front_end = self.features.front_end
+        front_end = self.features
         column = front_end.names.index("creep_velocity")
         creep = features[:, column].astype(np.float64) * front_end.scale[column] + front_end.mean[column]
         return np.asarray(poles(creep, self.at_rest, self.sliding))

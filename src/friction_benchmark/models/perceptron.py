@@ -147,7 +147,7 @@ def new_perceptron(inputs: int, nodes: Sequence[int], seed: int) -> Perceptron:
     """Return a rectified perceptron with PyTorch's usual first weights (He et al. 2015)."""
     from torch import nn  # only training needs it
 
-    from cylinder_friction.estimators.network_training import reproducible
+    from cylinder_friction.estimators.training import reproducible
 
     with reproducible(seed):
         return _weights_of([nn.Linear(*sizes) for sizes in itertools.pairwise([inputs, *nodes, 1])])
@@ -169,7 +169,7 @@ def train_perceptron(
     import torch
     from torch import nn
 
-    from cylinder_friction.estimators.network_training import reproducible
+    from cylinder_friction.estimators.training import reproducible
 
     with reproducible(seed):
         layers = []

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.realtime.history import HISTORY_NAMES
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     import torch
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.features import Features
+    from cylinder_friction.estimators.front_end import FrontEnd
 
 VELOCITIES = ("velocity_m_s", "creep_velocity")
 """The velocity as it is, and through a soft limit: the same signal, with resolution for what happens at creep."""
@@ -31,25 +32,26 @@ KNEE = 0.05
 """Error, in standard deviations of the target, below which the cost turns from absolute to squared."""
 
 
-def task_columns(features: Features) -> tuple[str, ...]:
+def task_columns(features: FrontEnd) -> tuple[str, ...]:
     """Return what the task lets a model see beside the motion: raw pressures' features, a temperature, a level."""
     pressures = OF_PRESSURES if features.has_base else ()
     return pressures + tuple(f"{name}_20" for name in features.inputs if name not in SAMPLE_COLUMNS)
 
 
-def places_of(features: Features, names: Sequence[str]) -> list[int]:
+def places_of(features: FrontEnd, names: Sequence[str]) -> list[int]:
     """Return the columns of features by their names."""
     return [features.names.index(name) for name in names]
 
 
-def last_motion(features: Features, rows: NDArray[np.float32]) -> NDArray[np.float64]:
+def last_motion(features: FrontEnd, rows: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the direction of the last motion, shape ``(n,)``: -1, 1, or 0 before the piston first moved.
 
     Not standardised: a swarm that searches weights within a box does worse with a direction without its mean.
     """
-    place = features.names.index("direction")
-    in_history = place - len(features.front_end.names)
-    return np.rint(rows[:, place] * features.scale[in_history] + features.mean[in_history])
+    assert features.history is not None
+    place = HISTORY_NAMES.index("direction")
+    column = rows[:, len(features.taps) + place]
+    return np.rint(column * features.history.scale[place] + features.history.mean[place])
 
 
 def smoothed_absolute(error: torch.Tensor) -> torch.Tensor:

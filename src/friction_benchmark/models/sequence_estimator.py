@@ -1,4 +1,4 @@
-"""What recurrent and convolutional networks share as estimators: training over whole sequences, and a slower step.
+"""What GRU and TCN share as estimators: training over whole sequences, and a slower step.
 
 A network may step at every ``stride``-th sample and hold its output in between. The features that it sees and the force
 balance that it corrects keep the sensors' rate, so what is held is the correction alone.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 import numpy as np
 import onnx
 
-from cylinder_friction.estimators.training_plan import LearningCurve
+from cylinder_friction.estimators.training_plan import LearningCurve, TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import LearnedEstimator
 
@@ -30,39 +30,6 @@ if TYPE_CHECKING:
     Single = NDArray[np.float32]
 
 NETWORK_FILE = "network.onnx"
-
-
-@dataclass(frozen=True)
-class SequencePlan:
-    """How a network is trained over whole sequences.
-
-    Attributes:
-        epochs: Passes over the training recordings, at most.
-        patience: Epochs without a better validation error before training stops early.
-        sequence_steps: Steps between two updates; the state is carried over, the gradient is not.
-        batch_size: Recordings trained on side by side.
-        stride: Samples between two steps of the network.
-        cut_samples: Longest stretch of a recording that is trained on as one sequence; 0: all of it. Shorter stretches
-            make more of them to go side by side, which is faster; each but a recording's first warms up unscored.
-        weight_decay: Of AdamW.
-        huber: Error [standard deviations] below which it is squared; 0: the mean absolute error.
-    """
-
-    epochs: int
-    patience: int
-    sequence_steps: int = 150
-    batch_size: int = 16
-    stride: int = 4
-    cut_samples: int = 0
-    weight_decay: float = 1e-3
-    huber: float = 0.0
-
-    def __post_init__(self) -> None:
-        counts = (self.epochs, self.patience, self.sequence_steps, self.batch_size, self.stride)
-        if min(counts) < 1:
-            raise ValueError(f"expected epochs, patience, steps, batch size and stride of at least 1, but got {self}")
-        if min(self.weight_decay, self.huber, self.cut_samples) < 0.0:
-            raise ValueError(f"expected weight_decay, huber and cut_samples of at least 0, but got {self}")
 
 
 class SteppedNetwork(Protocol):
@@ -100,9 +67,10 @@ class SequenceEstimator(LearnedEstimator):
     Args:
         cylinder: Its areas.
         architecture: Of the network.
-        plan: Of its training, and its stride.
-        inputs: Columns that it sees.
-        seed: Of weights, dropout, order and phase.
+        plan: Of its training.
+        inputs: Columns of a sample.
+        seed: Seeds weights, dropout and batch order.
+        stride: Samples between two steps of the network.
     """
 
     architecture_type: ClassVar[type]
@@ -111,12 +79,15 @@ class SequenceEstimator(LearnedEstimator):
         self,
         cylinder: Cylinder,
         architecture: Any,
-        plan: SequencePlan,
+        plan: TrainingPlan,
         inputs: Sequence[str] = SAMPLE_COLUMNS,
         seed: int = 0,
+        stride: int = 1,
     ) -> None:
         super().__init__(cylinder, inputs, seed)
-        self.architecture, self.plan = architecture, plan
+        if stride < 1:
+            raise ValueError(f"expected a stride of at least 1 sample, but got {stride!r}")
+        self.architecture, self.plan, self.stride = architecture, plan, stride
         self.learning_curve = LearningCurve()
         self.model: onnx.ModelProto | None = None
         self.network: SteppedNetwork | None = None
@@ -134,10 +105,12 @@ class SequenceEstimator(LearnedEstimator):
         """Return the network that ``to_onnx`` stored, ready to step."""
 
     def learn(self, train: Sequence[SequenceData]) -> None:
-        from friction_benchmark.models.sequence_training import train_sequences  # PyTorch: training alone waits
+        from cylinder_friction.estimators.training import train_network  # PyTorch: training alone waits for it
 
         rate = self.architecture.learning_rate
-        network, self.learning_curve = train_sequences(self.make_network, rate, self.plan, train, self.seed)
+        network, self.learning_curve = train_network(
+            self.make_network, rate, self.plan, train, seed=self.seed, stride=self.stride
+        )
         self._set_network(self.to_onnx(network))
 
     def new_memory(self) -> HeldMemory:
@@ -151,7 +124,7 @@ class SequenceEstimator(LearnedEstimator):
     def hold(self, memory: HeldMemory, features: Single) -> tuple[Single, Single]:
         """Return hidden states, shape ``(n, width)``, and outputs, ``(n,)``, of the latest step at each row."""
         assert self.network is not None
-        stride, phase, rows = self.plan.stride, memory.phase, len(features)
+        stride, phase, rows = self.stride, memory.phase, len(features)
         due = np.ascontiguousarray(features[-phase % stride :: stride])
         hidden, head = self.network.advance(memory.network, due)
         hidden, head = np.concatenate([memory.hidden, hidden]), np.concatenate([memory.head, head])
@@ -167,17 +140,16 @@ class SequenceEstimator(LearnedEstimator):
     def write_model(self, folder: Path) -> dict[str, Any]:
         assert self.model is not None
         (folder / NETWORK_FILE).write_bytes(self.model.SerializeToString(deterministic=True))
-        return {"architecture": asdict(self.architecture), "plan": asdict(self.plan), "seed": self.seed}
+        plan = {"plan": asdict(self.plan), "stride": self.stride}
+        return {"architecture": asdict(self.architecture), **plan, "seed": self.seed}
 
     @classmethod
     def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
         architecture = cls.architecture_type(**content["architecture"])
-        estimator = cls(cylinder, architecture, SequencePlan(**content["plan"]), inputs, content["seed"])
-        estimator._load_network(folder)
+        plan = TrainingPlan(**content["plan"])
+        estimator = cls(cylinder, architecture, plan, inputs, content["seed"], content["stride"])
+        estimator._set_network(onnx.load(folder / NETWORK_FILE))
         return estimator
-
-    def _load_network(self, folder: Path) -> None:
-        self._set_network(onnx.load(folder / NETWORK_FILE))
 
     def _set_network(self, model: onnx.ModelProto) -> None:
         self.model, self.network = model, self.from_onnx(model)

@@ -7,13 +7,21 @@ friction: noise and friction then separate alike on a rig of 150 N and on one of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from cylinder_friction.estimators.features import HISTORY_NAMES, FeatureBlock, Features, FeatureState
-from cylinder_friction.estimators.front_end import CREEP_VELOCITY_M_S, FeatureRow, FrontEnd
+from cylinder_friction.estimators.front_end import (
+    CREEP_VELOCITY_M_S,
+    FeatureRow,
+    FrontEnd,
+    FrontEndBlock,
+    FrontEndState,
+    standardised,
+    unscaled_front_end,
+    with_history,
+)
 from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import (
@@ -46,7 +54,7 @@ SLOW_CREEP_M_S, ACCELERATION_M_S2, PRESSURE_RATE_PA_S, LOW_FORCE_N = 1e-3, 0.1, 
 class TrackingState:
     """State of the filters, of the history of the motion, and of the strokes so far."""
 
-    features: FeatureState
+    features: FrontEndState
     strokes: Array
 
 
@@ -58,10 +66,10 @@ class TrackingFeatures:
         strokes: Whether the memory of strokes is among the features.
     """
 
-    def __init__(self, plan: Features, *, strokes: bool) -> None:
+    def __init__(self, plan: FrontEnd, *, strokes: bool) -> None:
         self.plan, self.strokes = plan, strokes
-        self._block = FeatureBlock(plan)
-        self._velocity = plan.front_end.names.index("velocity_m_s")
+        self._block = FrontEndBlock(plan)
+        self._velocity = plan.names.index("velocity_m_s")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -78,23 +86,10 @@ class TrackingFeatures:
             raise ValueError(f"expected inputs that begin with {', '.join(SAMPLE_COLUMNS)}, but got {tuple(inputs)}")
         sample_time_s = recordings[0].sample_time_s
         rows = tracking_rows(cylinder, sample_time_s, inputs)
-        length = max(row.taps.shape[1] for row in rows)
-        taps = np.stack([np.pad(row.taps, ((0, 0), (0, length - row.taps.shape[1]))) for row in rows])
-        base = np.pad(force_balance_taps(cylinder), ((0, 0), (0, len(inputs) - 3), (0, 0)))
-        count, limits = len(rows), np.array([row.limit for row in rows])
-        front_end = FrontEnd(tuple(row.name for row in rows), taps, limits, np.zeros(count), np.ones(count), base)
-        history = len(HISTORY_NAMES)
-        raw = Features(tuple(inputs), front_end, np.zeros(history), np.ones(history), sample_time_s)
-        block = FeatureBlock(raw)
-        seen = [
-            block.advance(block.new_state(), recording.samples(inputs))[0][recording.usable()].astype(np.float64)
-            for recording in recordings[:: math.ceil(len(recordings) / SCALED_ON)]
-        ]
-        values = np.concatenate(seen)
-        mean, scale = values.mean(axis=0), values.std(axis=0)
-        scale[scale == 0.0] = 1.0
-        scaled = replace(front_end, mean=mean[:count], scale=scale[:count])
-        return cls(replace(raw, front_end=scaled, mean=mean[count:], scale=scale[count:]), strokes=strokes)
+        base = force_balance_taps(cylinder, inputs)
+        front_end = with_history(unscaled_front_end(tuple(inputs), rows, base, sample_time_s))
+        scaled_on = recordings[:: math.ceil(len(recordings) / SCALED_ON)]
+        return cls(standardised(front_end, FrontEndBlock(front_end), scaled_on), strokes=strokes)
 
     def new_state(self) -> TrackingState:
         return TrackingState(self._block.new_state(), new_stroke_memory())
@@ -104,7 +99,7 @@ class TrackingFeatures:
         features, balance_n = self._block.advance(state.features, samples)
         if not self.strokes:
             return features, balance_n
-        front_end = self.plan.front_end
+        front_end = self.plan
         velocity = features[:, self._velocity].astype(np.float64)
         velocity = velocity * front_end.scale[self._velocity] + front_end.mean[self._velocity]
         pressure_2_pa = np.ascontiguousarray(samples[:, PRESSURE_2])
@@ -119,7 +114,7 @@ class TrackingFeatures:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
-        return cls(Features.from_dict(content), strokes=content["strokes"])
+        return cls(FrontEnd.from_dict(content), strokes=content["strokes"])
 
 
 def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> list[FeatureRow]:

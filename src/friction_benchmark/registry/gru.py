@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 from friction_benchmark.models.gru import GruEstimator
 from friction_benchmark.registry.model import RegisteredModel
-from friction_benchmark.registry.recurrent import DEFAULTS, SPACE, architecture, sequence_plan
+from friction_benchmark.registry.recurrent import DEFAULTS, SPACE, architecture, stride, training_plan
 
 if TYPE_CHECKING:
     from friction_benchmark.registry.model import BuildConfiguration
 
 
 def _build(build: BuildConfiguration) -> GruEstimator:
-    plan = sequence_plan(build, epochs=24, steps=75, batch_size=32)
-    return GruEstimator(build.cylinder, architecture(build), plan, build.inputs, build.seed)
+    plan = training_plan(build, epochs=24, steps=75, batch_size=32)
+    return GruEstimator(build.cylinder, architecture(build), plan, build.inputs, build.seed, stride(build))
 
 
 MODELS = (

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.estimators.hybrid import ForestPlan
-from friction_benchmark.models.lstm_correction import LstmForestEstimator
+from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
 from friction_benchmark.registry.model import Range, RegisteredModel
-from friction_benchmark.registry.recurrent import DEFAULTS, SPACE, architecture, sequence_plan
+from friction_benchmark.registry.recurrent import DEFAULTS, PRESSURE_FREE_EPOCHS, SPACE, architecture, training_plan
 
 if TYPE_CHECKING:
     from friction_benchmark.registry.model import BuildConfiguration
 
 
-def _build(build: BuildConfiguration) -> LstmForestEstimator:
-    forest = ForestPlan(build.whole("trees"), build.whole("depth"), build.share(60_000, 1000), leaf=20)
-    plan = sequence_plan(build, epochs=40, steps=100)
-    return LstmForestEstimator(build.cylinder, architecture(build), plan, forest, build.inputs, build.seed)
+def _build(build: BuildConfiguration) -> HybridEstimator:
+    return HybridEstimator(
+        build.cylinder,
+        architecture=architecture(build),
+        plan=training_plan(build, epochs=40, steps=200, slower=PRESSURE_FREE_EPOCHS),
+        forest_plan=ForestPlan(build.whole("trees"), build.whole("depth"), build.share(60_000, 1000), leaf=20),
+        seed=build.seed,
+        inputs=build.inputs,
+    )
 
 
 MODELS = (

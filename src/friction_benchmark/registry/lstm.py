@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from friction_benchmark.models.lstm_correction import LstmEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from friction_benchmark.registry.model import RegisteredModel
-from friction_benchmark.registry.recurrent import DEFAULTS, SPACE, architecture, sequence_plan
+from friction_benchmark.registry.recurrent import DEFAULTS, PRESSURE_FREE_EPOCHS, SPACE, architecture, training_plan
 
 if TYPE_CHECKING:
     from friction_benchmark.registry.model import BuildConfiguration
 
 
-def _build(build: BuildConfiguration) -> LstmEstimator:
-    plan = sequence_plan(build, epochs=60, steps=100)
-    return LstmEstimator(build.cylinder, architecture(build), plan, build.inputs, build.seed)
+def _build(build: BuildConfiguration) -> HybridEstimator:
+    return HybridEstimator(
+        build.cylinder,
+        architecture=architecture(build),
+        plan=training_plan(build, epochs=60, steps=200, slower=PRESSURE_FREE_EPOCHS),
+        forest_plan=None,
+        seed=build.seed,
+        inputs=build.inputs,
+    )
 
 
 MODELS = (

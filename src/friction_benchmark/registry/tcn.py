@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from friction_benchmark.models.tcn import TcnArchitecture, TcnEstimator
 from friction_benchmark.registry.model import OneOf, Range, RegisteredModel
-from friction_benchmark.registry.recurrent import sequence_plan
+from friction_benchmark.registry.recurrent import stride, training_plan
 
 if TYPE_CHECKING:
     from friction_benchmark.registry.model import BuildConfiguration
@@ -19,8 +19,8 @@ def _build(build: BuildConfiguration) -> TcnEstimator:
     architecture = TcnArchitecture(
         levels, build.whole("channels"), kernel, build.number("dropout"), build.number("learning_rate")
     )
-    plan = sequence_plan(build, epochs=24, steps=100, stride=10)
-    return TcnEstimator(build.cylinder, architecture, plan, build.inputs, build.seed)
+    plan = training_plan(build, epochs=24, steps=100, slower=10)
+    return TcnEstimator(build.cylinder, architecture, plan, build.inputs, build.seed, stride(build, 10))
 
 
 MODELS = (

@@ -15,7 +15,6 @@ from cylinder_friction.deployment.c_export.export import export_model
 from cylinder_friction.deployment.c_export.models import part_of
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.forest import Forest
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
@@ -103,7 +102,7 @@ SHAPES = _shapes()
 
 @pytest.fixture(scope="session")
 def golden_model() -> StepModel:
-    return step_model(load_estimator(GOLDEN / MODEL_FOLDER))
+    return load_estimator(GOLDEN / MODEL_FOLDER).step_model()
 
 
 @pytest.fixture(scope="session")

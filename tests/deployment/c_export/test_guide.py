@@ -45,7 +45,7 @@ def test_the_guides_program_runs(golden_model: StepModel, trajectories: dict[str
     done = subprocess.run([tmp_path / command[-2]], input=lines, capture_output=True, text=True, check=True)
 
     stream = RealTimeStream(golden_model)
-    stream.warm_up(*samples[0].tolist(), golden_model.guard.warm_up_samples)
+    stream.warm_up(*samples[0].tolist(), steps=golden_model.guard.warm_up_samples)
     expected = [stream.step(*sample) for sample in samples.tolist()]
     rows = [line.split(",") for line in done.stdout.splitlines()]
     assert [int(row[3]) for row in rows] == [estimate.flags for estimate in expected]

@@ -71,7 +71,7 @@ def test_warm_up_leaves_the_state_of_as_many_steps(
     warmed.run(trajectories["frozen"][:50])
     for _ in range(golden_model.guard.warm_up_samples):
         stepped.step(*sample)
-    warmed.warm_up(*sample, golden_model.guard.warm_up_samples)
+    warmed.warm_up(*sample, steps=golden_model.guard.warm_up_samples)
     assert warmed.saved() == stepped.saved()
     assert not warmed.step(*sample).flags & Flag.WARMING
 

@@ -51,7 +51,7 @@ def test_time_follows_the_steps(instance: FmuInstance, samples: Samples) -> None
 def test_warm_up_is_the_references(instance: FmuInstance, step_model: StepModel, samples: Samples) -> None:
     reference = ReferenceStream(step_model)
     steps = step_model.guard.warm_up_samples
-    reference.warm_up(*samples[0], steps)
+    reference.warm_up(*samples[0], steps=steps)
     instance.initialize(warm_up_steps=steps, sample=samples[0])
     assert instance.get_integer("warm_up_steps") == steps
     for sample in samples[:20]:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.forest import ForestPlan, fit_forest
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.realtime.forest import fit_forest, forest_from_onnx
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
 
@@ -24,7 +23,7 @@ SHAPES = ("hybrid", "lstm", "three_layers", "forest_on_hidden", "forest_alone", 
 
 @pytest.fixture(scope="session")
 def golden_model() -> StepModel:
-    return step_model(load_estimator(GOLDEN / MODEL_FOLDER))
+    return load_estimator(GOLDEN / MODEL_FOLDER).step_model()
 
 
 def network(inputs: int, layers: int, nodes: int) -> LstmWeights:
@@ -58,7 +57,7 @@ def shaped(golden: StepModel, shape: str) -> StepModel:
     inputs = features if shape == "forest_alone" else stack.nodes
     generator = np.random.default_rng(0)
     rows = generator.normal(0.0, 0.5, (500, inputs)).astype(np.float32)
-    forest = forest_from_onnx(fit_forest(rows, rows.sum(axis=1).astype(np.float64), 5, 4, 5, 0))
+    forest = fit_forest(rows, rows.sum(axis=1).astype(np.float64), ForestPlan(5, 4, len(rows), 5), 0)
     if shape == "forest_alone":
         return replace(none, forest=forest, forest_sees="features", feature_limits=np.zeros(features))
     return replace(none, network=stack, forest=forest, forest_sees="hidden")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,15 +9,13 @@ import onnxruntime
 import pytest
 import torch
 
-from cylinder_friction.estimators.hybrid import ForestPlan
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.training_plan import Architecture, SequenceData
+from cylinder_friction.estimators.training import train_network
+from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.gru import Gru, GruEstimator, gru_from_onnx, gru_to_onnx
-from friction_benchmark.models.lstm_correction import LstmEstimator, LstmForestEstimator
-from friction_benchmark.models.sequence_estimator import HeldMemory, SequenceEstimator, SequencePlan
+from friction_benchmark.models.sequence_estimator import HeldMemory, SequenceEstimator
 from friction_benchmark.models.sequence_networks import GruNetwork, TcnNetwork, gru_weights_of, tcn_weights_of
-from friction_benchmark.models.sequence_training import train_sequences
 from friction_benchmark.models.tcn import Tcn, TcnArchitecture, TcnEstimator, tcn_from_onnx, tcn_to_onnx
 
 if TYPE_CHECKING:
@@ -28,7 +25,8 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
 
-PLAN = SequencePlan(epochs=2, patience=2, sequence_steps=40, batch_size=4, stride=3)
+PLAN = TrainingPlan(epochs=2, patience=None, sequence_length=40, burn_in=0, batch_size=4)
+STRIDE = 3
 FEATURES, ROWS = 9, 300
 SHAPES: dict[str, Architecture | TcnArchitecture] = {
     "gru, one layer": Architecture(1, 8, 0.0, 1e-3),
@@ -118,9 +116,7 @@ def test_multiply_adds(shape: str, expected: int) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: SequencePlan(0, 1), "of at least 1, but got SequencePlan"),
-        (lambda: SequencePlan(1, 1, stride=0), "stride of at least 1, but got"),
-        (lambda: SequencePlan(1, 1, huber=-1.0), "at least 0, but got"),
+        (lambda: GruEstimator(None, None, PLAN, stride=0), "expected a stride of at least 1 sample, but got 0"),  # type: ignore[arg-type]
         (lambda: TcnArchitecture(2, 4, 1, 0.0, 1e-3), "kernel >= 2"),
         (lambda: TcnArchitecture(2, 4, 2, 1.0, 1e-3), r"dropout in \[0, 1\)"),
     ],
@@ -150,57 +146,18 @@ def tcn_of(inputs: int) -> torch.nn.Module:
 
 
 @pytest.mark.parametrize("make", [gru_of, tcn_of])
-@pytest.mark.parametrize("plan", [SequencePlan(25, 25, 30, 4, 1), SequencePlan(30, 30, 20, 8, 1, 250, huber=0.3)])
-def test_it_learns_what_needs_memory(make: Callable[[int], torch.nn.Module], plan: SequencePlan) -> None:
-    _, curve = train_sequences(make, 1e-2, plan, delayed_sequences(8, 0), delayed_sequences(2, 1), seed=3)
+@pytest.mark.parametrize("stride", [1, 2])
+def test_it_learns_what_needs_memory(make: Callable[[int], torch.nn.Module], stride: int) -> None:
+    plan = TrainingPlan(30, 30, 30, 0, 4, warm_up=0.05, weight_decay=1e-3)
+    train, validation = delayed_sequences(8, 0), delayed_sequences(2, 1)
+    _, curve = train_network(make, 1e-2, plan, train, validation, seed=3, stride=stride)
     assert min(curve.validation_mae) < 0.5 * curve.validation_mae[0]
     assert curve.validation_mae[curve.best_epoch - 1] == min(curve.validation_mae)
 
 
-def test_the_error_is_that_of_the_output_as_it_is_held() -> None:
-    """A head of zeros is wrong by the target itself, at all samples and not only at those where it steps."""
-    data = delayed_sequences(2, 0)
-    _, curve = train_sequences(gru_of, 1e-9, replace(PLAN, epochs=1), data, data, seed=0)
-    everywhere = np.mean([np.abs(sequence.target).mean() for sequence in data])
-    assert curve.validation_mae[0] == pytest.approx(everywhere, rel=1e-3)
-
-
-def test_masked_rows_teach_nothing() -> None:
-    half = np.arange(600) < 300
-    plain = [replace(data, usable=half) for data in delayed_sequences(3, 0)]
-    hidden = [replace(data, target=np.where(half, data.target, 1e6).astype(np.float32)) for data in plain]
-    one, other = (train_sequences(gru_of, 1e-2, PLAN, data, data, seed=1)[0] for data in (plain, hidden))
-    for mine, theirs in zip(one.parameters(), other.parameters(), strict=True):
-        assert torch.equal(mine, theirs)
-
-
-def test_training_stops_early() -> None:
-    generator = np.random.default_rng(0)
-    noise = [
-        SequenceData(
-            generator.normal(size=(300, 1)).astype(np.float32),
-            generator.normal(size=300).astype(np.float32),
-            np.ones(300, dtype=bool),
-        )
-        for _ in range(4)
-    ]
-    _, curve = train_sequences(gru_of, 3e-2, SequencePlan(60, 3, 50, 2, 1), noise[:2], noise[2:], seed=0)
-    assert len(curve.validation_mae) == curve.best_epoch + 3 < 60
-
-
-def test_a_target_that_is_no_number_is_refused() -> None:
-    data = [SequenceData(np.ones((60, 1), np.float32), np.full(60, np.nan, np.float32), np.ones(60, bool))]
-    with pytest.raises(FloatingPointError, match=r"epoch 1: mean absolute error is nan; lower the learning rate"):
-        train_sequences(gru_of, 1e-2, PLAN, data, data, seed=0)
-
-
 MAKERS: dict[str, Callable[[Cylinder, tuple[str, ...], int], SequenceEstimator]] = {
-    "gru": lambda *made: GruEstimator(made[0], Architecture(1, 8, 0.1, 1e-2), PLAN, *made[1:]),
-    "tcn": lambda *made: TcnEstimator(made[0], TcnArchitecture(2, 6, 3, 0.1, 1e-2), PLAN, *made[1:]),
-    "lstm": lambda *made: LstmEstimator(made[0], Architecture(1, 8, 0.1, 1e-2), PLAN, *made[1:]),
-    "lstm_forest": lambda *made: LstmForestEstimator(
-        made[0], Architecture(1, 8, 0.0, 1e-2), PLAN, ForestPlan(4, 5, 1000, 20), *made[1:]
-    ),
+    "gru": lambda *made: GruEstimator(made[0], Architecture(1, 8, 0.1, 1e-2), PLAN, *made[1:], STRIDE),
+    "tcn": lambda *made: TcnEstimator(made[0], TcnArchitecture(2, 6, 3, 0.1, 1e-2), PLAN, *made[1:], STRIDE),
 }
 
 

@@ -18,8 +18,8 @@ from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_block,
 from cylinder_friction.deployment.c_export.models import model_of, part_of
 from cylinder_friction.deployment.c_export.step import GUARD_OPERATIONS, PRELUDE, STEP, guard_fields, step_values
 from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import write_text
-from cylinder_friction.recordings.recording import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,7 +11,7 @@ import numpy as np
 from cylinder_friction.deployment.c_export.block import EstimateBlock, StateField
 from cylinder_friction.deployment.c_export.literals import filled, number
 from cylinder_friction.estimators.base import NotFittedError
-from cylinder_friction.estimators.lugre import LUGRE_STEP_MULTIPLY_ADDS
+from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS
 from cylinder_friction.realtime.bounds import unknown_bounds, velocity_taps
 from cylinder_friction.realtime.guard import guard_from
 from cylinder_friction.realtime.model import StepModel

@@ -23,6 +23,7 @@ FLAG_MEANINGS = {
     Flag.INVALID_POSITION: "position is not a working sensor's reading; its last valid value stands in",
     Flag.FROZEN: "A channel repeats one value although it cannot be constant",
     Flag.RECOVERING: "Channels are sound again, but the state still remembers invalid or frozen ones",
+    Flag.INVALID_OTHER: "Another input is not a working sensor's reading; its last valid value stands in",
 }
 
 

@@ -14,7 +14,6 @@ from cylinder_friction.deployment.c_export.literals import filled
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import open_step
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.realtime.from_hybrid import step_model
 from cylinder_friction.realtime.stream import RealTimeStream
 
 if TYPE_CHECKING:
@@ -192,7 +191,7 @@ def runtimes_of(estimator: FrictionEstimator, folder: Path) -> tuple[Runtime, ..
     )
     if isinstance(estimator, LugreEstimator):
         return (PythonRuntime("python", "Python, estimator.stream()", estimator.stream().step), *compiled)
-    model = step_model(estimator)
+    model = estimator.step_model()
     onnx, python = open_step(step_graph(model)), RealTimeStream(model)
     return (
         PythonRuntime("onnx_step", "ONNX Runtime, step graph", lambda *sample: onnx.step(*sample)[0]),
@@ -205,7 +204,7 @@ def size_of(estimator: FrictionEstimator) -> str:
     """Return the size of an estimator's network and forest in words, or its kind where it has neither."""
     if isinstance(estimator, LugreEstimator):
         return "LuGre, pressure-scaled" if estimator.pressure_scaled else "LuGre"
-    model = step_model(estimator)
+    model = estimator.step_model()
     parts = []
     if model.network is not None:
         parts.append(f"{model.network.layers}x{model.network.nodes} LSTM")

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.estimators.training_range import TRAINED_MARGIN, TrainingRange
+from cylinder_friction.realtime.guard import TRAINED_MARGIN, TrainingRange
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording

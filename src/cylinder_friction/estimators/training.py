@@ -1,4 +1,8 @@
-"""Training of the LSTM in PyTorch: whole sequences, state carried from one to the next, one target a step."""
+"""Training of sequence networks in PyTorch: whole recordings side by side, state carried, one target per step.
+
+The state carries on from one stretch of a recording to the next and the gradient does not (truncated backpropagation
+through time; Williams and Peng 1990).
+"""
 
 from __future__ import annotations
 
@@ -16,12 +20,17 @@ from cylinder_friction.estimators.training_plan import LearningCurve
 from cylinder_friction.realtime.lstm import LstmWeights
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.checkpoint import Checkpoint
-    from cylinder_friction.estimators.training_plan import Architecture, EpochReport, SequenceData, TrainingPlan
+    from cylinder_friction.estimators.training_plan import (
+        Architecture,
+        Checkpoint,
+        EpochReport,
+        SequenceData,
+        TrainingPlan,
+    )
 
 TORCH_THREADS = 1
 """At these sizes a second thread costs more than it gives; fixed, sums are added in the same order on every run."""
@@ -46,39 +55,50 @@ class FrictionNetwork(nn.Module):
 
 
 def train_network(
-    architecture: Architecture,
+    make_network: Callable[[int], nn.Module],
+    learning_rate: float,
     plan: TrainingPlan,
     train: Sequence[SequenceData],
-    validation: Sequence[SequenceData],
-    seed: int,
+    validation: Sequence[SequenceData] = (),
+    seed: int = 0,
     device: str = "cpu",
     checkpoint: Checkpoint | None = None,
     report: EpochReport | None = None,
-) -> tuple[LstmWeights, LearningCurve]:
-    """Train with Adam (Kingma and Ba 2015) on the mean absolute error, stops early, returns the best epoch's weights.
+    stride: int = 1,
+) -> tuple[Any, LearningCurve]:
+    """Train on the mean absolute error with Adam (Kingma and Ba 2015); return the best epoch's network.
+
+    Without validation recordings, that is the last epoch's.
 
     Args:
-        architecture: Of the network.
+        make_network: Takes the number of features, returns ``(features, state) -> (output, state)``: features
+            ``(time, batch, k)``, output ``(time, batch)``, state None at first, else nested tuples of tensors.
+        learning_rate: The highest.
         plan: Of the training.
-        train: Recordings that are learnt from.
-        validation: Recordings that early stopping listens to.
+        train: Recordings to learn from.
+        validation: Recordings that stop training early and choose the epoch.
         seed: Each epoch's dropout and order follow from it and the epoch's number alone, so that training resumed
             from a checkpoint ends bit for bit where an undisturbed one ends.
         device: ``cpu`` or ``cuda``.
         checkpoint: Saved after each epoch and picked up at the start.
         report: Called after each epoch with its number, training error and validation error; it may raise to stop.
+        stride: Samples between two steps of the network, whose target is then the mean over those samples; the first
+            step is at a random one of them, another each epoch.
 
     Raises:
         FloatingPointError: The error is no longer a number.
     """
     with reproducible(seed):
-        return _Training(architecture, plan, train, validation, seed, device, checkpoint, report).run()
+        network = make_network(train[0].features.shape[1]).to(device)
+        training = _Training(network, learning_rate, plan, train, validation, seed, device, checkpoint, report, stride)
+        return network.eval(), training.run()
 
 
 class _Training:
     def __init__(
         self,
-        architecture: Architecture,
+        network: nn.Module,
+        rate: float,
         plan: TrainingPlan,
         train: Sequence[SequenceData],
         validation: Sequence[SequenceData],
@@ -86,68 +106,73 @@ class _Training:
         device: str,
         checkpoint: Checkpoint | None,
         report: EpochReport | None,
+        stride: int,
     ) -> None:
         self.plan, self.seed, self.device, self.checkpoint, self.report = plan, seed, device, checkpoint, report
-        self.rate = architecture.learning_rate
-        inputs = train[0].features.shape[1]
-        self.network = FrictionNetwork(architecture, inputs).to(device)
-        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=self.rate)
+        self.network, self.rate, self.stride = network, rate, stride
+        self.optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=plan.weight_decay)
         self.train = side_by_side(train, device)
-        self.validation = side_by_side(validation, device)
+        self.validation = strided(side_by_side(validation, device), stride, 0) if validation else None
         self.curve = LearningCurve()
         self.best = self._copy()
 
-    def run(self) -> tuple[LstmWeights, LearningCurve]:
+    def run(self) -> LearningCurve:
         self._resume()
-        while len(self.curve.train_mae) < self.plan.epochs and not self._patience_is_over():
-            epoch = len(self.curve.train_mae) + 1
+        curve = self.curve
+        while len(curve.train_mae) < self.plan.epochs and not self._patience_is_over():
+            epoch = len(curve.train_mae) + 1
             trained = self._train_epoch(epoch)
-            validated = self._validate()
-            if not math.isfinite(trained + validated):
+            validated = math.nan if self.validation is None else self._validate(self.validation)
+            error = trained if self.validation is None else trained + validated
+            if not math.isfinite(error):
                 raise FloatingPointError(
-                    f"epoch {epoch}: mean absolute error is {validated}; lower the learning rate, now {self.rate}"
+                    f"epoch {epoch}: mean absolute error is {error}; lower the learning rate, now {self.rate}"
                 )
-            if not self.curve.validation_mae or validated < min(self.curve.validation_mae):
-                self.best, self.curve.best_epoch = self._copy(), epoch
-            self.curve.train_mae.append(trained)
-            self.curve.validation_mae.append(validated)
+            if self.validation is None or not curve.validation_mae or validated < min(curve.validation_mae):
+                self.best, curve.best_epoch = self._copy(), epoch
+            curve.train_mae.append(trained)
+            if self.validation is not None:
+                curve.validation_mae.append(validated)
             self._save()
             if self.report is not None:
                 self.report(epoch, trained, validated)
         self.network.load_state_dict(self.best)
-        return weights_of(self.network), self.curve
+        return curve
 
     def _patience_is_over(self) -> bool:
-        return len(self.curve.train_mae) - self.curve.best_epoch >= self.plan.patience
+        since_best = len(self.curve.train_mae) - self.curve.best_epoch
+        return self.plan.patience is not None and since_best >= self.plan.patience
 
     def _train_epoch(self, epoch: int) -> float:
         torch.manual_seed(self.seed * 100_003 + epoch)
         generator = np.random.default_rng([self.seed, epoch])
         order = generator.permutation(len(self.train.lengths))
         shift = int(generator.integers(self.plan.sequence_length))
+        phase = 0 if self.stride == 1 else int(generator.integers(self.stride))
+        data = strided(self.train, self.stride, phase)
         self.network.train()
         total, count = 0.0, 0.0
         groups = [order[i : i + self.plan.batch_size] for i in range(0, len(order), self.plan.batch_size)]
         for number, group in enumerate(groups):
             self._set_rate((epoch - 1 + number / len(groups)) / self.plan.epochs)
-            error, scored = self._train_group(torch.as_tensor(group), shift)
+            error, scored = self._train_group(data, torch.as_tensor(group), shift)
             total, count = total + error, count + scored
         return total / max(count, 1.0)
 
-    def _train_group(self, group: torch.Tensor, shift: int) -> tuple[float, float]:
-        length = int(self.train.lengths[group].max())
+    def _train_group(self, data: SideBySide, group: torch.Tensor, shift: int) -> tuple[float, float]:
+        length = int(data.lengths[group].max())
         edges = [0, *range(shift or self.plan.sequence_length, length, self.plan.sequence_length), length]
         state, total, count = None, 0.0, 0.0
         for start, end in itertools.pairwise(edges):
-            features = self.train.features[start:end, group]
-            weight = self.train.weight[start:end, group].clone()
+            features = data.features[start:end, group]
+            weight = data.weight[start:end, group].clone()
             weight[: max(0, self.plan.burn_in - start)] = 0.0
             output, state = self.network(features, state)
-            state = tuple(part.detach() for part in state)
+            state = _detached(state)
             scored = weight.sum()
             if float(scored) == 0.0:
                 continue
-            error = ((output - self.train.target[start:end, group]).abs() * weight).sum()
+            error = ((output - data.target[start:end, group]).abs() * weight).sum()
             self.optimiser.zero_grad()
             (error / scored).backward()
             nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
@@ -157,15 +182,17 @@ class _Training:
 
     def _set_rate(self, progress: float) -> None:
         factor = 1.0 if self.plan.schedule == "constant" else 0.5 * (1.0 + math.cos(math.pi * progress)) + 0.01
+        if progress < self.plan.warm_up:
+            factor = 0.01 + 0.99 * progress / self.plan.warm_up
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate * factor
 
-    def _validate(self) -> float:
+    def _validate(self, validation: SideBySide) -> float:
         self.network.eval()
         with torch.no_grad():
-            output, _ = self.network(self.validation.features)
-        error = ((output - self.validation.target).abs() * self.validation.weight).sum()
-        return float(error / self.validation.weight.sum())
+            output, _ = self.network(validation.features)
+        error = ((output - validation.target).abs() * validation.weight).sum()
+        return float(error / validation.weight.sum())
 
     def _copy(self) -> dict[str, torch.Tensor]:
         return {name: value.detach().clone() for name, value in self.network.state_dict().items()}
@@ -210,7 +237,7 @@ class SideBySide:
 
 
 def side_by_side(recordings: Sequence[SequenceData], device: str = "cpu") -> SideBySide:
-    """Return recordings of any lengths as one batch; what is padded weighs nothing."""
+    """Return recordings of any lengths as one batch; the padding has no weight."""
     lengths = torch.tensor([len(recording.target) for recording in recordings])
     time, batch, inputs = int(lengths.max()), len(recordings), recordings[0].features.shape[1]
     features = torch.zeros(time, batch, inputs)
@@ -223,6 +250,22 @@ def side_by_side(recordings: Sequence[SequenceData], device: str = "cpu") -> Sid
     return SideBySide(features.to(device), target.to(device), weight.to(device), lengths)
 
 
+def strided(rows: SideBySide, stride: int, phase: int) -> SideBySide:
+    """Return every ``stride``-th row after the first ``phase``, its target the weighted mean until the next."""
+    if stride == 1:
+        return rows
+    steps = (rows.target.shape[0] - phase) // stride
+    end = phase + steps * stride
+    target, weight = (part[phase:end].reshape(steps, stride, -1) for part in (rows.target, rows.weight))
+    held = weight.sum(dim=1)
+    mean = (target * weight).sum(dim=1) / held.clamp(min=1.0)
+    return SideBySide(rows.features[phase:end:stride], mean, held, (rows.lengths - phase) // stride)
+
+
+def _detached(state: Any) -> Any:
+    return state.detach() if isinstance(state, torch.Tensor) else tuple(_detached(part) for part in state)
+
+
 def _tensors(stored: dict[str, NDArray[Any]], prefix: str) -> dict[str, torch.Tensor]:
     return {
         name.removeprefix(prefix): torch.from_numpy(value) for name, value in stored.items() if name.startswith(prefix)
@@ -231,7 +274,7 @@ def _tensors(stored: dict[str, NDArray[Any]], prefix: str) -> dict[str, torch.Te
 
 @contextmanager
 def reproducible(seed: int) -> Iterator[None]:
-    """Seeds PyTorch, keeps it to one thread and to deterministic kernels inside the block."""
+    """Seed PyTorch and keep it to one thread and to deterministic kernels inside the block."""
     threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     torch.set_num_threads(TORCH_THREADS)
     torch.use_deterministic_algorithms(True, warn_only=True)

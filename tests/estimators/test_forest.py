@@ -7,10 +7,10 @@ import pytest
 import torch
 from sklearn.ensemble import RandomForestRegressor
 
-from cylinder_friction.estimators.network_training import FrictionNetwork, weights_of
-from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.forest import ForestPlan, fit_forest, rounded_down
+from cylinder_friction.estimators.onnx_files import forest_from_onnx, forest_to_onnx, network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.training import FrictionNetwork, weights_of
 from cylinder_friction.estimators.training_plan import Architecture
-from cylinder_friction.realtime.forest import fit_forest, forest_from_onnx
 from cylinder_friction.realtime.lstm import Lstm, lstm_multiply_adds
 
 
@@ -37,7 +37,7 @@ def test_the_forest_equals_scikit_learn() -> None:
     generator = np.random.default_rng(1)
     features = generator.normal(size=(3000, 6)).astype(np.float32)
     target = np.sin(features[:, 0]) + features[:, 1] * features[:, 2] + 0.1 * generator.normal(size=3000)
-    forest = forest_from_onnx(fit_forest(features, target, trees=12, depth=7, leaf=3, seed=5))
+    forest = fit_forest(features, target, ForestPlan(trees=12, depth=7, rows=3000, leaf=3), seed=5)
     peer = RandomForestRegressor(12, max_depth=7, min_samples_leaf=3, max_features=1 / 3, random_state=5)
     peer.fit(features, target)
     fresh = generator.normal(size=(2000, 6)).astype(np.float32)
@@ -49,7 +49,36 @@ def test_the_forest_equals_scikit_learn() -> None:
 def test_a_forest_never_leaves_the_range_of_its_targets() -> None:
     generator = np.random.default_rng(2)
     features = generator.normal(size=(500, 2)).astype(np.float32)
-    forest = forest_from_onnx(fit_forest(features, features[:, 0].astype(float), 8, 6, 1, 0))
+    forest = fit_forest(features, features[:, 0].astype(float), ForestPlan(8, 6, 500, 1), 0)
     far = np.array([[1e3, 0.0], [-1e3, 0.0]], dtype=np.float32)
     assert forest.predict(far).max() <= features[:, 0].max() + 1e-6
     assert forest.predict(far).min() >= features[:, 0].min() - 1e-6
+
+
+def test_a_forest_comes_back_from_onnx_as_it_was() -> None:
+    generator = np.random.default_rng(3)
+    features = generator.normal(size=(800, 4)).astype(np.float32)
+    forest = fit_forest(features, features[:, 1].astype(float) ** 2, ForestPlan(5, 6, 800, 4), 1)
+    again = forest_from_onnx(forest_to_onnx(forest))
+    inner = forest.feature >= 0
+    for name in ("feature", "value", "roots", "depth", "inputs"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(forest, name))
+    for name in ("threshold", "left", "right"):
+        np.testing.assert_array_equal(getattr(again, name)[inner], getattr(forest, name)[inner])
+
+
+def test_rows_are_drawn_at_random() -> None:
+    """The first half of the rows has another target: a forest on the first rows alone would know nothing else."""
+    features = np.random.default_rng(4).normal(size=(2000, 2)).astype(np.float32)
+    target = np.where(np.arange(2000) < 1000, -1.0, 1.0)
+    forest = fit_forest(features, target, ForestPlan(10, 3, 400, 20), 0)
+    assert abs(forest.predict(features).mean()) < 0.2
+    other = fit_forest(features, target, ForestPlan(10, 3, 400, 20), 1)
+    assert not np.array_equal(forest.value, other.value)
+
+
+def test_thresholds_are_rounded_down() -> None:
+    thresholds = np.array([1.0 + 1e-12, 1.0 - 1e-9, 0.1, -0.1])
+    single = rounded_down(thresholds)
+    assert (single <= thresholds).all()
+    assert (np.nextafter(single, np.float32(np.inf)) > thresholds).all()

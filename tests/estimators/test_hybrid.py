@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.estimators.early_stopping import KEPT_SESSIONS, held_out_for_stopping
+from cylinder_friction.estimators.hybrid import KEPT_SESSIONS, held_out_for_stopping
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 

@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.checkpoint import Checkpoint
-from cylinder_friction.estimators.network_training import train_network
-from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
+from cylinder_friction.estimators.training import FrictionNetwork, side_by_side, strided, weights_of
+from cylinder_friction.estimators.training import train_network as train_any_network
+from cylinder_friction.estimators.training_plan import (
+    Architecture,
+    Checkpoint,
+    LearningCurve,
+    SequenceData,
+    TrainingPlan,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from cylinder_friction.realtime.lstm import LstmWeights
 
 ARCHITECTURE = Architecture(layers=2, nodes=8, dropout=0.2, learning_rate=1e-2)
 PLAN = TrainingPlan(epochs=6, patience=6, sequence_length=50, burn_in=10, batch_size=2)
 
 
+def train_network(architecture: Architecture, *settings: Any, **more: Any) -> tuple[LstmWeights, LearningCurve]:
+    rate = architecture.learning_rate
+    network, curve = train_any_network(lambda k: FrictionNetwork(architecture, k), rate, *settings, **more)
+    return weights_of(network), curve
+
+
 def lagged_sequences(count: int, seed: int) -> list[SequenceData]:
-    """The target is the feature of five samples before: nothing without memory can tell it."""
+    """Return sequences whose target is the feature of five samples before, which needs memory."""
     generator = np.random.default_rng(seed)
     result = []
     for _ in range(count):
@@ -88,7 +103,7 @@ def test_early_stopping_waits_for_its_patience_and_keeps_the_best_epoch() -> Non
     assert len(curve.validation_mae) == curve.best_epoch + 3 < 60
 
 
-def test_masked_rows_teach_nothing() -> None:
+def test_masked_rows_change_nothing() -> None:
     data = lagged_sequences(3, 0)
     hidden = [
         SequenceData(d.features, np.where(np.arange(600) < 300, d.target, 1e6).astype(np.float32), np.arange(600) < 300)
@@ -104,3 +119,29 @@ def test_a_target_that_is_no_number_is_refused() -> None:
     data = [SequenceData(np.ones((60, 1), np.float32), np.full(60, np.nan, np.float32), np.ones(60, bool))]
     with pytest.raises(FloatingPointError, match=r"epoch 1: mean absolute error is nan; lower the learning rate"):
         train_network(ARCHITECTURE, PLAN, data, data, seed=0)
+
+
+def test_without_validation_all_epochs_are_trained_and_the_last_is_kept() -> None:
+    plan = replace(PLAN, epochs=3, patience=None)
+    _, curve = train_network(ARCHITECTURE, plan, lagged_sequences(2, 0), seed=1)
+    assert (len(curve.train_mae), curve.validation_mae, curve.best_epoch) == (3, [], 3)
+
+
+def test_the_target_of_a_slower_step_is_the_mean_until_the_next() -> None:
+    data = [SequenceData(f[:, None], f, f > 0) for f in np.array([[0, 1, 2, 3, 0, 5], [0, 9, 9, 9, 9, 9]], np.float32)]
+    steps = strided(side_by_side(data), 2, 1)
+    assert steps.features[:, 0, 0].tolist() == [1.0, 3.0]
+    assert steps.target[:, 0].tolist() == [1.5, 3.0]
+    assert steps.weight[:, 0].tolist() == [2.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"epochs": 0}, "of at least 1, but got TrainingPlan"),
+        ({"warm_up": -0.1}, "of at least 0, but got TrainingPlan"),
+    ],
+)
+def test_a_plan_refuses_nonsense(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        TrainingPlan(**settings)

@@ -1,0 +1,35 @@
+"""The baselines that every learned estimator has to beat, by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import FrictionEstimator
+
+
+def baselines(
+    cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS, forest_plan: ForestPlan | None = None, seed: int = 0
+) -> dict[str, FrictionEstimator]:
+    """Return the baselines, not yet fitted.
+
+    Args:
+        cylinder: Its areas and moving mass.
+        inputs: Columns of a sample; both raw pressures and the position must be among them.
+        forest_plan: Of the random forest; None for its defaults.
+        seed: Seeds the random forest.
+    """
+    return {
+        "force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none", inputs),
+        "force_balance_paper": ForceBalanceEstimator(cylinder, "paper", inputs),
+        "force_balance_low_pass": LowPassForceBalanceEstimator(cylinder, inputs=inputs),
+        "ridge": RidgeEstimator(inputs=inputs),
+        "random_forest": ForestEstimator(cylinder, forest_plan, seed, inputs),
+    }

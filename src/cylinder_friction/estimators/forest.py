@@ -1,0 +1,159 @@
+"""The random forest: fitted by scikit-learn, and alone as the paper's second half on the paper's filtered signals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
+from cylinder_friction.estimators.onnx_files import read_forest, write_forest
+from cylinder_friction.realtime.forest import Forest
+from cylinder_friction.realtime.stream import StrictStream
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
+
+FOREST_FILE = "forest.onnx"
+
+
+@dataclass(frozen=True)
+class ForestPlan:
+    """The forest: trees and their greatest depth (the paper's Table I), rows it is fitted on, fewest rows in a leaf.
+
+    The defaults of trees and depth are those that the default search finds on the rig's campaign.
+    """
+
+    trees: int = 22
+    depth: int = 6
+    rows: int = 60_000
+    leaf: int = 20
+
+
+class ForestEstimator(FrictionEstimator):
+    """A random forest on filtered P1, P2 and velocity of the present sample.
+
+    Args:
+        cylinder: Its areas; needed for ``fit`` alone.
+        plan: Trees, depth, rows and leaf.
+        seed: Seeds the choice of rows and the bootstrap.
+        inputs: Columns of a sample; both raw pressures and the position must be among them.
+    """
+
+    kind: ClassVar[str] = "random_forest"
+    shown: ClassVar[tuple[str, ...]] = ("plan",)
+
+    def __init__(
+        self,
+        cylinder: Cylinder | None = None,
+        plan: ForestPlan | None = None,
+        seed: int = 0,
+        inputs: Sequence[str] = SAMPLE_COLUMNS,
+    ) -> None:
+        super().__init__(inputs)
+        self.cylinder, self.plan, self.seed = cylinder, plan or ForestPlan(), seed
+
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Learn from ``plan.rows`` usable rows."""
+        if self.cylinder is None:
+            raise ValueError("a forest needs a cylinder to be fitted; got a loaded one without")
+        self._begin_fit(recordings)
+        front_end = fit_front_end("paper", self.cylinder, recordings, self.inputs)
+        block = FrontEndBlock(front_end)
+        rows = [
+            block.advance(block.new_state(), recording.samples(self.inputs))[0][recording.usable()]
+            for recording in recordings
+        ]
+        labels = [recording.column("friction_n")[recording.usable()] for recording in recordings]
+        self._set(front_end, fit_forest(np.concatenate(rows), np.concatenate(labels), self.plan, self.seed))
+        return self
+
+    def _set(self, front_end: FrontEnd, forest: Forest) -> None:
+        self.front_end_block, self.forest = FrontEndBlock(front_end), forest
+
+    def new_state(self) -> FrontEndState:
+        return self.front_end_block.new_state()
+
+    def advance(self, state: FrontEndState, samples: Array) -> Array:
+        features, _ = self.front_end_block.advance(state, samples)
+        return self.forest.predict(features)
+
+    def multiply_adds(self) -> int:
+        return self.front_end_block.multiply_adds() + self.forest.comparisons()
+
+    def step_model(self) -> StepModel:
+        """Return what one real-time step needs; see ``FrictionEstimator.step_model``."""
+        self._refuse_unfitted()
+        front_end = self.front_end_block.front_end
+        return self._step_model(**front_end.step_fields(), forest=self.forest, forest_sees="features")
+
+    def stream(self) -> StrictStream:
+        return StrictStream(self.step_model())
+
+    def _write(self, folder: Path) -> dict[str, Any]:
+        write_forest(self.forest, folder / FOREST_FILE)
+        return {"front_end": self.front_end_block.front_end.to_dict(), "forest": FOREST_FILE}
+
+    @classmethod
+    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
+        estimator = cls()
+        estimator._set(FrontEnd.from_dict(parameters["front_end"]), read_forest(folder / parameters["forest"]))
+        return estimator
+
+
+def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan: ForestPlan, seed: int) -> Forest:
+    """Fit a random forest (Breiman 2001) on rows drawn at random, and return it as plain arrays.
+
+    scikit-learn compares with thresholds in double precision, ONNX and every runtime in single. Features are single
+    precision on both sides, so the greatest single-precision number that is not above a threshold separates them alike.
+
+    Args:
+        features: Shape ``(n, k)``, float32, as at run time.
+        target: Shape ``(n,)``.
+        plan: Of the forest; more rows than it allows are thinned out at random.
+        seed: Seeds the rows, the bootstrap and the features tried at each split (a third of them).
+    """
+    from sklearn.ensemble import RandomForestRegressor  # training alone needs scikit-learn
+
+    count = min(plan.rows, len(features))
+    chosen = np.sort(np.random.default_rng(seed).choice(len(features), count, replace=False))
+    fitted = RandomForestRegressor(
+        n_estimators=plan.trees,
+        max_depth=plan.depth,
+        min_samples_leaf=plan.leaf,
+        max_features=1 / 3,
+        random_state=seed,
+        n_jobs=2,
+    ).fit(features[chosen], target[chosen])
+    trees = [each.tree_ for each in fitted.estimators_]
+    starts = np.cumsum([0, *(tree.node_count for tree in trees[:-1])])
+    leaf = np.concatenate([tree.children_left < 0 for tree in trees])
+    return Forest.of(
+        feature=np.where(leaf, -1, np.concatenate([tree.feature for tree in trees])),
+        threshold=np.where(leaf, 0.0, rounded_down(np.concatenate([tree.threshold for tree in trees]))),
+        left=np.concatenate([start + tree.children_left for start, tree in zip(starts, trees, strict=True)]),
+        right=np.concatenate([start + tree.children_right for start, tree in zip(starts, trees, strict=True)]),
+        value=np.where(leaf, np.concatenate([tree.value[:, 0, 0] for tree in trees]) / len(trees), 0.0),
+        roots=starts,
+        inputs=features.shape[1],
+    )
+
+
+def rounded_down(thresholds: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the greatest single-precision numbers that are not above given ones."""
+    with np.errstate(over="ignore"):
+        single = thresholds.astype(np.float32)
+    above = single.astype(np.float64) > thresholds
+    single[above] = np.nextafter(single[above], np.float32(-np.inf))
+    return single

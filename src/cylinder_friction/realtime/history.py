@@ -1,0 +1,104 @@
+"""The memory of motion that friction has and a filter has not: dwell, travel and time since the last reversal."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numba
+import numpy as np
+
+from cylinder_friction.signals.backlash import AGE, DIRECTION, new_backlash, push
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
+BACKLASH, MOVES, DWELL, TRAVEL_SHORT, TRAVEL_LONG, MOVING = range(6)
+"""Places in ``History.settings``."""
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Six features of the motion so far, from a smoothed position; see ``history_step``.
+
+    Attributes:
+        position_feature: Which linear feature is the smoothed position [m], taken straight from its filter.
+        mean, scale: Taken off each history feature, then divided by, shape ``(6,)``.
+        backlash_m: Half-width of the backlash that the smoothed position drags along [m], about three times the noise
+            of a smoothed 12-bit potentiometer: a velocity threshold would take noise for motion, and miss creep.
+        moves_s: The piston counts as moving while its last push against the backlash is no older [s].
+        dwell_s: Time scale of the logarithm of the dwells [s].
+        travel_short_m, travel_long_m: Travels over which the travel features saturate [m].
+        moving_s: Time over which the time of motion saturates [s].
+    """
+
+    position_feature: int
+    mean: Array
+    scale: Array
+    backlash_m: float = 4e-5
+    moves_s: float = 0.05
+    dwell_s: float = 0.1
+    travel_short_m: float = 2e-4
+    travel_long_m: float = 5e-3
+    moving_s: float = 0.2
+
+    def settings(self) -> Array:
+        """Return what ``history_step`` needs, shape ``(6,)``, at the places named in this module."""
+        lengths = (self.travel_short_m, self.travel_long_m)
+        return np.array([self.backlash_m, self.moves_s, self.dwell_s, *lengths, self.moving_s])
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self) | {"mean": self.mean.tolist(), "scale": self.scale.tolist()}
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Self:
+        return cls(**content | {"mean": np.array(content["mean"]), "scale": np.array(content["scale"])})
+
+
+def new_history() -> Array:
+    """Return the state before the first position, shape ``(7,)``.
+
+    It is the dwell [s], the dwell before the present motion [s], the place of the last reversal or start [m] (NaN
+    before the first position) and the time of motion [s]; then the state of the backlash.
+    """
+    return np.concatenate([[0.0, 0.0, np.nan, 0.0], new_backlash()])
+
+
+@numba.njit(cache=True)
+def history_step(position_m: float, state: Array, settings: Array, sample_time_s: float, result: Array) -> None:
+    """Take the next smoothed position: changes ``state`` (see ``new_history``) and fills ``result``, shape ``(6,)``.
+
+    Results are the direction of the last motion; logarithms of the dwell so far and of the one before this motion;
+    travel since the last reversal or start, saturating over a short and over a long distance; time of motion so far.
+    """
+    backlash = state[4:]
+    before = backlash[DIRECTION]
+    if np.isnan(state[2]):
+        state[2] = position_m
+    pushed = push(position_m, backlash, settings[BACKLASH], 0.0, sample_time_s)
+    if pushed and (backlash[DIRECTION] != before or state[0] > 0.0):
+        state[1], state[2], state[3] = state[0], position_m, 0.0
+    if backlash[AGE] < settings[MOVES]:
+        state[0] = 0.0
+        state[3] += sample_time_s
+    else:
+        state[0] += sample_time_s
+    travel = abs(position_m - state[2])
+    result[0] = backlash[DIRECTION]
+    result[1] = np.log1p(state[0] / settings[DWELL])
+    result[2] = np.log1p(state[1] / settings[DWELL])
+    result[3] = 1.0 - np.exp(-travel / settings[TRAVEL_SHORT])
+    result[4] = 1.0 - np.exp(-travel / settings[TRAVEL_LONG])
+    result[5] = 1.0 - np.exp(-state[3] / settings[MOVING])
+
+
+@numba.njit(cache=True)
+def history_rows(position_m: Array, state: Array, settings: Array, sample_time_s: float) -> Array:
+    """Return ``history_step`` at each position, shape ``(n, 6)``; changes ``state``."""
+    result = np.empty((position_m.shape[0], 6))
+    for row in range(position_m.shape[0]):
+        history_step(position_m[row], state, settings, sample_time_s, result[row])
+    return result
