@@ -1,4 +1,4 @@
-# The one list of commands. Each sets up what it needs: .venv from the lock files.
+# The one list of commands. Each sets up what it needs: .venv from the lock files; what only looks takes .venv as it is.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(abspath $(VENV))/bin
@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test lint format params ui serve track bench readme seeds lock
+.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds lock
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -20,9 +20,13 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet -r requirements.lock
+	@cmp -s requirements.lock $(VENV)/requirements.lock || $(BIN)/python -m pip install --quiet -r requirements.lock
+	@cp requirements.lock $(VENV)/requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	@touch $@
+
+$(BIN)/cylinder-friction:
+	$(MAKE) install
 
 $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet -r requirements-dev.lock
@@ -38,32 +42,41 @@ benchmark: install ## run the comparison of the literature, then print where its
 	cd benchmark && dvc repro
 	friction-benchmark summary
 
-test: install-dev ## run the tests
+test: install-dev ## run all tests: eight minutes on two cores
 	pytest -n 2 --dist loadgroup
 
-lint: install-dev ## check style, types and import rules
-	ruff format --check src tests performance docs
-	ruff check src tests performance docs
+test-fast: install-dev ## run the fast tests: under a minute on two cores
+	pytest -n 2 --dist loadgroup -m "not slow and not medium"
+
+lint: install-dev ## check style, types, imports, the stages' dependencies and the words
+	ruff format --check src tests performance docs tools
+	ruff check src tests performance docs tools
 	mypy
 	lint-imports
+	python tools/import_cycles.py
+	python tools/stage_dependencies.py
+	python tools/words.py
 
 format: install-dev ## rewrite style
-	ruff format src tests performance docs
-	ruff check --fix src tests performance docs
+	ruff format src tests performance docs tools
+	ruff check --fix src tests performance docs tools
 
-params: install ## compose conf/ into params.yaml, for example ARGS="experiment=smoke"
+stages: install ## write into dvc.yaml the code that each stage depends on
+	python tools/stage_dependencies.py --write
+
+params: | $(BIN)/cylinder-friction ## compose conf/ into params.yaml, for example ARGS="experiment=smoke"
 	cylinder-friction params $(ARGS)
 
-ui: install ## open the MLflow UI on the runs
+ui: | $(BIN)/cylinder-friction ## open the MLflow UI on the runs
 	cylinder-friction ui
 
-serve: install ## serve the champion and print a curl to try
+serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
 	cylinder-friction serve
 
-track: install ## log every finished stage to MLflow, without duplicates
+track: | $(BIN)/cylinder-friction ## log every finished stage to MLflow, without duplicates
 	cylinder-friction track
 
-bench: install ## measure speeds against peers in the same run
+performance: install ## measure speeds against peers in the same run
 	python performance/rig_speed.py
 	python performance/lugre_best_possible.py
 	python performance/ingest_throughput.py --hours 2
@@ -71,7 +84,7 @@ bench: install ## measure speeds against peers in the same run
 seeds: install ## the comparison for three campaign seeds (about half an hour)
 	python performance/campaign_seeds.py $(or $(ARGS),1 2 3)
 
-readme: install ## put the pipeline's latest table and picture into README.md
+readme: | $(BIN)/cylinder-friction ## put the pipeline's latest table and picture into README.md
 	cylinder-friction readme
 
 lock: ## resolve the lock files anew from pyproject.toml

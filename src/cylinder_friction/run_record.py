@@ -19,15 +19,15 @@ class RunRecord:
 
     Attributes:
         name: The stage, or the trial of a search.
-        params: What it was told.
+        params: Its parameters.
         metrics: What came out: one number each.
-        curves: What came out step by step: a list a name, one value a step (epoch, trial).
+        curves: What came out step by step: a list per name, one value per step (epoch, trial).
         tags: Further words about it.
         artifacts: Files and folders to log, relative to the repository root, each with the hash of its bytes.
         datasets: Recordings it used: a role (train, validation, test) to a hash of all their bytes.
         children: Runs below it, for example the trials of a search.
         experiment: Which of the project's MLflow experiments it lies in, empty for the main one; children lie with
-            their parent, whatever they say.
+            their parent in any case.
     """
 
     name: str

@@ -130,7 +130,7 @@ def test_a_kill_ends_in_the_same_file_and_nothing_twice(repository: Path, at: st
 def test_without_a_registry_nothing_is_decided(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:9")
     started = time.monotonic()
-    with pytest.raises(TrackingError, match=r"nothing answers there .*; start the tracking server"):
+    with pytest.raises(TrackingError, match=r"nothing responds there .*; start the tracking server"):
         register.run(parameters())
     assert time.monotonic() - started < 10.0
     assert not (repository / "models/registered.json").exists()

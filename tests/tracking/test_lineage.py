@@ -106,7 +106,7 @@ def test_parameters_that_no_commit_has_are_a_broken_link_that_names_them(registe
     assert "in no commit of dvc.lock" in links["dvc.lock raw/rig"]
 
 
-def test_a_parameter_that_only_judges_breaks_nothing(registered: Path) -> None:
+def test_a_parameter_that_shapes_no_model_breaks_nothing(registered: Path) -> None:
     change(registered / "params.yaml", "tolerance_percent: 0.1", "tolerance_percent: 5.0")
     assert lineage(URI, registered).holds
 

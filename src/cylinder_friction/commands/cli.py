@@ -58,7 +58,7 @@ def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
     """Return the parser; commands that are not ``loaded`` are listed, but their modules are not imported.
 
     A command's module gives ``add_arguments(parser)`` and ``run(options)``, which returns the exit status or None; and,
-    where there is something to say, ``EXPECTED``, errors whose message is enough, and ``kept(options)``, what is left
+    where needed, ``EXPECTED``, errors whose message is enough, and ``kept(options)``, what is left
     after Ctrl-C. Where a command has parts, their name is ``options.what``.
     """
     result = argparse.ArgumentParser(
@@ -98,7 +98,7 @@ def _add_completion(top: argparse.ArgumentParser) -> None:
 
 
 def _refusals() -> tuple[type[Exception], ...]:
-    """Return the errors whose message says all that the user of any command needs."""
+    """Return the errors whose message is all that the user of any command needs."""
     from cylinder_friction.params.checking import ParamsError
     from cylinder_friction.recordings.recording import RecordingError
     from cylinder_friction.tracking.errors import TrackingError

@@ -50,7 +50,7 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
 
 
 def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter) -> Inspected:
-    """Return a subject whose recording has the load that its own strokes tell, where position decides it.
+    """Return a subject whose recording has the load identified from its own strokes, where position decides it.
 
     ``label`` asks whole sessions; here each recording speaks for itself. What is refused is not asked.
     """
@@ -59,7 +59,7 @@ def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter
     recording = subject.recording
     try:
         load = labeller.identify([filtered(recording, used_filter)], used_filter).load
-    except ValueError as error:  # shorter than the filter, or strokes that tell no load
+    except ValueError as error:  # shorter than the filter, or strokes that determine no load
         return replace(subject, findings=[*subject.findings, Finding("load", "noted", str(error))])
     assert load is not None
     with_load = recording.with_columns(load_force_n=load.load_n(recording.column("position_m")))

@@ -1,0 +1,1 @@
+"""The stages of the pipeline, one thin module each; ``dvc.yaml`` runs them."""

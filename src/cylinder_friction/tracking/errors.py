@@ -8,4 +8,4 @@ class TrackingError(RuntimeError):
 
 
 class LineageError(TrackingError):
-    """The way back from a model cannot be written down or followed; the message says what is missing."""
+    """The way back from a model cannot be written down or followed; the message names what is missing."""

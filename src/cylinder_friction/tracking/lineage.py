@@ -12,7 +12,6 @@ import yaml
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.data_versions import where_data_lies
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import (
     ESTIMATOR_ARTIFACT,
@@ -23,7 +22,14 @@ from cylinder_friction.tracking.model_folder import (
 )
 from cylinder_friction.tracking.repository import git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
-from cylinder_friction.tracking.versions import LOCK_FILE, PARAMS_FILE, locked_hashes, params_hash, shaping_params
+from cylinder_friction.tracking.versions import (
+    LOCK_FILE,
+    PARAMS_FILE,
+    locked_hashes,
+    params_hash,
+    shaping_params,
+    where_data_lies,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -52,7 +58,7 @@ class Lineage:
         return all(link.holds for link in self.links)
 
     def text(self) -> str:
-        """Return the way back, one link a line, and what is broken."""
+        """Return the way back, one line per link, and what is broken."""
         width = max(len(link.name) for link in self.links)
         lines = [self.model]
         lines += [f"  {'ok    ' if link.holds else 'BROKEN'} {link.name:<{width}}  {link.found}" for link in self.links]
@@ -62,7 +68,7 @@ class Lineage:
 
 
 def lineage(uri: str, root: Path) -> Lineage:
-    """Follow the way back from a registered model and checks every link.
+    """Follow the way back from a registered model and check every link.
 
     Args:
         uri: ``models:/<name>@<alias>`` or ``models:/<name>/<version>``.
@@ -138,7 +144,7 @@ def _model_link(folder: Path | None, version: ModelVersion) -> Link:
 
 
 def _tags_link(origin: dict[str, Any], version: ModelVersion) -> Link:
-    """The tags that a browser shows and the file inside the model must tell one story."""
+    """The tags that a browser shows and the file inside the model must agree."""
     if not origin:
         return Link("tags", False, "there is no lineage.json to compare them with")
     expected = {

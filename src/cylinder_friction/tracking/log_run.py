@@ -48,7 +48,7 @@ _log = logging.getLogger(__name__)
 
 
 def log_run(record: RunRecord, root: Path) -> str:
-    """Log a record as an MLflow run with its children below it, and returns the run's id.
+    """Log a record as an MLflow run with its children below it, and return the run's id.
 
     A run that is already there whole is returned as it is; one that a kill left half-written is deleted and
     logged anew. Two records with equal content are one run.
@@ -65,7 +65,7 @@ def log_run(record: RunRecord, root: Path) -> str:
 
 
 def track_or_warn(record: RunRecord, root: Path) -> str | None:
-    """Log a record like ``log_run``; where that fails, the stage's files stand and a warning says how to catch up."""
+    """Log a record like ``log_run``; where that fails, warn and name the command that catches up."""
     try:
         return log_run(record, root)
     except Exception as error:  # whatever the store does must not cost a finished stage its result

@@ -70,7 +70,7 @@ def register(
 
 
 def register_again(root: Path) -> str | None:
-    """Make what ``models/registered.json`` says true of the store in use; returns it in words, None without the file.
+    """Bring the store in use to the state of ``models/registered.json``; return it in words, None without the file.
 
     The decision stands as it was made. The alias goes to the version only where it was promoted and nobody else has
     taken the place since.
@@ -146,7 +146,7 @@ def _write_decision(store: Store, version: ModelVersion, registered: Registered)
 
 
 def _promote(store: Store, version: ModelVersion, champion: ModelVersion | None) -> None:
-    """Move the alias, last and in one step; tags say from where to where, since MLflow keeps no history of it."""
+    """Move the alias, last and in one step; tags record it, since MLflow keeps no history of aliases."""
     tags = {
         "promoted_from": "none" if champion is None else f"version {champion.version}",
         "promoted_to": f"version {version.version}",

@@ -42,7 +42,7 @@ def repository_root(start: Path) -> Path:
 
 
 def git(root: Path, *arguments: str) -> str | None:
-    """Return what git answers, stripped; None where git fails, is absent or ``root`` is no repository."""
+    """Return the output of git, stripped; None where git fails, is absent or ``root`` is no repository."""
     try:
         done = subprocess.run(  # noqa: S603
             ["git", "-C", str(root), *arguments],  # noqa: S607

@@ -73,7 +73,7 @@ def open_store(root: Path) -> Iterator[Store]:
     The lock makes "look whether it is there, else log it" one step, and a killed process gives it back.
 
     Raises:
-        TrackingError: The server does not answer.
+        TrackingError: The server does not respond.
     """
     uri = tracking_uri(root)
     _refuse_silent_server(uri)
@@ -106,7 +106,7 @@ def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:
 
 
 def _refuse_silent_server(uri: str) -> None:
-    """MLflow retries for minutes; one short knock tells whether anybody is there."""
+    """MLflow retries for minutes; one short connection shows whether it listens."""
     parts = urlsplit(uri)
     if parts.scheme not in ("http", "https"):
         return
@@ -115,7 +115,7 @@ def _refuse_silent_server(uri: str) -> None:
         socket.create_connection((parts.hostname or "", port), timeout=_CONNECT_TIMEOUT_S).close()
     except OSError as error:
         raise TrackingError(
-            f"MLFLOW_TRACKING_URI is {uri}, but nothing answers there ({error}); start the tracking server, correct "
+            f"MLFLOW_TRACKING_URI is {uri}, but nothing responds there ({error}); start the tracking server, correct "
             "the variable, or unset it to use the repository's own store"
         ) from error
 

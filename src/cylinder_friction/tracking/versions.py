@@ -1,24 +1,32 @@
-"""What data and parameters a model came from: ``dvc.lock``'s hashes, DVC's way of hashing, and the parameters' hash."""
+"""What data and parameters a model came from: ``dvc.lock``'s hashes, the parameters' hash, and where the data lies."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import yaml
+from dvc.exceptions import NotDvcRepoError
+from dvc.repo import Repo
+from dvc_data.hashfile.build import build
+from dvc_data.hashfile.db import HashFileDB
+from dvc_data.hashfile.hash_info import HashInfo
+from dvc_data.hashfile.tree import Tree
+from dvc_objects.errors import ObjectFormatError
+from dvc_objects.fs.local import LocalFileSystem
 
 from cylinder_friction.tracking.errors import LineageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
 LOCK_FILE = "dvc.lock"
 PARAMS_FILE = "params.yaml"
-JUDGING_SECTIONS = ("lugre", "compare", "register")
-"""Sections of the parameters that judge a model but do not shape it; all others belong to where it came from."""
+EVALUATING_SECTIONS = ("lugre", "compare", "register")
+"""Sections of the parameters that do not shape the model; all others belong to its origin."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,7 @@ class Origin:
 
 
 def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
-    """Return what the workspace's models are made from, as ``dvc.lock`` and ``params.yaml`` say.
+    """Return what the workspace's models are made from, from ``dvc.lock`` and ``params.yaml``.
 
     Args:
         root: The repository's root.
@@ -95,7 +103,7 @@ def locked_hashes(text: str) -> dict[str, str]:
 
 def shaping_params(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the sections of the parameters that shape a model."""
-    return {section: values for section, values in content.items() if section not in JUDGING_SECTIONS}
+    return {section: values for section, values in content.items() if section not in EVALUATING_SECTIONS}
 
 
 def params_hash(params: Mapping[str, Any]) -> str:
@@ -103,23 +111,39 @@ def params_hash(params: Mapping[str, Any]) -> str:
 
 
 def dvc_hash(path: Path) -> str:
-    """Return the hash that DVC gives a file or a folder (``.dir`` at its end).
+    """Return the hash that DVC gives a file or a folder (``.dir`` at its end), every byte read."""
+    files = LocalFileSystem()
+    _, _, found = build(HashFileDB(files, str(path.parent)), str(path), files, "md5", dry_run=True)
+    return str(found.hash_info.value)
 
-    A folder's is the MD5 of the JSON list of its files' MD5 and relative paths, sorted by path.
+
+def where_data_lies(root: Path, path: str, md5: str) -> str | None:
+    """Return where data of this very content lies, every byte of it read and hashed; None where it lies nowhere.
+
+    Args:
+        root: The repository's root.
+        path: File or folder, relative to it.
+        md5: DVC's hash of it.
     """
-    if not path.is_dir():
-        return file_md5(path)
-    files = sorted(file.relative_to(path) for file in path.rglob("*") if file.is_file())
-    return folder_hash([{"md5": file_md5(path / file), "relpath": file.as_posix()} for file in files])
+    place = root / path
+    if place.exists() and dvc_hash(place) == md5:
+        return f"on disk at {path}"
+    try:
+        cache = Repo(str(root)).cache.local
+    except NotDvcRepoError:
+        return None
+    return f"in DVC's cache at {Path(cache.path)}" if _whole_in_cache(cache, md5) else None
 
 
-def folder_hash(entries: Sequence[Mapping[str, str]]) -> str:
-    """Return the hash that DVC gives a folder with these files."""
-    ordered = sorted(entries, key=lambda entry: entry["relpath"])
-    listing = json.dumps([{"md5": entry["md5"], "relpath": entry["relpath"]} for entry in ordered], sort_keys=True)
-    return f"{hashlib.md5(listing.encode(), usedforsecurity=False).hexdigest()}.dir"
-
-
-def file_md5(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
+def _whole_in_cache(cache: HashFileDB, md5: str) -> bool:
+    entry = Path(cache.oid_to_path(md5))
+    if not entry.is_file():
+        return False
+    if not md5.endswith(".dir"):
+        return dvc_hash(entry) == md5
+    try:
+        tree = Tree.load(cache, HashInfo("md5", md5))
+    except ObjectFormatError:
+        return False
+    tree.digest()
+    return tree.hash_info.value == md5 and all(_whole_in_cache(cache, file.value) for _, _, file in tree)

@@ -1,0 +1,1 @@
+"""The commands of the command line that are not stages, one thin module each."""

@@ -1,0 +1,1 @@
+"""What people look at: figures, tables, the comparison report and the inspection page."""
