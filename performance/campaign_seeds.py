@@ -30,7 +30,8 @@ def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[st
     subprocess.run([*command, "params", *overrides, f"record.seed={seed}"], cwd=folder, check=True, env=environment)
     for stage in STAGES:
         subprocess.run([*command, "stage", stage], cwd=folder, check=True, env=environment)
-    return json.loads((folder / "reports/metrics.json").read_text(encoding="utf-8"))
+    metrics: dict[str, dict[str, dict[str, float]]] = json.loads((folder / "reports/metrics.json").read_text("utf-8"))
+    return metrics
 
 
 def main(arguments: list[str]) -> int:
