@@ -251,20 +251,10 @@ class DisturbanceObserver(FrictionEstimator):
 
     def _observe(self, belief: Belief, trace: Traces, noise: ObserverNoise) -> Array:
         assert self.sample_time_s is not None
-        return np.asarray(
-            observe(
-                trace.motion,
-                trace.balance_n,
-                trace.pressure_bar,
-                self.law,
-                noise.packed(),
-                self._areas,
-                self.sample_time_s,
-                belief.mean,
-                belief.covariance,
-                belief.last,
-            )
-        )
+        measured = (trace.motion, trace.balance_n, trace.pressure_bar)
+        believed = (belief.mean, belief.covariance, belief.last)
+        found = observe(*measured, self.law, noise.packed(), self._areas, self.sample_time_s, *believed)
+        return np.asarray(found)
 
     def new_state(self) -> ObserverState:
         return ObserverState(AVERAGE.new_state(), new_causal_motion(), new_belief(self.noise, self._areas))
@@ -279,24 +269,14 @@ class DisturbanceObserver(FrictionEstimator):
         return 5 * 49 + 5 * 16 + 80
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
-        return {
-            "cylinder": asdict(self.cylinder),
-            "inputs": list(self.inputs),
-            "evaluations": self.evaluations,
-            "recordings": self.recordings,
-            "noise": asdict(self.noise),
-            "law": self.law.tolist(),
-        }
+        search = {"evaluations": self.evaluations, "recordings": self.recordings}
+        model = {"noise": asdict(self.noise), "law": self.law.tolist()}
+        return {"cylinder": asdict(self.cylinder), "inputs": list(self.inputs), **search, **model}
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
-        estimator = cls(
-            Cylinder(**parameters["cylinder"]),
-            parameters["inputs"],
-            parameters["evaluations"],
-            parameters["recordings"],
-            ObserverNoise(**parameters["noise"]),
-        )
+        cylinder, noise = Cylinder(**parameters["cylinder"]), ObserverNoise(**parameters["noise"])
+        estimator = cls(cylinder, parameters["inputs"], parameters["evaluations"], parameters["recordings"], noise)
         estimator.law = np.array(parameters["law"])
         return estimator
 

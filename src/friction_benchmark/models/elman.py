@@ -155,13 +155,7 @@ class ElmanEstimator(LearnedEstimator):
         return {"plan": vars(self.plan), "seed": self.seed, "weights": self.weights.tolist()}
 
     @classmethod
-    def read_model(
-        cls,
-        folder: Path,  # noqa: ARG003
-        content: dict[str, Any],
-        cylinder: Cylinder,
-        inputs: Sequence[str],
-    ) -> Self:
+    def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:  # noqa: ARG003
         estimator = cls(cylinder, inputs, ElmanPlan(**content["plan"]), content["seed"])
         estimator.weights = np.array(content["weights"], dtype=np.float32)
         return estimator

@@ -167,14 +167,8 @@ class LearnedGainEstimator(FrictionEstimator):
     def new_state(self) -> LearnedGainState:
         assert self.features is not None
         assert self._network is not None
-        return LearnedGainState(
-            self.features.new_state(),
-            self._network.new_state(),
-            np.zeros(1),
-            np.zeros(1),
-            0,
-            np.full(1, np.nan),
-        )
+        features, network = self.features.new_state(), self._network.new_state()
+        return LearnedGainState(features, network, np.zeros(1), np.zeros(1), 0, np.full(1, np.nan))
 
     def advance(self, state: LearnedGainState, samples: Array) -> Array:
         assert self.features is not None

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from friction_benchmark.models.learned import LearnedState
 
 
+SETTINGS = ("passive_above_m_s", "identification_effort", "identified_on")
+
+
 @dataclass
 class LugreFeatureState(FrontEndState):
     """State of the features, and of LuGre."""
@@ -131,26 +134,13 @@ class LugreResidualEstimator(GradientBoostingEstimator):
         self._block = LugreFeatureBlock(features, self.lugre, self.lugre_scale_n)
 
     def write_model(self, folder: Path) -> dict[str, Any]:
-        return super().write_model(folder) | {
-            "passive_above_m_s": self.passive_above_m_s,
-            "identification_effort": self.identification_effort,
-            "identified_on": self.identified_on,
-            "lugre": self.lugre._write(folder),
-            "lugre_scale_n": self.lugre_scale_n,
-        }
+        settings = {name: getattr(self, name) for name in (*SETTINGS, "lugre_scale_n")}
+        return super().write_model(folder) | settings | {"lugre": self.lugre._write(folder)}
 
     @classmethod
     def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:
-        estimator = cls(
-            cylinder,
-            inputs,
-            BoostingPlan(**content["plan"]),
-            Past(**content["past"]),
-            content["seed"],
-            content["passive_above_m_s"],
-            content["identification_effort"],
-            content["identified_on"],
-        )
+        settings = {name: content[name] for name in ("seed", *SETTINGS)}
+        estimator = cls(cylinder, inputs, BoostingPlan(**content["plan"]), Past(**content["past"]), **settings)
         estimator.lugre = AnalyticalEstimator._read(folder, content["lugre"])
         estimator.lugre_scale_n = content["lugre_scale_n"]
         estimator._read_trees(folder, content)

@@ -150,15 +150,9 @@ class NarxEstimator(LearnedEstimator):
         return 2 * len(self._weights) + 3 + self.past.multiply_adds(len(self.features.names))
 
     def write_model(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
-        return {
-            "terms": self.terms,
-            "rows": self.rows,
-            "past": asdict(self.past),
-            "pole_at_rest": self.at_rest,
-            "pole_sliding": self.sliding,
-            "columns": self._terms.tolist(),
-            "weights": self._weights.tolist(),
-        }
+        settings = {"terms": self.terms, "rows": self.rows, "past": asdict(self.past)}
+        poles = {"pole_at_rest": self.at_rest, "pole_sliding": self.sliding}
+        return {**settings, **poles, "columns": self._terms.tolist(), "weights": self._weights.tolist()}
 
     @classmethod
     def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:  # noqa: ARG003

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, Self, TypeVar
 
 import numba
 import numpy as np
-import onnx
-from onnx import TensorProto, helper, numpy_helper
+import onnx.checker
+import onnx.parser
+from onnx import numpy_helper
 
 from cylinder_friction.realtime.activation import tanh
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -107,25 +108,20 @@ def _run(sizes: NDArray[np.int64], flat: Single, rectified: bool, rows: Single) 
 
 def write_perceptron(path: Path, weights: Perceptron) -> None:
     """Write the checked graph: ``features`` (rows, inputs) to ``output`` (rows, 1), float32."""
-    nodes: list[onnx.NodeProto] = []
-    constants: list[onnx.TensorProto] = []
-    source, last = "features", len(weights.kernels) - 1
-    for layer, (kernel, bias) in enumerate(zip(weights.kernels, weights.biases, strict=True)):
-        names = [f"layer{layer}_kernel", f"layer{layer}_bias"]
-        constants += [numpy_helper.from_array(part, name) for part, name in zip((kernel, bias), names, strict=True)]
-        target = "output" if layer == last else f"layer{layer}_sum"
-        nodes.append(helper.make_node("Gemm", [source, *names], [target]))
+    nodes, constants, source = [], [], "features"
+    for layer, parts in enumerate(zip(weights.kernels, weights.biases, strict=True)):
+        names = (f"layer{layer}_kernel", f"layer{layer}_bias")
+        constants += [numpy_helper.from_array(part, name) for part, name in zip(parts, names, strict=True)]
+        last = layer == len(weights.kernels) - 1
+        target = "output" if last else f"layer{layer}_sum"
+        nodes.append(f"{target} = Gemm ({source}, {', '.join(names)})")
         source = f"layer{layer}_output"
-        if layer < last:
-            nodes.append(helper.make_node("Relu" if weights.activation == "relu" else "Tanh", [target], [source]))
-    graph = helper.make_graph(
-        nodes,
-        "perceptron",
-        [helper.make_tensor_value_info("features", TensorProto.FLOAT, ["rows", len(weights.kernels[0])])],
-        [helper.make_tensor_value_info("output", TensorProto.FLOAT, ["rows", 1])],
-        initializer=constants,
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
+        if not last:
+            nodes.append(f"{source} = {'Relu' if weights.activation == 'relu' else 'Tanh'} ({target})")
+    header = f'<ir_version: {IR_VERSION}, opset_import: ["": {OPSET}]>'
+    signature = f"perceptron (float[rows, {len(weights.kernels[0])}] features) => (float[rows, 1] output)"
+    model = onnx.parser.parse_model(f"{header} {signature} {{ {' '.join(nodes)} }}")
+    model.graph.initializer.extend(constants)
     onnx.checker.check_model(model, full_check=True)
     onnx.save(model, path)
 

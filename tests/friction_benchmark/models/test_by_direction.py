@@ -1,4 +1,4 @@
-"""Friction from the way of the last motion, against levels that are known."""
+"""Friction from the direction of the last motion, against levels that are known."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_noise_at_standstill_does_not_turn_the_direction() -> None:
     assert set(at_rest) == {100.0}
 
 
-def test_a_situation_that_never_came_keeps_nought() -> None:
+def test_a_situation_that_never_occurs_keeps_zero() -> None:
     recording = stroke_recording()
     still = Recording(recording.metadata, recording.table.iloc[:150].reset_index(drop=True))
     for estimator in (ConstantByDirectionEstimator(), CoulombViscousLineEstimator()):

@@ -1,4 +1,4 @@
-"""Motion behind a play: nought at standstill, and a stop at once does not turn the direction."""
+"""Motion behind a backlash: zero at standstill, and a sudden stop does not reverse the direction."""
 
 from __future__ import annotations
 
