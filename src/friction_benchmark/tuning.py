@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import optuna
 
+from cylinder_friction.tuning.trials import TuningPlan, reason_of, run_trials
 from friction_benchmark.registry.model import OneOf, Range
 
 if TYPE_CHECKING:
@@ -55,30 +56,21 @@ def tune(
     """
     if not entry.space:
         return Tuned(dict(entry.defaults), None)
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=max(2, trials // 2))
-    study = optuna.create_study(sampler=sampler, direction="minimize")
-    study.enqueue_trial(dict(entry.defaults))
+    plan = TuningPlan(trials, max(2, trials // 2), seed)
     space = {name: _distribution(where) for name, where in entry.space.items()}
-    tried: list[tuple[float | None, dict[str, Value]]] = []
-    problems: list[str] = []
-    for _ in range(trials):
-        trial = study.ask(space)
-        choice: dict[str, Value] = dict(trial.params)
-        try:
-            percent = percent_of(choice)
-        except Exception as error:  # whatever a model does must not stop the others
-            problems.append(f"{type(error).__name__}: {error}")
-            tried.append((None, choice))
-            study.tell(trial, state=optuna.trial.TrialState.FAIL)
-            continue
-        tried.append((percent, choice))
-        study.tell(trial, percent)
-    succeeded = [(percent, choice) for percent, choice in tried if percent is not None]
+    tried = run_trials(
+        space,
+        plan,
+        lambda choice, _: percent_of(choice),
+        first=entry.defaults,
+        failures=(Exception,),  # whatever a model does must not stop the others
+    )
+    values = tuple(None if reason_of(trial) else trial.value for trial in tried)
+    succeeded = [(value, trial.params) for value, trial in zip(values, tried, strict=True) if value is not None]
     if not succeeded:
-        raise TuningError(f"none of {trials} trials succeeded; the first: {problems[0]}")
+        raise TuningError(f"none of {trials} trials succeeded; the first: {reason_of(tried[0])}")
     best_percent, best = min(succeeded, key=lambda pair: pair[0])
-    return Tuned(best, best_percent, tuple(percent for percent, _ in tried))
+    return Tuned(best, best_percent, values)
 
 
 def _distribution(where: Range | OneOf) -> BaseDistribution:

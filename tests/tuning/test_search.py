@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
 from cylinder_friction.tuning.search import (
-    PruneTrial,
     SearchPlan,
     SearchSpace,
     Trial,
     best_trial,
-    read_trials,
     run_search,
 )
+from cylinder_friction.tuning.trials import DiscardedTrial
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cylinder_friction.tuning.search import Report, Value
+    from cylinder_friction.tuning.search import Value
+    from cylinder_friction.tuning.trials import Report
 
 SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
 PLAN = SearchPlan(trials=14, startup_trials=4, maximum_multiply_adds=200, seed=3)
@@ -42,7 +43,7 @@ def bowl(params: dict[str, Value], report: Report) -> float:
 
 
 def test_a_search_killed_again_and_again_equals_an_undisturbed_one(tmp_path: Path) -> None:
-    undisturbed = run_search(SPACE, PLAN, cost, bowl, tmp_path / "whole.json", lambda _: None)
+    undisturbed = run_search(SPACE, PLAN, cost, bowl, tmp_path / "whole.log", lambda _: None)
     calls: list[dict[str, Value]] = []
 
     def sometimes_killed(params: dict[str, Value], report: Report) -> float:
@@ -53,15 +54,15 @@ def test_a_search_killed_again_and_again_equals_an_undisturbed_one(tmp_path: Pat
 
     for _ in range(3):
         with pytest.raises(KilledError):
-            run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.json", lambda _: None)
-    resumed = run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.json", lambda _: None)
+            run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.log", lambda _: None)
+    resumed = run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.log", lambda _: None)
     assert resumed == undisturbed
     run = sum(trial.state != "too_costly" for trial in undisturbed)
     assert len(calls) == run + 3
 
 
 def test_it_finds_the_best_and_prunes_what_is_worse_than_most(tmp_path: Path) -> None:
-    trials = run_search(SPACE, PLAN, cost, bowl, tmp_path / "trials.json", lambda _: None)
+    trials = run_search(SPACE, PLAN, cost, bowl, tmp_path / "trials.log", lambda _: None)
     best = best_trial(trials)
     assert best.params["layers"] == 1
     assert best.params["nodes"] == 64
@@ -77,13 +78,19 @@ def test_what_is_too_costly_is_never_trained(tmp_path: Path) -> None:
         assert cost(params) <= 64
         return bowl(params, report)
 
-    trials = run_search(SPACE, plan, cost, refuse_costly, tmp_path / "trials.json", lambda _: None)
+    trials = run_search(SPACE, plan, cost, refuse_costly, tmp_path / "trials.log", lambda _: None)
     assert {trial.state for trial in trials} >= {"too_costly", "complete"}
 
 
-def test_trials_survive_the_disk(tmp_path: Path) -> None:
-    trials = run_search(SPACE, PLAN, cost, bowl, tmp_path / "trials.json", lambda _: None)
-    assert read_trials(tmp_path / "trials.json") == trials
+def test_trials_survive_the_disk_and_a_line_cut_off(tmp_path: Path) -> None:
+    journal = tmp_path / "deep/trials.log"
+    trials = run_search(SPACE, PLAN, cost, bowl, journal, lambda _: None)
+    with journal.open("ab") as file:
+        file.write(b'{"op_code":5,"wor')
+    again = run_search(SPACE, PLAN, cost, bowl, journal, lambda _: None)
+    assert again == trials
+    longer = replace(PLAN, trials=PLAN.trials + 1)
+    assert run_search(SPACE, longer, cost, bowl, journal, lambda _: None)[:-1] == trials
 
 
 def test_nothing_completed_is_an_error_that_says_what_to_do() -> None:
@@ -91,7 +98,7 @@ def test_nothing_completed_is_an_error_that_says_what_to_do() -> None:
         best_trial([Trial({"layers": 1}, "too_costly", None, 10)])
 
 
-def test_prune_trial_is_what_the_report_raises(tmp_path: Path) -> None:
+def test_what_the_report_raises_ends_the_trial(tmp_path: Path) -> None:
     plan = SearchPlan(trials=8, startup_trials=2, maximum_multiply_adds=10**9, seed=0)
     worse = iter(range(100))
 
@@ -100,9 +107,9 @@ def test_prune_trial_is_what_the_report_raises(tmp_path: Path) -> None:
         try:
             report(level)
             report(level)
-        except PruneTrial:
+        except DiscardedTrial:
             raise
         return level
 
-    trials = run_search(SPACE, plan, cost, worsening, tmp_path / "trials.json", lambda _: None)
+    trials = run_search(SPACE, plan, cost, worsening, tmp_path / "trials.log", lambda _: None)
     assert [trial.state for trial in trials].count("pruned") >= 4

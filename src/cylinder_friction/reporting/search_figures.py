@@ -24,7 +24,7 @@ OBJECTIVE = "validation MAE [N]"
 
 def write_search_page(trials: Sequence[Trial], space: SearchSpace, plan: SearchPlan, path: Path) -> None:
     """Write one self-contained HTML page with Optuna's plots of the finished trials."""
-    study = study_of(trials, space, plan)
+    study = study_of(trials, space)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         figures = {

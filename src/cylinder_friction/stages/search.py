@@ -29,7 +29,8 @@ from cylinder_friction.tuning.search import SearchPlan, SearchSpace, Trial, best
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import SearchParams
-    from cylinder_friction.tuning.search import Report, Value
+    from cylinder_friction.tuning.search import Value
+    from cylinder_friction.tuning.trials import Report
 
 SEARCHED_CODE = ("cylinder_friction.tuning.search", "cylinder_friction.evaluation.validation", *RESUMED_CODE)
 
@@ -41,7 +42,7 @@ def run(params: Params) -> RunRecord:
     validation = read_recordings(PROCESSED_FOLDERS["validation"])
     cylinder = cylinder_from(params.cylinder)
     datasets = {role: hash_of(PROCESSED_FOLDERS[role]) for role in ("train", "validation")}
-    journal = resume_folder("search", SEARCHED_CODE, settings, params.cylinder, datasets) / "trials.json"
+    journal = resume_folder("search", SEARCHED_CODE, settings, params.cylinder, datasets) / "trials.log"
     epochs = settings.training.epochs
     bar = tqdm(total=settings.trials * epochs, desc="search", unit="epoch", disable=None)
 
@@ -61,7 +62,7 @@ def run(params: Params) -> RunRecord:
         finished.append(trial)
         bar.update(len(finished) * epochs - bar.n)
 
-    plan = SearchPlan(settings.trials, settings.startup_trials, settings.maximum_multiply_adds, settings.seed)
+    plan = SearchPlan(settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds)
     space = SearchSpace(**{key: tuple(value) for key, value in settings.space.model_dump().items()})
     trials = run_search(space, plan, lambda values: _cost(settings, values), objective, journal, after_trial)
     bar.close()
