@@ -2,9 +2,9 @@
 
 Errors on validation sessions are sorted into bins that are known at the moment of an estimate: the regime of motion
 (standstill, creep, sliding, reversal), whether the estimate is small or large, and whether it was small, middling or
-large over the last seconds, which tells loads apart where a model can. Their quantiles give an interval a bin, as
-``estimators.realtime.bounds`` does for regimes. That alone is too narrow for another session, because errors of one
-session are alike. So validation sessions are left out in turn, in groups of one a test, the intervals are made from the
+large over the last seconds, which separates loads where a model can. ``realtime.bounds`` gives each bin its interval,
+as it does for the product's regimes. That alone is too narrow for another session, because errors of one session are
+alike. So validation sessions are left out in turn, in groups of one per condition, the intervals are made from the
 others, and one factor is found by which they must be widened for the left-out rows to lie inside with the probability
 asked for: the jackknife+ idea (Barber, Candès, Ramdas and Tibshirani 2021) with sessions as the clusters (Dunn,
 Wasserman and Ramdas 2022). It is a correction, not a guarantee; coverage is measured on the test sessions.
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
-from cylinder_friction.realtime.bounds import REGIMES, regimes_of
+from cylinder_friction.realtime.bounds import REGIMES, conformal_offsets, regimes_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -91,8 +91,6 @@ def calibrated(
     Raises:
         ValueError: There is no usable row, or no such probability.
     """
-    if not 0.0 < probability < 1.0:
-        raise ValueError(f"probability must be in (0, 1), but got {probability!r}")
     rows = [np.flatnonzero(recording.usable())[::STRIDE] for recording in recordings]
     if not any(len(each) for each in rows):
         raise ValueError(f"none of {len(recordings)} validation recordings has a usable row; expected at least one")
@@ -129,15 +127,7 @@ def _factor(errors: Array, bins: Bins, group: Bins, probability: float) -> float
 
 
 def _intervals(errors: Array, bins: Bins, probability: float) -> tuple[Array, Array]:
-    sides = ((1.0 - probability) / 2.0, (1.0 + probability) / 2.0)
-    every = np.quantile(errors, sides)
-    order = np.argsort(bins, kind="stable")
-    ends = np.searchsorted(bins[order], np.arange(BINS + 1))
-    lower, upper = np.empty(BINS), np.empty(BINS)
-    for one in range(BINS):
-        inside = errors[order[ends[one] : ends[one + 1]]]
-        lower[one], upper[one] = np.quantile(inside, sides) if len(inside) >= FEWEST_ROWS else every
-    return lower, upper
+    return conformal_offsets(errors, bins, BINS, probability, FEWEST_ROWS)
 
 
 def _groups(recordings: Sequence[Recording]) -> Bins:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from cylinder_friction.realtime.bounds import velocity_taps
+from cylinder_friction.realtime.bounds import causal_velocity
 from cylinder_friction.realtime.guard import TrainingRange
-from cylinder_friction.signals.causal import FirFilter
 from friction_benchmark.data import exams_of, twin_lessons_of
 
 if TYPE_CHECKING:
@@ -56,6 +55,4 @@ def outside(known: TrainingRange, recording: Recording) -> Mask:
 
 def with_causal_velocity(recording: Recording) -> Recording:
     """Return the recording with the velocity that a flag goes by, from samples until now [m/s]."""
-    block = FirFilter(velocity_taps(recording.sample_time_s)[None, 2:3])
-    velocity = block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
-    return recording.with_columns(**{VELOCITY: velocity})
+    return recording.with_columns(**{VELOCITY: causal_velocity(recording)})

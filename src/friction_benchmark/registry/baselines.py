@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator
+from cylinder_friction.estimators.baselines import baselines
 from friction_benchmark.models.by_direction import ConstantByDirectionEstimator, CoulombViscousLineEstimator
 from friction_benchmark.registry.model import RegisteredModel, needs_raw_pressures
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 def _low_pass(build: BuildConfiguration) -> FrictionEstimator:
-    return LowPassForceBalanceEstimator(build.cylinder, inputs=build.inputs)
+    return baselines(build.cylinder, build.inputs)["force_balance_low_pass"]
 
 
 def _hold(build: BuildConfiguration) -> FrictionEstimator:
-    return ForceBalanceEstimator(build.cylinder, "none", build.inputs)
+    return baselines(build.cylinder, build.inputs)["force_balance_unfiltered"]
 
 
 def _constant(build: BuildConfiguration) -> FrictionEstimator:

@@ -1,0 +1,62 @@
+"""Inference needs no training library: neither loading nor estimating imports one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.estimators.baselines import baselines
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.recordings.storage import write_recording
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.recordings.recording import Recording
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.recordings.storage import read_recordings
+
+(recording,) = read_recordings(Path(sys.argv[1]) / "recordings")
+for folder in sorted(Path(sys.argv[1]).glob("model_*")):
+    estimator = load_estimator(folder)
+    estimator.estimate(recording)
+    estimator.stream().step(*recording.samples(estimator.inputs)[0])
+    print(folder.name, *sorted({"torch", "sklearn", "skl2onnx", "mlflow"} & set(sys.modules)))
+"""
+
+
+@pytest.fixture(scope="module")
+def saved(
+    tmp_path_factory: pytest.TempPathFactory,
+    cylinder: Cylinder,
+    small_hybrid: HybridEstimator,
+    labelled_recordings: list[Recording],
+) -> Path:
+    """A recording, and every estimator of the product on it."""
+    folder = tmp_path_factory.mktemp("saved")
+    made: dict[str, FrictionEstimator] = {"hybrid": small_hybrid, "lstm": small_hybrid.without_forest()}
+    fresh = baselines(cylinder, forest_plan=ForestPlan(3, 3, 1000, 5)) | {
+        "lugre": LugreEstimator(cylinder, population=3, generations=1, simulated_recordings=1)
+    }
+    made |= {name: estimator.fit(labelled_recordings) for name, estimator in fresh.items()}
+    for name, estimator in made.items():
+        estimator.save(folder / f"model_{name}")
+    write_recording(folder / "recordings", labelled_recordings[0])
+    return folder
+
+
+def test_loading_and_estimating_import_no_training_library(saved: Path) -> None:
+    run = subprocess.run([sys.executable, "-c", SCRIPT, str(saved)], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == sorted(path.name for path in saved.glob("model_*"))
