@@ -16,10 +16,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from cylinder_friction.run_record import STAGES as ALL_STAGES
+
 PUBLISHED_BEST_PERCENT = 5.57
 LABEL_RIVALS = ("force_balance_low_pass", "ridge", "lugre", "pressure_lugre")
 TRUTH_RIVALS = ("force_balance_unfiltered", "force_balance_paper")
-STAGES = ("record", "ingest", "filter", "label", "search", "train", "lugre", "compare")
+STAGES = ALL_STAGES[: ALL_STAGES.index("register")]
 
 
 def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[str, dict[str, float]]]:

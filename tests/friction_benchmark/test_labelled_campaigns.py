@@ -18,7 +18,7 @@ from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.rig.campaign import CampaignPlan
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label, record
-from cylinder_friction.stages._stage import PROCESSED_FOLDERS, RIG_TRUTH_FOLDER
+from cylinder_friction.stages._stage import LABELLED_FOLDER, RIG_TRUTH_FOLDER
 from friction_benchmark.campaigns import campaign_recipe, labelled_campaign
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def smoke(*overrides: str) -> Params:
 def through_the_stages(params: Params) -> list[Recording]:
     for stage in (record, ingest, filter_stage, label):
         stage.run(params)
-    made = [recording for folder in PROCESSED_FOLDERS.values() for recording in read_recordings(folder)]
+    made = read_recordings(LABELLED_FOLDER)
     return sorted(made, key=lambda recording: recording.name)
 
 
