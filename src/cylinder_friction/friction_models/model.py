@@ -49,6 +49,9 @@ class FrictionModel(ABC):
     def __init__(self, pressure_scaled: bool = False) -> None:
         self.pressure_scaled = pressure_scaled
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"
+
     @abstractmethod
     def new_state(self) -> Array:
         """Return the state before the first sample, which ``simulate`` changes in place."""

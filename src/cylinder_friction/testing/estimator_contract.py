@@ -110,6 +110,12 @@ def fit_returns_the_estimator(case: Case) -> None:
     case.require(returned is made, f"fit returned {returned!r}, but expected the estimator itself")
 
 
+def repr_is_readable(case: Case) -> None:
+    text = repr(case.estimator)
+    readable = type(case.estimator).__name__ in text and " at 0x" not in text and len(text) < 1000
+    case.require(readable, f"repr is {text[:200]!r}, but expected the class and its settings in brief")
+
+
 def one_finite_value_per_sample(case: Case) -> None:
     case.require_equal(case.estimate.shape, (len(case.recording),), "shape of the estimate")
     bad = np.flatnonzero(~np.isfinite(case.estimate))
@@ -218,6 +224,7 @@ def fitting_on_nothing_is_refused(case: Case) -> None:
 
 CHECKS: tuple[Callable[[Case], None], ...] = (
     fit_returns_the_estimator,
+    repr_is_readable,
     one_finite_value_per_sample,
     the_future_never_changes_the_past,
     a_stream_equals_the_estimate,
