@@ -22,8 +22,7 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the rig's logs of a small campaign and the mapping that ships."""
     root = tmp_path_factory.mktemp("checkout")
     (root / "data/raw/rig").mkdir(parents=True)
-    (root / "conf/ingest").mkdir(parents=True)
-    shutil.copy(ROOT / "conf/ingest/rig.yaml", root / "conf/ingest/rig.yaml")
+    shutil.copytree(ROOT / "conf/ingest", root / "conf/ingest")
     plan = CampaignPlan(sessions_per_condition=3, recordings_per_session=1, duration_s=12.0)
     for recording in campaign(CYLINDER, plan):
         recording.logger.to_csv(root / f"data/raw/rig/{recording.metadata.name}.csv", index=False)
@@ -42,7 +41,7 @@ def test_a_guessed_mapping_reads_the_same_numbers(checkout: Path) -> None:
     paths = sorted((checkout / "data/raw/rig").glob("*.csv"))[:2]
     mapped = cf.read_recordings(paths, channels=checkout / "conf/ingest/rig.yaml", cylinder=CYLINDER)
     with pytest.warns(UserWarning, match="guessed"):
-        guessed = cf.read_recordings(paths, cylinder=CYLINDER)
+        guessed = cf.read_recordings(paths, channels=None, cylinder=CYLINDER)
     for one, other in zip(mapped, guessed, strict=True):
         assert one.name == other.name
         assert one.samples().tolist() == pytest.approx(other.samples().tolist())
@@ -55,7 +54,6 @@ def test_every_name_is_offered_and_an_unknown_one_is_refused() -> None:
 
 
 def test_importing_the_package_imports_no_library() -> None:
-    code = "import sys; before = set(sys.modules); import cylinder_friction; print(*(set(sys.modules) - before))"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    imported = {name.split(".")[0] for name in found.stdout.split()}
-    assert imported <= {"cylinder_friction", "__future__", "typing", "importlib"}
+    code = "import cylinder_friction, sys; print(*sys.modules)"
+    imported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"numpy", "pandas", "torch", "sklearn", "mlflow", "onnx"} & set(imported)

@@ -22,7 +22,7 @@ In a control loop, one sample at a time, pressures in Pa (gauge) and position in
 >>> newtons == friction_n[:3].tolist()
 True
 
-Without a mapping the channels are guessed from their names and units, and a warning states each guess. Friction is
+With ``channels=None`` the mapping is guessed from their names and units, and a warning states each guess. Friction is
 positive when it opposes positive velocity; extension and velocity are positive together; pressures are gauge pressures.
 """
 

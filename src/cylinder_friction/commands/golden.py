@@ -39,9 +39,7 @@ def train_golden_model(folder: Path, params: Params) -> None:
         recording.metadata.condition: recording for recording in reversed(read_recordings(PROCESSED_FOLDERS["train"]))
     }
     hybrid = HybridEstimator(cylinder_from(params.cylinder), "force_balance", ARCHITECTURE, PLAN, FOREST)
-    hybrid.fit(
-        [firsts[condition] for condition in sorted(firsts)], read_recordings(PROCESSED_FOLDERS["validation"])
-    )
+    hybrid.fit([firsts[condition] for condition in sorted(firsts)], read_recordings(PROCESSED_FOLDERS["validation"]))
     with whole_folder(folder / MODEL_FOLDER) as draft:
         hybrid.save(draft)
 

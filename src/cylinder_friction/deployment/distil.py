@@ -105,9 +105,7 @@ def distil(
     )
     pupil = HybridEstimator(teacher.cylinder, parts.design, architecture, plan, None, seed, inputs=teacher.inputs)
     pupil.sample_time_s, pupil.training_range = teacher.sample_time_s, teacher.training_range
-    pupil._set(
-        replace(parts, network=weights_of(network), forest=None, target_mean_n=mean_n, target_scale_n=scale_n)
-    )
+    pupil._set(replace(parts, network=weights_of(network), forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
     pupil.learning_curve = LearningCurve(
         [scale_n * mae for mae in curve.train_mae], [scale_n * mae for mae in curve.validation_mae], curve.best_epoch
     )

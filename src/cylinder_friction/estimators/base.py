@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -18,7 +19,6 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, re
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -154,10 +154,11 @@ class FrictionEstimator(ABC):
         estimates_n = [self.estimate(recording) for recording in validation]
         self.bounds = calibrated_bounds(validation, estimates_n, self.sample_time_s, self.guard.warm_up_samples)
 
-    def save(self, folder: Path) -> None:
+    def save(self, folder: str | Path) -> None:
         """Write the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
         self._refuse_unfitted()
         assert self.training_range is not None
+        folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         parameters = self._write(folder)
         write_json(
@@ -181,13 +182,14 @@ class FrictionEstimator(ABC):
         )
 
     @classmethod
-    def load(cls, folder: Path) -> FrictionEstimator:
+    def load(cls, folder: str | Path) -> FrictionEstimator:
         """Return the estimator saved in ``folder``, of whichever kind it is.
 
         Raises:
             FileNotFoundError: The folder holds no saved estimator.
             ValueError: The kind is not known.
         """
+        folder = Path(folder)
         path = folder / DESCRIPTION_FILE
         if not path.is_file():
             raise FileNotFoundError(f"{folder}: holds no {DESCRIPTION_FILE}; expected a folder that `save` wrote")

@@ -27,7 +27,7 @@ KINDS = (
 """Every kind of estimator of this package; importing a class makes its kind known to ``FrictionEstimator.load``."""
 
 
-def load_estimator(folder: Path) -> FrictionEstimator:
+def load_estimator(folder: str | Path) -> FrictionEstimator:
     """Return the estimator saved in ``folder``, of whichever kind it is.
 
     Raises:

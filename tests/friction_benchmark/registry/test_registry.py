@@ -72,9 +72,7 @@ def test_every_model_can_be_sent_to_a_worker_and_names_its_module() -> None:
 
 
 def test_two_models_of_one_name_are_refused() -> None:
-    with pytest.raises(
-        ValueError, match=r"two models are called 'ridge'; the second is in friction"
-    ):
+    with pytest.raises(ValueError, match=r"two models are called 'ridge'; the second is in friction"):
         registered_models(["friction_benchmark.registry.ridge"] * 2)
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Part = Literal["whole", "lstm", "base"]
 
+
 def model_of(estimator: FrictionEstimator) -> StepModel:
     """Return what one step of an estimator needs.
 
