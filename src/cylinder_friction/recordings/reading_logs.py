@@ -17,7 +17,7 @@ from cylinder_friction.recordings.ingesting import Quarantined, convert_files, n
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-from cylinder_friction.recordings.mapping.unit_spelling import electrical
+from cylinder_friction.recordings.mapping.units import electrical
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 

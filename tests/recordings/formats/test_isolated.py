@@ -20,8 +20,7 @@ from asammdf import MDF, Signal
 import format_writers
 from cylinder_friction.recordings.formats import isolated
 from cylinder_friction.recordings.formats.hdf5 import read_hdf5
-from cylinder_friction.recordings.formats.matlab import read_matlab
-from cylinder_friction.recordings.formats.matlab73 import read_matlab73
+from cylinder_friction.recordings.formats.matlab import read_matlab, read_matlab73
 from cylinder_friction.recordings.formats.mdf import read_mdf
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.formats.source import FileSource, open_source

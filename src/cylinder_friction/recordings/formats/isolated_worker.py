@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 from cylinder_friction.recordings.formats.arrow_pipe import read_message, write_message, write_tables
 from cylinder_friction.recordings.formats.hdf5 import read_hdf5
 from cylinder_friction.recordings.formats.libraries import guarded
-from cylinder_friction.recordings.formats.matlab import read_matlab
-from cylinder_friction.recordings.formats.matlab73 import read_matlab73
+from cylinder_friction.recordings.formats.matlab import read_matlab, read_matlab73
 from cylinder_friction.recordings.formats.mdf import read_mdf
 from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.formats.tdms import read_tdms

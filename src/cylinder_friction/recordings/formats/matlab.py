@@ -1,19 +1,119 @@
-"""MATLAB files of version 5 (``save -v6`` and ``-v7``) through SciPy; version 7.3 is another reader's."""
+"""MATLAB files: version 5 (``save -v6`` and ``-v7``) through SciPy, version 7.3 as the HDF5 that it is."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cylinder_friction.recordings.formats.channels import Found, tables_by_length
-from cylinder_friction.recordings.formats.matlab_tree import Leaf, walk_struct
+from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
+from cylinder_friction.recordings.formats.hdf5 import refuse_absurd_size
+from cylinder_friction.recordings.formats.libraries import optional_library
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Callable, Collection, Mapping
+
+    from numpy.typing import NDArray
 
     from cylinder_friction.recordings.formats.logged_table import LoggedTable
     from cylinder_friction.recordings.formats.source import FileSource
+
+_DEEPEST = 20
+_LONGEST_TEXT = 4096
+_MOST_ENTRIES = 1000
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """An array of a file, read when it is asked for; ``shape`` as MATLAB shows it."""
+
+    shape: tuple[int, ...]
+    kind: str
+    read: Callable[[], NDArray[Any]]
+
+
+def walk(name: str, value: Any, found: Found, unit: str = "", depth: int = 0) -> None:
+    """Add to ``found`` what a variable holds.
+
+    Args:
+        name: Of the variable, or the path to the field: ``log.P1``; ``log_2.P1`` within an array of structs.
+        value: A ``Leaf``, a mapping (struct), a list (array of structs, cell array), or anything else (no channel).
+        found: Is added to.
+        unit: Stated for the value by the struct that holds it.
+        depth: Of structs within structs.
+    """
+    if depth > _DEEPEST:
+        found.others.append(name)
+    elif isinstance(value, Leaf):
+        _walk_leaf(name, value, found, unit)
+    elif isinstance(value, dict):
+        walk_struct(name, value, found, unit, depth)
+    elif isinstance(value, list):
+        for index, entry in enumerate(value, start=1):
+            walk(f"{name}_{index}", entry, found, unit, depth + 1)
+    else:
+        found.others.append(name)
+
+
+def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = "", depth: int = 0) -> None:
+    """Add a struct's fields, or the variables of a file (name '').
+
+    A text field ``unit`` or ``units`` states the unit of the struct's arrays; a struct ``units`` of texts states it
+    for the fields it names.
+    """
+    if "signals" in struct and isinstance(struct["signals"], dict | list):
+        _walk_simulink(name, struct, found, depth)
+        return
+    stated = next((struct[key] for key in ("unit", "units", "Unit", "Units") if key in struct), None)
+    for key, value in struct.items():
+        if value is stated and key.casefold() in ("unit", "units") and isinstance(stated, dict | str):
+            continue
+        of_key = stated.get(key) if isinstance(stated, dict) else stated
+        path = f"{name}.{key}" if name else key
+        walk(path, value, found, of_key if isinstance(of_key, str) else unit, depth + 1)
+
+
+def _walk_simulink(name: str, struct: Mapping[str, Any], found: Found, depth: int) -> None:
+    """Add Simulink's 'structure with time': time, and signals with values and a label each."""
+    signals = struct["signals"] if isinstance(struct["signals"], list) else [struct["signals"]]
+    prefix = f"{name}." if name else ""
+    if "time" in struct:
+        walk(f"{prefix}time", struct["time"], found, "s", depth + 1)
+    for index, signal in enumerate(signals, start=1):
+        if not isinstance(signal, dict) or "values" not in signal:
+            found.others.append(f"{prefix}signals_{index}")
+            continue
+        label = signal.get("label")
+        label = label.strip() if isinstance(label, str) else ""
+        values = signal["values"]
+        if isinstance(values, Leaf) and len(values.shape) == 3:
+            values = _samples_last(values)
+        walk(f"{prefix}{label or f'signals_{index}'}", values, found, "", depth + 1)
+
+
+def _samples_last(leaf: Leaf) -> Leaf:
+    """Return a signal of matrices, one per sample along the last axis, as one row per sample."""
+    rows, columns, samples = leaf.shape
+    return Leaf((samples, rows * columns), leaf.kind, lambda: leaf.read().reshape(rows * columns, samples).T)
+
+
+def _walk_leaf(name: str, leaf: Leaf, found: Found, unit: str) -> None:
+    arrays = column_arrays(name, leaf.shape) if leaf.kind in "biuf" else []
+    if not arrays:
+        found.others.append(name)
+    for path, place in arrays:
+        length = max(leaf.shape) if place is None else leaf.shape[1 - place[0]]
+        found.channels.append(Channel(path, length, _reader(leaf, place), unit))
+
+
+def _reader(leaf: Leaf, place: tuple[int, int] | None) -> Callable[[], NDArray[Any]]:
+    def read() -> NDArray[Any]:
+        values = leaf.read()
+        picked = values.reshape(-1) if place is None else np.take(values, place[1], axis=place[0])
+        return np.ascontiguousarray(numeric(picked))
+
+    return read
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -61,3 +161,56 @@ def _tree(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return Leaf(value.shape, value.dtype.kind, lambda: value)
     return value
+
+
+def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
+    """Return a file's channels as ``read_matlab`` does.
+
+    Raises:
+        RecordingError: h5py is not installed.
+    """
+    h5py = optional_library("h5py", "MATLAB 7.3", "hdf5")
+    with h5py.File(source.handle(), "r") as file:
+        found = Found()
+        variables = {name: _tree73(file[name], source, 0) for name in file if not name.startswith("#")}
+        walk_struct("", variables, found)
+        return tables_by_length(found, wanted, ".")
+
+
+def _tree73(node: Any, source: FileSource, depth: int) -> Any:
+    """Return an object of the file in the shape that the walk expects: Leaf, dict, list or text."""
+    h5py = optional_library("h5py", "MATLAB 7.3", "hdf5")
+    if depth > _DEEPEST:
+        return None
+    if isinstance(node, h5py.Group):
+        fields = {name: _tree73(node[name], source, depth + 1) for name in node}
+        return _struct_array(fields)
+    matlab_class = node.attrs.get("MATLAB_class", b"")
+    matlab_class = matlab_class.decode(errors="replace") if isinstance(matlab_class, bytes) else str(matlab_class)
+    if "MATLAB_empty" in node.attrs or node.shape is None:
+        return None
+    if h5py.check_ref_dtype(node.dtype) is not None:
+        if node.size > _MOST_ENTRIES:
+            return None
+        file = node.file
+        return _References(_tree73(file[reference], source, depth + 1) for reference in node[()].T.reshape(-1))
+    if matlab_class == "char":
+        if node.size > _LONGEST_TEXT:
+            return None
+        return "".join(chr(code) for code in node[()].T.reshape(-1))
+    if matlab_class == "function_handle":
+        return None
+    refuse_absurd_size(node, source)
+    return Leaf(node.shape[::-1], node.dtype.kind, lambda: node[()].T)
+
+
+class _References(list[Any]):
+    """What a dataset of references points to: a cell array, or one field of an array of structs."""
+
+
+def _struct_array(fields: dict[str, Any]) -> Any:
+    """Return a struct; or, where every field is references of one number, the array of structs that they make."""
+    lengths = {len(value) if isinstance(value, _References) else -1 for value in fields.values()}
+    if len(lengths) == 1 and min(lengths) > 0:
+        return [{key: value[index] for key, value in fields.items()} for index in range(lengths.pop())]
+    return fields

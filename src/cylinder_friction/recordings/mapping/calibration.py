@@ -1,4 +1,4 @@
-"""Pressure sensors' zeros, from a stretch in which both chambers are vented, and what is then left uncertain.
+"""Zeros of the pressure sensors, from a stretch in which both chambers are vented, and the uncertainty left after it.
 
 A sensor's stated accuracy is as large as the friction it is to show: ±0.5 % of 250 bar on a piston of 63 mm is ±390 N.
 Most of it is an offset that stays the same for hours, and a vented chamber shows it: its gauge pressure is zero.
@@ -19,7 +19,6 @@ import numpy as np
 from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.mapping.sensor import sensor_step, zeroed_uncertainty
-from cylinder_friction.recordings.mapping.steady import averaged, longest_steady, mean_uncertainty
 from cylinder_friction.recordings.mapping.units import column_scale
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -33,6 +32,68 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import RecordingMetadata
 
     Array = NDArray[np.float64]
+
+
+FEWEST_BLOCKS = 8
+"""Means of fewer blocks scatter too little or too much to be meaningful."""
+
+
+def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, int]:
+    """Return the first row and the row after the last of the longest stretch in which every signal is steady.
+
+    Of stretches of equal length the first; (0, 0) if there is none. A part of a steady stretch is steady too, so the
+    length is found by bisection.
+
+    Args:
+        signals: One column per signal, shape ``(n, m)``; a NaN ends a stretch.
+        spans: Within a stretch a signal's largest and smallest value differ by no more than this, shape ``(m,)``.
+        bounds: Within a stretch no value is further from zero than this, shape ``(m,)``.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    values = np.where((np.abs(signals) <= bounds).all(axis=1)[:, None], signals, np.inf)
+
+    def starts(length: int) -> NDArray[np.intp]:
+        windows = slice(length // 2, length // 2 + len(values) - length + 1)
+        with np.errstate(invalid="ignore"):
+            span = (maximum_filter1d(values, length, axis=0) - minimum_filter1d(values, length, axis=0))[windows]
+        return np.flatnonzero((span <= spans).all(axis=1))
+
+    longest, too_long = 0, len(values) + 1
+    while too_long - longest > 1:
+        length = (longest + too_long) // 2
+        longest, too_long = (length, too_long) if len(starts(length)) else (longest, length)
+    first = int(starts(longest)[0]) if longest else 0
+    return first, first + longest
+
+
+def averaged(signals: Array, half: int) -> Array:
+    """Return the centred moving average over ``2·half + 1`` rows, fewer towards the ends, shape ``(n, m)``."""
+    if half < 1 or len(signals) == 0:
+        return signals
+    # Sums of what differs from the first row: a long sum of large numbers loses the digits of small changes.
+    sums = np.concatenate([np.zeros((1, signals.shape[1])), np.cumsum(signals - signals[0], axis=0)])
+    rows = np.arange(len(signals))
+    first, end = np.maximum(rows - half, 0), np.minimum(rows + half + 1, len(signals))
+    result: Array = signals[0] + (sums[end] - sums[first]) / (end - first)[:, None]
+    return result
+
+
+def mean_uncertainty(values: Array) -> float:
+    """Return the standard uncertainty of the mean of samples that may depend on each other, shape ``(n,)``.
+
+    Neighbours are averaged in pairs again and again; σ/√n of the blocks grows until they are independent of each other,
+    and its largest value is taken, down to 8 blocks (Flyvbjerg & Petersen 1989, J. Chem. Phys. 91, 461). A slow drift
+    counts too: the largest blocks show it.
+    """
+    blocks = np.asarray(values, dtype=np.float64) - values[0]
+    largest = 0.0
+    while len(blocks) >= FEWEST_BLOCKS:
+        largest = max(largest, float(np.std(blocks, ddof=1)) / len(blocks) ** 0.5)
+        even = len(blocks) // 2 * 2
+        blocks = 0.5 * (blocks[0:even:2] + blocks[1:even:2])
+    return largest
+
 
 ZeroMethod = Literal["none", "window", "found"]
 

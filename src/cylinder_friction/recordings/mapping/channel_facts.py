@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.recordings.formats.unit_names import unit_in_name
-from cylinder_friction.recordings.mapping.unit_spelling import electrical
-from cylinder_friction.recordings.mapping.units import quantity_of
+from cylinder_friction.recordings.formats.header import unit_in_name
+from cylinder_friction.recordings.mapping.units import electrical, quantity_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

@@ -10,8 +10,13 @@ import numpy as np
 
 from cylinder_friction.recordings.columns import QUANTITIES, missing_columns
 from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, SensorLimits, SensorScale, sensor_step
-from cylinder_friction.recordings.mapping.unit_spelling import electrical, stated_reference
-from cylinder_friction.recordings.mapping.units import check_unit, column_scale, to_column_unit
+from cylinder_friction.recordings.mapping.units import (
+    check_unit,
+    column_scale,
+    electrical,
+    stated_reference,
+    to_column_unit,
+)
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
 
 if TYPE_CHECKING:

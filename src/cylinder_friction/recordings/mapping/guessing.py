@@ -18,8 +18,7 @@ from cylinder_friction.recordings.columns import (
     TIME,
 )
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, facts_of
-from cylinder_friction.recordings.mapping.unit_spelling import electrical
-from cylinder_friction.recordings.mapping.units import quantity_of, to_column_unit
+from cylinder_friction.recordings.mapping.units import electrical, quantity_of, to_column_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

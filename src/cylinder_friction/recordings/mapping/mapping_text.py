@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import yaml
 
 from cylinder_friction.recordings.columns import QUANTITIES
-from cylinder_friction.recordings.mapping.unit_spelling import electrical
-from cylinder_friction.recordings.mapping.units import COMMON
+from cylinder_friction.recordings.mapping.units import COMMON, electrical
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts

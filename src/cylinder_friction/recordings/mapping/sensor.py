@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from cylinder_friction.recordings.mapping.unit_spelling import electrical
-from cylinder_friction.recordings.mapping.units import column_scale
+from cylinder_friction.recordings.mapping.units import column_scale, electrical
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
 
 if TYPE_CHECKING:
