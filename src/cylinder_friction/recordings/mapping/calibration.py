@@ -51,7 +51,7 @@ def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, in
     """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-    values = np.where((np.abs(signals) <= bounds).all(axis=1)[:, None], signals, np.inf)
+    values = np.where(np.all(np.abs(signals) <= bounds, axis=1, keepdims=True), signals, np.inf)
 
     def starts(length: int) -> NDArray[np.intp]:
         windows = slice(length // 2, length // 2 + len(values) - length + 1)
