@@ -22,6 +22,7 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
     one_sided_savitzky_golay_taps,
 )
+from cylinder_friction.signals.least_squares import least_squares
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -257,8 +258,7 @@ def smoothed_force_balance_taps(
         force = balance.advance(balance.new_state(), recording.samples(inputs))
         rows.append(lags.advance(lags.new_state(), force)[mask])
     lagged = np.concatenate(rows)
-    weights = np.linalg.lstsq(lagged.T @ lagged, lagged.T @ labels, rcond=None)[0]
-    return taps * weights[None, None, :]
+    return taps * least_squares(lagged, labels)
 
 
 def _has_pressures(inputs: tuple[str, ...]) -> bool:

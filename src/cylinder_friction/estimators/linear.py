@@ -24,6 +24,7 @@ from cylinder_friction.signals.causal import (
     difference_taps,
     moving_average_taps,
 )
+from cylinder_friction.signals.least_squares import least_squares
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -274,12 +275,10 @@ class RidgeEstimator(LinearEstimator):
         )
         mean, scale = rows.mean(axis=0), rows.std(axis=0)
         scale[scale == 0.0] = 1.0
-        from sklearn.linear_model import Ridge
-
-        model = Ridge(alpha=self.penalty, solver="cholesky").fit((rows - mean) / scale, labels)
-        coefficients = model.coef_ / scale
+        mean_n = float(labels.mean())
+        coefficients = least_squares((rows - mean) / scale, labels - mean_n, self.penalty) / scale
         self._filter = FirFilter(coefficients.reshape(1, len(self.inputs), self.lags))
-        self._constant_n = float(model.intercept_ - coefficients @ mean)
+        self._constant_n = mean_n - float((coefficients * mean).sum())
         return self
 
     def _lagged(self, samples: Array) -> Array:

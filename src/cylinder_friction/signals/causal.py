@@ -6,7 +6,10 @@ every filter behaves as if the first sample had always been there, so that a sta
 
 from __future__ import annotations
 
+import math
+import operator
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numba
@@ -179,10 +182,24 @@ def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, samp
             f"one-sided Savitzky-Golay needs derivative <= order < window, but got derivative {derivative}, "
             f"order {order}, window {window}"
         )
-    lag_times = -sample_time_s * np.arange(window)
-    powers = np.vander(lag_times, order + 1, increasing=True)
-    factorial = float(np.prod(np.arange(1, derivative + 1)))
-    return np.asarray(np.linalg.pinv(powers)[derivative] * factorial, dtype=np.float64)
+    powers = [[Fraction((-lag) ** power) for power in range(order + 1)] for lag in range(window)]
+    unit = [Fraction(int(power == derivative)) for power in range(order + 1)]
+    gram = [[sum((row[i] * row[j] for row in powers), Fraction()) for j in range(order + 1)] for i in range(order + 1)]
+    coefficients = _solved(gram, unit)
+    fit = (sum(map(operator.mul, row, coefficients)) * math.factorial(derivative) for row in powers)
+    return np.array([float(tap) for tap in fit]) / sample_time_s**derivative
+
+
+def _solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]:
+    """Return the exact solution of a few linear equations (Gauss and Jordan), the same on every processor."""
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    for pivot in range(len(rows)):
+        rows[pivot] = [value / rows[pivot][pivot] for value in rows[pivot]]
+        for other in range(len(rows)):
+            if other != pivot:
+                factor = rows[other][pivot]
+                rows[other] = [a - factor * b for a, b in zip(rows[other], rows[pivot], strict=True)]
+    return [row[-1] for row in rows]
 
 
 def cascade_taps(*stages: Array) -> Array:
