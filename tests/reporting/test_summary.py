@@ -84,7 +84,7 @@ def test_markdown_keeps_its_columns_though_heads_hold_bars(compared, strokes):
 
 def test_the_cost_table_shows_counts_times_and_the_published_ones(compared):
     table = cost_table(compared(hybrid=1.0, lugre=2.0, paper_hybrid=3.0), {"lugre": StepTime(10, 2e-6, 5e-6, 9e-6)})
-    assert table.rows[1] == ("LuGre (identified at no load)", "2", "2.0", "5.0", "87")
+    assert table.rows[1] == ("LuGre (identified in one condition)", "2", "2.0", "5.0", "87")
     assert table.rows[2][2:] == ("not measured", "not measured", "1510")
 
 

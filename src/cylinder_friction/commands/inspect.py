@@ -12,6 +12,7 @@ from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.choice import held
 from cylinder_friction.reporting.inspection.files import inspect_files
+from cylinder_friction.reporting.inspection.friction_view import with_friction
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
@@ -42,10 +43,10 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
     labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
     recipe = recipe_from(params, Path(params.ingest.source))
-    subjects = held(_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
-    write_page(
-        page, subjects, cylinder_from(params.cylinder), filters, params.filter.method, params.label.end_stop_margin_m
-    )
+    cylinder, margin_m = cylinder_from(params.cylinder), params.label.end_stop_margin_m
+    loaded = (_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
+    subjects = held(with_friction(subject, cylinder, chosen, margin_m) for subject in loaded)
+    write_page(page, subjects, cylinder, filters, params.filter.method, margin_m)
     return text_report(subjects).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
 
 

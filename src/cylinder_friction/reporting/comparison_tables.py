@@ -1,15 +1,15 @@
-"""Tables of the comparison as text: one content for Markdown and for the report."""
+"""Tables of a comparison: one content for Markdown and for the report."""
 
 from __future__ import annotations
 
-import html
-from dataclasses import dataclass
+import math
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF
 from cylinder_friction.reporting.estimator_titles import title
+from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
-from cylinder_friction.reporting.summary import winner
+from cylinder_friction.reporting.summary import leaders, points_ahead, verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,139 +18,110 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.comparison import Comparison, Scores
     from cylinder_friction.evaluation.timing import StepTime
 
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of text under a head; ``best`` holds (row, column) of the cells to stand out."""
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    best: frozenset[tuple[int, int]] = frozenset()
-
-    def markdown(self) -> str:
-        lines = ["| " + " | ".join(self.head) + " |", "|---|" + "---:|" * (len(self.head) - 1)]
-        for row_index, row in enumerate(self.rows):
-            cells = [f"**{cell}**" if (row_index, column) in self.best else cell for column, cell in enumerate(row)]
-            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-        lines[0] = "| " + " | ".join(cell.replace("|", "\\|") for cell in self.head) + " |"
-        return "\n".join(lines) + "\n"
-
-    def html(self) -> str:
-        head = "".join(f"<th>{html.escape(cell)}</th>" for cell in self.head)
-        body = []
-        for row_index, row in enumerate(self.rows):
-            cells = "".join(
-                f'<td class="best">{html.escape(cell)}</td>'
-                if (row_index, column) in self.best
-                else f"<td>{html.escape(cell)}</td>"
-                for column, cell in enumerate(row)
-            )
-            body.append(f"<tr>{cells}</tr>")
-        return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
+AUDIT_HEADS = {
+    "bias_n": "Bias [N]",
+    "mae_n": "MAE [N]",
+    "mae_percent": "MAE [% of mean |true friction|]",
+    "max_n": "Largest [N]",
+    "mean_friction_n": "Mean |true friction| [N]",
+    "rows": "Rows",
+}
 
 
 def error_table(scores: Scores, conditions: Sequence[str], against: str, published: bool = False) -> Table:
-    """Table II: percent of mean |friction| and newtons, by estimator and test; the smallest of a test stands out.
+    """Return Table II: percent of mean |friction| and newtons, by estimator and condition.
+
+    The smallest error of a condition stands out, and every error that it is not clearly better than.
 
     Args:
         scores: Against the label or against the truth, never both.
-        tests: Columns.
+        conditions: Columns.
         against: ``label`` or ``true friction``, for the head, which also states each denominator.
         published: Whether the paper's own rows are added below; they come from other data.
     """
     names = list(scores)
-    denominators = {condition: scores[names[0]][condition].errors.mean_abs_friction_n for condition in conditions}
-    head = (
-        "Estimator",
-        *(
-            f"condition {condition} [% of mean |{against}| = {denominators[condition]:.0f} N]"
-            for condition in conditions
-        ),
-    )
-    rows = [
-        (title(name), *(_percent_and_newtons(scores, name, condition) for condition in conditions)) for name in names
-    ]
-    best = {(names.index(winner(scores, condition)), column + 1) for column, condition in enumerate(conditions)}
+    head: list[str | Cell] = ["Estimator"]
+    for condition in conditions:
+        denominator_n = scores[names[0]][condition].errors.mean_abs_friction_n
+        head.append(Cell(f"Condition {condition}", f"[% of mean |{against}| = {denominator_n:.0f} N]"))
+    best = {condition: leaders(scores, condition) for condition in conditions}
+    rows: list[list[str | Cell]] = []
+    for name in names:
+        found = {condition: scores[name][condition].errors for condition in conditions}
+        cells = [
+            Cell(f"{each.percent:.2f} % ({each.mae_n:.1f} N)", style="best" if name in best[condition] else "")
+            for condition, each in found.items()
+        ]
+        rows.append([title(name), *cells])
     if published and set(conditions) <= set(PERCENT_BY_TEST):
         for key, words in (("lugre", "Published: LuGre (other data)"), ("hybrid", "Published: hybrid (other data)")):
-            rows.append((words, *(f"{PERCENT_BY_TEST[condition][key]:.2f} %" for condition in conditions)))
-    return Table(head, tuple(rows), frozenset(best))
+            rows.append([words, *(f"{PERCENT_BY_TEST[condition][key]:.2f} %" for condition in conditions)])
+    return Table(head, rows)
+
+
+def difference_table(comparison: Comparison, main: str) -> Table:
+    """Return by how many percentage points every other estimator is behind ``main``, and whether that is clear."""
+    scores = comparison.label
+    rows: list[list[str | Cell]] = []
+    for name in comparison.estimators:
+        if name == main:
+            continue
+        row: list[str | Cell] = [title(name)]
+        for condition in comparison.conditions:
+            ahead, low, high = points_ahead(scores, main, name, condition)
+            style = {"better": "good", "worse": "bad", "level": ""}[verdict(scores, main, name, condition)]
+            row.append(Cell(f"{ahead:+.2f}", f"{low:+.2f} to {high:+.2f}", ahead, style=style))
+        rows.append(row)
+    return Table(["Estimator", *(f"Condition {condition} [points]" for condition in comparison.conditions)], rows)
 
 
 def detail_table(scores: Scores, condition: str) -> Table:
-    """Every error measure of one test."""
-    head = (
-        "Estimator",
-        "MAE [N]",
-        "RMSE [N]",
-        "bias [N]",
-        "95th percentile [N]",
-        "MAE, % of mean |F|",
-        "95 % interval",
-        "fit [%]",
-        "RMSE, % of range",
-        "lag [ms]",
-    )
+    """Return every error measure of one condition."""
+    head = ["Estimator", "MAE [N]", "RMSE [N]", "bias [N]", "95th percentile [N]", "MAE, % of mean |F|"]
+    head += ["95 % interval", "fit [%]", "RMSE, % of range", "lag [ms]"]
     rows = []
     for name, by_condition in scores.items():
-        score = by_condition[condition]
-        found = score.errors
+        score, found = by_condition[condition], by_condition[condition].errors
         low, high = score.interval_percent
-        rows.append(
-            (
-                title(name),
-                f"{found.mae_n:.2f}",
-                f"{found.rmse_n:.2f}",
-                f"{found.bias_n:+.2f}",
-                f"{found.p95_n:.1f}",
-                f"{found.percent:.2f}",
-                f"{low:.2f} – {high:.2f}",
-                f"{found.fit_percent:.1f}",
-                f"{found.range_nrmse_percent:.2f}",
-                f"{1e3 * score.lag_s:+.1f}",
-            )
-        )
-    return Table(head, tuple(rows))
+        numbers = (f"{found.mae_n:.2f}", f"{found.rmse_n:.2f}", f"{found.bias_n:+.2f}", f"{found.p95_n:.1f}")
+        shares = (f"{found.percent:.2f}", f"{low:.2f} – {high:.2f}", f"{found.fit_percent:.1f}")
+        rows.append([title(name), *numbers, *shares, f"{found.range_nrmse_percent:.2f}", f"{1e3 * score.lag_s:+.1f}"])
+    return Table(head, rows)
 
 
 def hyperparameter_table(searched: Mapping[str, Any], chosen: Mapping[str, Any]) -> Table:
-    """Table I: the range searched and the value used, beside the published ones."""
+    """Return Table I: the range searched and the value used, beside the published ones."""
     words = {
         "layers": "LSTM layers",
-        "nodes": "LSTM nodes a layer",
+        "nodes": "LSTM nodes per layer",
         "dropout": "Dropout",
         "learning_rate": "Learning rate",
         "forest_trees": "Forest: trees",
         "forest_depth": "Forest: greatest depth",
     }
-    rows = []
-    for key, name in words.items():
-        published_range, published_value = HYPERPARAMETERS[key]
-        rows.append((name, _range(searched.get(key)), _value(chosen.get(key)), published_range, published_value))
-    return Table(("Hyperparameter", "Range searched", "Value used", "Published range", "Published value"), tuple(rows))
+    rows = [
+        (name, _range(searched.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key]) for key, name in words.items()
+    ]
+    return Table(("Hyperparameter", "Range searched", "Value used", "Published range", "Published value"), rows)
 
 
 def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:
-    """Table III: what one estimate costs."""
+    """Return Table III: the cost of one estimate."""
+    published = {"lugre": f"{1e6 * STEP_SECONDS['lugre']:.0f}", "paper_hybrid": f"{1e6 * STEP_SECONDS['hybrid']:.0f}"}
     rows = []
     for name in comparison.estimators:
-        time = times.get(name)
-        published = f"{1e6 * STEP_SECONDS[key]:.0f}" if (key := _published_key(name)) else ""
-        rows.append(
-            (
-                title(name),
-                f"{comparison.multiply_adds[name]:,}",
-                f"{1e6 * time.p50_s:.1f}" if time else "not measured",
-                f"{1e6 * time.p99_s:.1f}" if time else "not measured",
-                published,
-            )
+        measured = (
+            (f"{1e6 * times[name].p50_s:.1f}", f"{1e6 * times[name].p99_s:.1f}")
+            if name in times
+            else ("not measured",) * 2
         )
-    head = ("Estimator", "Multiply-adds a step", "Step, median [µs]", "Step, 99th percentile [µs]", "Published [µs]")
-    return Table(head, tuple(rows))
+        rows.append((title(name), f"{comparison.multiply_adds[name]:,}", *measured, published.get(name, "")))
+    head = ("Estimator", "Multiply-adds per step", "Step, median [µs]", "Step, 99th percentile [µs]", "Published [µs]")
+    return Table(head, rows)
 
 
 def residual_shape_table(analysis: Analysis) -> Table:
-    """How the residuals of every estimator are distributed, over all tests."""
+    """Return the distribution of every estimator's residuals over all conditions."""
     head = (
         "Estimator",
         "median [N]",
@@ -160,7 +131,7 @@ def residual_shape_table(analysis: Analysis) -> Table:
         "excess kurtosis",
         "Jarque–Bera",
     )
-    rows = tuple(
+    rows = [
         (
             title(name),
             f"{found.median_n:+.2f}",
@@ -171,22 +142,15 @@ def residual_shape_table(analysis: Analysis) -> Table:
             f"{found.jarque_bera:.3g} ({_p_value(found.jarque_bera_p)})",
         )
         for name, found in analysis.residuals.items()
-    )
+    ]
     return Table(head, rows)
 
 
 def residual_memory_table(analysis: Analysis) -> Table:
-    """What the residuals of every estimator remember, and what they still depend on, over all tests."""
+    """Return the memory of every estimator's residuals, and what they still depend on, over all conditions."""
     inputs = list(analysis.dependences[analysis.main])
-    head = (
-        "Estimator",
-        "autocorrelation, 1 sample",
-        "Ljung–Box, 10 lags",
-        "rows",
-        "effective rows",
-        *(f"correlation with {name}" for name in inputs),
-    )
-    rows = tuple(
+    head = ["Estimator", "autocorrelation, 1 sample", "Ljung–Box, 10 lags", "rows", "effective rows"]
+    rows = [
         (
             title(name),
             f"{found.autocorrelation_1:.3f}",
@@ -196,21 +160,14 @@ def residual_memory_table(analysis: Analysis) -> Table:
             *(f"{analysis.dependences[name][key]:+.2f}" for key in inputs),
         )
         for name, found in analysis.residuals.items()
-    )
-    return Table(head, rows)
+    ]
+    return Table([*head, *(f"correlation with {name}" for name in inputs)], rows)
 
 
 def data_table(comparison: Comparison) -> Table:
-    """What was compared on."""
-    head = (
-        "Test",
-        "Held-out recordings",
-        "Minutes",
-        "Usable rows",
-        "Mean |label| [N]",
-        "Mean |true friction| [N]",
-        "Mean speed [mm/s]",
-    )
+    """Return what was compared on."""
+    head = ["Condition", "Held-out recordings", "Minutes", "Usable rows", "Mean |label| [N]"]
+    head += ["Mean |true friction| [N]", "Mean speed [mm/s]"]
     rows = []
     for condition in comparison.conditions:
         traces = comparison.of_condition(condition)
@@ -218,20 +175,36 @@ def data_table(comparison: Comparison) -> Table:
         minutes = sum(len(trace.time_s) * trace.sample_time_s for trace in traces) / 60.0
         total = sum(len(trace.time_s) for trace in traces)
         speed = sum(float(abs(trace.velocity_m_s[trace.usable]).sum()) for trace in traces) / usable
-        name = comparison.estimators[0]
+        label = comparison.label[comparison.estimators[0]][condition].errors.mean_abs_friction_n
         true = comparison.truth.get(LABEL_ITSELF, {}).get(condition)
-        rows.append(
-            (
-                condition,
-                str(len(traces)),
-                f"{minutes:.1f}",
-                f"{usable:,} of {total:,}",
-                f"{comparison.label[name][condition].errors.mean_abs_friction_n:.1f}",
-                f"{true.errors.mean_abs_friction_n:.1f}" if true else "not known",
-                f"{1e3 * speed:.1f}",
-            )
-        )
-    return Table(head, tuple(rows))
+        known = f"{true.errors.mean_abs_friction_n:.1f}" if true else "not known"
+        counts = (str(len(traces)), f"{minutes:.1f}", f"{usable:,} of {total:,}")
+        rows.append((condition, *counts, f"{label:.1f}", known, f"{1e3 * speed:.1f}"))
+    return Table(head, rows)
+
+
+def audit_table(audit: Any) -> Table:
+    """Return one row for each innermost group of numbers, named by the keys that lead to it.
+
+    Args:
+        audit: The label audit: nested dictionaries (and lists of them) of numbers and text.
+    """
+    groups = _groups(audit, ())
+    columns = list(dict.fromkeys(key for _, numbers in groups for key in numbers))
+    head = ("", *(AUDIT_HEADS.get(column, column.replace("_", " ")) for column in columns))
+    return Table(head, [(name or "all", *(_audited(numbers.get(key)) for key in columns)) for name, numbers in groups])
+
+
+def _groups(content: Any, path: tuple[str, ...]) -> list[tuple[str, dict[str, Any]]]:
+    if isinstance(content, list):
+        content = {str(index): item for index, item in enumerate(content, 1)}
+    if not isinstance(content, dict):
+        return []
+    leaves = {str(key): value for key, value in content.items() if not isinstance(value, dict | list)}
+    found = [(", ".join(path).replace("_", " "), leaves)] if leaves else []
+    for key, value in content.items():
+        found += _groups(value, (*path, str(key))) if isinstance(value, dict | list) else []
+    return found
 
 
 def markdown_tables(comparison: Comparison) -> str:
@@ -247,17 +220,12 @@ def markdown_tables(comparison: Comparison) -> str:
     return "\n".join(parts)
 
 
-def _percent_and_newtons(scores: Scores, name: str, condition: str) -> str:
-    found = scores[name][condition].errors
-    return f"{found.percent:.2f} % ({found.mae_n:.1f} N)"
+def _audited(value: Any) -> str:
+    return "" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
 def _p_value(value: float) -> str:
-    return "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
-
-
-def _published_key(name: str) -> str | None:
-    return {"lugre": "lugre", "paper_hybrid": "hybrid"}.get(name)
+    return "–" if math.isnan(value) else "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
 
 
 def _range(searched: Any) -> str:
@@ -269,6 +237,4 @@ def _range(searched: Any) -> str:
 
 
 def _value(value: Any) -> str:
-    if value is None:
-        return "not recorded"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return "not recorded" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,8 +1,10 @@
-"""What an estimator is called in tables, figures and sentences, and which family it belongs to."""
+"""Titles of the estimators in tables, figures and sentences, and the colours of their families."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from cylinder_friction.reporting.style import BLACK, BLUE, GREEN, ORANGE, PALE, PINK, QUIET
 
 
 @dataclass(frozen=True)
@@ -17,7 +19,7 @@ class Naming:
 _KNOWN = {
     "hybrid": Naming("Hybrid (corrects the force balance)", "the hybrid", "hybrid"),
     "paper_hybrid": Naming("Hybrid as published", "the hybrid as published", "hybrid"),
-    "lugre": Naming("LuGre (identified at no load)", "LuGre", "friction model"),
+    "lugre": Naming("LuGre (identified in one condition)", "LuGre", "friction model"),
     "pressure_lugre": Naming("LuGre, pressure-scaled", "the pressure-scaled LuGre", "friction model"),
     "force_balance_unfiltered": Naming("Force balance, unfiltered", "the unfiltered force balance", "force balance"),
     "force_balance_paper": Naming(
@@ -34,16 +36,15 @@ _KNOWN = {
 }
 
 FAMILY_COLOURS = {
-    "hybrid": "#0072B2",
-    "friction model": "#D55E00",
-    "force balance": "#009E73",
-    "learned": "#CC79A7",
-    "other": "#7F7F7F",
-    "label": "#000000",
+    "hybrid": BLUE,
+    "friction model": ORANGE,
+    "force balance": GREEN,
+    "learned": PINK,
+    "other": QUIET,
+    "label": BLACK,
 }
-"""From the colour-blind-safe palette of Okabe and Ito (2008)."""
 
-TRACE_COLOURS = {"label": "#A6ADB4", "truth": "#000000", "hybrid": "#0072B2", "lugre": "#D55E00"}
+TRACE_COLOURS = {"label": PALE, "truth": BLACK, "hybrid": BLUE, "lugre": ORANGE}
 """Lines over time and velocity: the label is a broad grey band behind what is compared with it."""
 
 
@@ -59,11 +60,6 @@ def title(estimator: str) -> str:
 
 def phrase(estimator: str) -> str:
     return naming(estimator).phrase
-
-
-def sentence_start(words: str) -> str:
-    """Return the words with their first letter large."""
-    return words[:1].upper() + words[1:]
 
 
 def colour(estimator: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -139,7 +140,7 @@ def all_figures(analysis: Analysis) -> dict[str, Figure]:
 
 def friction_over_time(excerpts: Sequence[Excerpt], width: float = PANEL[0]) -> Figure:
     """Return two panels per condition: friction (label, truth where known, estimates), and label minus estimate."""
-    figure, axes = panels(2 * len(excerpts), 1, width, 2.8 * len(excerpts) + 0.4, [3.0, 1.3] * len(excerpts))
+    figure, axes = panels(2 * len(excerpts), 1, width, 2.4 * len(excerpts) + 0.3, [3.0, 1.3] * len(excerpts))
     for part, force, residual in zip(excerpts, axes[::2], axes[1::2], strict=True):
         for name, values in part.lines_n.items():
             thickness = LINE_WIDTHS.get(name, ESTIMATE_WIDTH)
@@ -161,8 +162,8 @@ def friction_over_time(excerpts: Sequence[Excerpt], width: float = PANEL[0]) -> 
 def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str, main: str) -> Figure:
     """Return one row per estimator, one mark and 95 % interval per condition, on a log scale; ``main`` is shaded."""
     names = [name for name in scores if scores[name]]
-    figure, (axis,) = panels(1, 1, PANEL[0], 0.46 * len(names) + 1.1)
-    spread = np.linspace(-0.12, 0.22, max(2, len(conditions)))
+    figure, (axis,) = panels(1, 1, PANEL[0], 0.5 * len(names) + 0.9)
+    spread = np.linspace(-0.04, 0.36, max(2, len(conditions)))
     for row, name in enumerate(names):
         found = [scores[name][condition] for condition in conditions if condition in scores[name]]
         for index, condition in enumerate(conditions):
@@ -188,7 +189,7 @@ def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str,
     axis.spines["left"].set_visible(False)
     denominators = [_denominator_n(scores, condition) for condition in conditions]
     handles = [
-        axis.plot([], [], marker, color=shade, label=f"condition {condition}: {denominator:.0f} N")[0]
+        axis.plot([], [], marker, color=shade, label=f"condition {condition} ({denominator:.0f} N)")[0]
         for (shade, marker, _), condition, denominator in zip(
             CONDITION_MARKS * (1 + len(conditions) // len(CONDITION_MARKS)), conditions, denominators, strict=False
         )
@@ -213,7 +214,7 @@ def errors_by_stratum(comparison: Comparison, conditions: Sequence[str]) -> Figu
             heights = [strata[stratum].mae_n for stratum in STRATA if stratum in strata]
             places = [position + (index - 0.5 * (len(shown) - 1)) * width for position in present]
             axis.bar(places, heights, width=width, color=STRATA_SHADES.get(name, QUIET), label=title(name))
-        axis.set_xticks(range(len(STRATA)), [words.replace(" ", "\n") for words in STRATA.values()], fontsize=7.5)
+        axis.set_xticks(range(len(STRATA)), [fill(words, 9) for words in STRATA.values()], fontsize=7.5)
         axis.set(title=f"Condition {condition}", ylabel="MAE against the label [N]")
         axis.grid(visible=False, axis="x")
     handles, labels = axes[0].get_legend_handles_labels()
@@ -228,7 +229,7 @@ def estimated_against_calculated(name: str, found: Mapping[str, Agreement]) -> F
         ends = [float(points.label_n.min()), float(points.label_n.max())]
         axis.plot(points.label_n, points.estimate_n, ".", color=colour(name), ms=2.5, alpha=0.4, rasterized=True)
         axis.plot(ends, ends, color=BLACK, linewidth=1.0, label="y = x")
-        words = f"R² = {points.r_squared:.4f}\nslope {points.slope:.3f}\nintercept {points.intercept_n:.1f} N"
+        words = f"R² = {points.r_squared:.4f}\nslope {points.slope:.3f}\nintercept {points.intercept_n:z.1f} N"
         axis.text(0.04, 0.96, words, transform=axis.transAxes, va="top", fontsize=8.5)
         axis.set(title=f"Condition {condition}", xlabel="label [N]", ylabel=f"{title(name).split(' (')[0]} [N]")
         axis.legend(loc="lower right")
@@ -284,7 +285,7 @@ def residual_histogram(name: str, counted: Histogram) -> Figure:
     axis.bar(counted.centres_n, counted.density, width=counted.width_n, color=colour(name), alpha=0.55, linewidth=0)
     axis.plot(counted.centres_n, counted.normal_density, color=BLACK, label="normal, same mean and deviation")
     lower, median, upper = counted.quartiles_n
-    axis.axvline(median, color=INK, linewidth=1.4, label=f"median {median:.1f} N")
+    axis.axvline(median, color=INK, linewidth=1.4, label=f"median {median:z.1f} N")
     axis.axvline(lower, color=INK, linewidth=1.0, linestyle="--", label=f"quartiles {lower:.1f} and {upper:.1f} N")
     axis.axvline(upper, color=INK, linewidth=1.0, linestyle="--")
     axis.set(

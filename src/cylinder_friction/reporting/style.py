@@ -52,7 +52,10 @@ STYLE: Any = {
     "ytick.labelcolor": QUIET,
     "grid.color": GRID,
     "grid.linewidth": 0.8,
-    "legend.frameon": False,
+    "legend.frameon": True,
+    "legend.framealpha": 0.85,
+    "legend.facecolor": "#ffffff",
+    "legend.edgecolor": "none",
     "legend.fontsize": 8.5,
     "lines.linewidth": 1.2,
     "path.simplify": True,
@@ -62,7 +65,7 @@ STYLE: Any = {
     "figure.constrained_layout.use": True,
     "savefig.dpi": 150,
 }
-FONT = 'system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif'
+FONT = "system-ui, Segoe UI, Roboto, DejaVu Sans, sans-serif"
 
 
 class StyledFigure(Figure):
@@ -121,7 +124,7 @@ def svg_text(figure: Figure, name: str, words: str) -> str:
     text = re.sub(r' (xmlns(:\w+)?|version)="[^"]*"', "", text)
     text = text.replace("xlink:href", "href")
     text = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{name}-", text)
-    text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)
+    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\d\.\d\d)\d+", r"\1", path[0]), text)
     escaped = words.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     return text.replace("<svg", f'<svg role="img" aria-label="{escaped}"', 1)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.reporting.inspection.friction_view import carries_load, friction_view
+from cylinder_friction.reporting.inspection.friction_view import friction_view
 
 from .conftest import made_strokes
 
@@ -26,7 +26,7 @@ def test_the_curve_is_that_of_the_strokes(strokes: Recording, cylinder: Cylinder
     speeds = np.array([0.02, 0.05, 0.08])
     np.testing.assert_allclose(view.curve.friction(speeds), 300.0 + 1500.0 * speeds, rtol=0.03)
     assert view.friction_name == "friction"
-    assert not carries_load(view.load_n, view.half_difference_n)
+    assert not view.carries_load
 
 
 def test_a_load_is_told_from_friction_and_draws_no_curve(cylinder: Cylinder, filters: Filters) -> None:

@@ -35,7 +35,7 @@ LEAST_GAIN = 0.1
 MOTION_HZ = 3.0
 """A filter that is exact for slow motion may still be late, or early, for motion as quick as this."""
 
-FREQUENCIES = 200
+FREQUENCIES = 150
 """Points of a drawn response."""
 
 

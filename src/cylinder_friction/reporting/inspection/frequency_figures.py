@@ -11,19 +11,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from cylinder_friction.recordings.columns import DRIVE_FORCE
-from cylinder_friction.reporting.inspection.drawing import (
-    EXTENDING,
-    FILTER_COLOURS,
-    INK,
-    MM_PER_M,
-    PA_PER_BAR,
-    PISTON_SIDE,
-    QUIET,
-    ROD_SIDE,
-    finish,
-    single,
-)
 from cylinder_friction.reporting.inspection.spectra import spectrum
+from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES, interactive
+from cylinder_friction.reporting.time_figure import single
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
@@ -37,8 +27,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SPECTRUM_POINTS = 400
+SPECTRUM_POINTS = 250
 MS_PER_S = 1e3
+MM_PER_M = 1e3
+PA_PER_BAR = 1e5
 
 
 def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -> go.Figure:
@@ -54,8 +46,8 @@ def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -
     raw_velocity = np.diff(position_mm) / recording.sample_time_s
     if has_pressures(recording):
         first = [
-            ("P1, piston side", PISTON_SIDE, recording.column("pressure_1_pa") / PA_PER_BAR),
-            ("P2, rod side", ROD_SIDE, recording.column("pressure_2_pa") / PA_PER_BAR),
+            ("P1, piston side", ORANGE, recording.column("pressure_1_pa") / PA_PER_BAR),
+            ("P2, rod side", BLUE, recording.column("pressure_2_pa") / PA_PER_BAR),
         ]
     else:
         first = [("drive force", QUIET, recording.column(DRIVE_FORCE))]
@@ -66,7 +58,7 @@ def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -
             "velocity [mm/s/√Hz]",
             [
                 ("velocity, differences of raw position", QUIET, raw_velocity),
-                ("velocity, filtered", EXTENDING, MM_PER_M * view.signals.velocity_m_s),
+                ("velocity, filtered", BLUE, MM_PER_M * view.signals.velocity_m_s),
             ],
             False,
         ),
@@ -78,7 +70,7 @@ def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -
         _panel(figure, column, signals, recording.sample_time_s, has_floor, cut_off_hz)
         figure.update_yaxes(title_text=axis, type="log", exponentformat="power", dtick=1, row=1, col=column)
         figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, row=1, col=column)
-    return finish(figure, 430, legend_rows=2)
+    return interactive(figure, 430, legend_rows=2)
 
 
 def _panel(
@@ -110,7 +102,7 @@ def _panel(
             "filter in use, -3 dB",
             np.full(2, cut_off_hz),
             np.array([lowest, highest]),
-            {"color": "#CC79A7", "width": 2},
+            {"color": PINK, "width": 2},
         )
 
 
@@ -135,7 +127,7 @@ def filter_figure(costs: Sequence[FilterCost]) -> go.Figure:
         horizontal_spacing=0.09,
         subplot_titles=["velocity out over velocity in", "how late velocity comes out"],
     )
-    for cost, colour in zip(costs, itertools.cycle(FILTER_COLOURS)):
+    for cost, colour in zip(costs, itertools.cycle(SERIES)):
         line = {"color": colour, "width": 2, "dash": "solid" if cost.causal else "dot"}
         name = f"{cost.name} ({'real time' if cost.causal else 'off line'})"
         for column, values in ((1, cost.velocity_gain), (2, MS_PER_S * cost.velocity_lag_s)):
@@ -143,4 +135,4 @@ def filter_figure(costs: Sequence[FilterCost]) -> go.Figure:
     figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1)
     figure.update_yaxes(title_text="gain", rangemode="tozero", row=1, col=1)
     figure.update_yaxes(title_text="lag [ms]", row=1, col=2)
-    return finish(figure, 460, legend_rows=2)
+    return interactive(figure, 460, legend_rows=2)

@@ -8,17 +8,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from cylinder_friction.reporting.inspection.drawing import (
-    AT_REST,
-    CLOUD_POINTS,
-    EXTENDING,
-    INK,
-    MM_PER_M,
-    RETRACTING,
-    finish,
-    single,
-)
-from cylinder_friction.reporting.inspection.thinning import spread_evenly
+from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, interactive
+from cylinder_friction.reporting.time_figure import single, spread_evenly
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,12 +20,14 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-CURVE_POINTS = 300
+CLOUD_POINTS = 3000
+CURVE_POINTS = 200
+MM_PER_M = 1e3
 WIDE_SPAN = 10.0
 """From this ratio of speeds on, fewer of them are written at the axis."""
 
 
-def against_velocity(view: FrictionView) -> go.Figure:
+def against_velocity(view: FrictionView, detail: float = 1.0) -> go.Figure:
     """Return two panels: every usable row against velocity, and steady sliding against speed on a log scale."""
     figure = make_subplots(
         rows=1,
@@ -45,7 +38,7 @@ def against_velocity(view: FrictionView) -> go.Figure:
     )
     velocity = view.signals.velocity_m_s
     for name, colour, rows in ways(view):
-        rows = spread_evenly(rows, CLOUD_POINTS)
+        rows = spread_evenly(rows, round(detail * CLOUD_POINTS))
         figure.add_trace(
             _cloud(name, colour, MM_PER_M * velocity[rows], view.friction_n[rows]),
             row=1,
@@ -58,19 +51,19 @@ def against_velocity(view: FrictionView) -> go.Figure:
     figure.update_xaxes(title_text="speed [mm/s]", type="log", tickvals=_speed_ticks(view), row=1, col=2)
     figure.update_yaxes(title_text=f"{view.friction_name} [N]", row=1, col=1)
     figure.update_yaxes(title_text="against the motion [N]", row=1, col=2)
-    return finish(figure, 480, legend_rows=2)
+    return interactive(figure, 480, legend_rows=2)
 
 
-def against_position(view: FrictionView, position_m: Array) -> go.Figure:
+def against_position(view: FrictionView, position_m: Array, detail: float = 1.0) -> go.Figure:
     """Return the force against position: its middle is load, half its width is friction."""
     figure = go.Figure()
     for name, colour, rows in ways(view):
         if name != "standstill":
-            rows = spread_evenly(rows, CLOUD_POINTS)
+            rows = spread_evenly(rows, round(detail * CLOUD_POINTS))
             figure.add_trace(_cloud(name, colour, MM_PER_M * position_m[rows], view.force_n[rows]))
     figure.update_xaxes(title_text="position [mm]")
     figure.update_yaxes(title_text=f"{view.force_name} [N]")
-    return finish(figure, 360)
+    return interactive(figure, 360)
 
 
 def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
@@ -78,9 +71,9 @@ def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
     velocity = view.signals.velocity_m_s
     slow = np.abs(velocity) <= view.slowest_m_s
     return [
-        ("standstill", AT_REST, np.flatnonzero(view.usable & slow)),
-        ("extending", EXTENDING, np.flatnonzero(view.usable & ~slow & (velocity > 0.0))),
-        ("retracting", RETRACTING, np.flatnonzero(view.usable & ~slow & (velocity < 0.0))),
+        ("standstill", PALE, np.flatnonzero(view.usable & slow)),
+        ("extending", BLUE, np.flatnonzero(view.usable & ~slow & (velocity > 0.0))),
+        ("retracting", ORANGE, np.flatnonzero(view.usable & ~slow & (velocity < 0.0))),
     ]
 
 
@@ -132,7 +125,7 @@ def _curve(figure: go.Figure, view: FrictionView, curve: StribeckCurve) -> None:
 
 def _points(figure: go.Figure, points: tuple[SteadyPoint, ...]) -> None:
     """Add the steady points with their quartiles to both panels."""
-    for way, colour, symbol in ((1.0, EXTENDING, "circle"), (-1.0, RETRACTING, "square")):
+    for way, colour, symbol in ((1.0, BLUE, "circle"), (-1.0, ORANGE, "square")):
         chosen = [point for point in points if point.velocity_m_s * way > 0.0]
         if not chosen:
             continue

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.friction_models.stribeck import StribeckCurve
     from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.reporting.inspection.subject import Inspected
     from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothDrive, SmoothSignals
 
     Array = NDArray[np.float64]
@@ -45,7 +47,6 @@ class FrictionView:
     Attributes:
         signals: Smooth signals that it comes from.
         force_name: What ``force_n`` is, in words.
-        friction_name: What ``friction_n`` is, in words: friction, or friction and a load that nobody measured.
         force_n: P1·A1 - P2·A2, or the measured drive force, smooth, shape ``(n,)`` [N].
         friction_n: Shape ``(n,)`` [N], positive when it opposes positive velocity.
         usable: Rows away from end stops and from the recording's edges, shape ``(n,)``.
@@ -61,7 +62,6 @@ class FrictionView:
 
     signals: SmoothSignals | SmoothDrive
     force_name: str
-    friction_name: str
     force_n: Array
     friction_n: Array
     usable: NDArray[np.bool_]
@@ -72,6 +72,15 @@ class FrictionView:
     half_difference_n: float
     no_curve: str
     assumed: tuple[str, ...]
+
+    @property
+    def carries_load(self) -> bool:
+        """Whether ``friction_n`` holds a load; False where directions cannot be compared."""
+        return abs(self.load_n) > LOAD_SHARE * abs(self.half_difference_n)
+
+    @property
+    def friction_name(self) -> str:
+        return "friction + load" if self.carries_load else "friction"
 
 
 def friction_view(
@@ -98,7 +107,6 @@ def friction_view(
     return FrictionView(
         signals=signals,
         force_name=PRESSURE_FORCE if has_pressures(recording) else MEASURED_FORCE,
-        friction_name="friction + load" if carries_load(load_n, half_difference_n) else "friction",
         force_n=drive_force(signals, cylinder),
         friction_n=friction_n,
         usable=usable,
@@ -110,6 +118,16 @@ def friction_view(
         no_curve=no_curve,
         assumed=_assumed(recording, cylinder, load_force_n is not None, end_stop_margin_m),
     )
+
+
+def with_friction(subject: Inspected, cylinder: Cylinder, method: SignalFilter, end_stop_margin_m: float) -> Inspected:
+    """Return the subject with its friction, so that it stays known when the signals are no longer held."""
+    if subject.recording is None or subject.outcome == "refused":
+        return subject
+    with suppress(ValueError):  # shorter than the filter
+        view = friction_view(subject.recording, cylinder, method, end_stop_margin_m)
+        return replace(subject, friction_n=view.half_difference_n)
+    return subject
 
 
 def up_and_down(
@@ -134,11 +152,6 @@ def up_and_down(
         return float("nan"), float("nan")
     load_n, half_difference_n = np.median(np.array(halves), axis=0)
     return float(load_n), float(half_difference_n)
-
-
-def carries_load(load_n: float, half_difference_n: float) -> bool:
-    """Return whether what was called friction holds a load; False where directions cannot be compared."""
-    return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
 
 
 def _assumed(recording: Recording, cylinder: Cylinder, has_load: bool, margin_m: float) -> tuple[str, ...]:

@@ -1,15 +1,19 @@
-"""The inspection of a file or a folder as one HTML page."""
+"""The inspection of a file or a folder as one HTML page: a list of all files, and a pane for each that is drawn."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
+
+import numpy as np
+import plotly.graph_objects as go
 
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.inspection.choice import PLOTTED, chosen
-from cylinder_friction.reporting.inspection.html_page import Pane, page_html
-from cylinder_friction.reporting.inspection.overview_pane import overview
-from cylinder_friction.reporting.inspection.recording_pane import recording_pane
-from cylinder_friction.reporting.inspection.subject import titles
+from cylinder_friction.reporting.inspection.recording_pane import MM_PER_M, Pane, recording_pane
+from cylinder_friction.reporting.inspection.subject import OUTCOMES, count_outcomes, titles
+from cylinder_friction.reporting.page import Cell, Table, page_html
+from cylinder_friction.reporting.style import SERIES, interactive
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,6 +22,15 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.reporting.inspection.subject import Inspected
     from cylinder_friction.signals.smooth_signals import SignalFilter
+
+MEANINGS = {
+    "ok": "usable as it came",
+    "noted": "usable; something is worth knowing",
+    "repaired": "usable after the repairs that are named",
+    "refused": "not usable, for the reason given",
+}
+FULL_DETAIL = 2
+"""So many recordings are drawn with every point that a screen can show; with more, each gets fewer."""
 
 
 def write_page(
@@ -45,20 +58,34 @@ def write_page(
     """
     if method not in filters:
         raise ValueError(f"method: expected one of {', '.join(filters)}, but got {method!r}")
-    panes: list[Pane] = []
-    names: dict[int, str] = {}
-    named = titles(subjects)
-    for index in chosen(subjects, plotted):
-        subject = subjects[index]
-        assert subject.recording is not None
-        names[index] = f"recording-{index + 1}"
-        panes.append(
-            recording_pane(
-                names[index], named[index], subject, subject.recording, cylinder, filters, method, end_stop_margin_m
-            )
+    named, places = titles(subjects), chosen(subjects, plotted)
+    detail = min(1.0, FULL_DETAIL / max(1, len(places)))
+    panes = {
+        place: recording_pane(
+            f"recording-{place + 1}",
+            named[place],
+            subjects[place],
+            cylinder,
+            filters,
+            method,
+            end_stop_margin_m,
+            detail,
         )
-    first = overview(subjects, names, _lead(subjects, len(panes)))
-    write_text(path, page_html("Inspection of recordings", [first, *panes]))
+        for place in places
+    }
+    counts = count_outcomes(subjects)
+    html = page_html(
+        "inspection.html.j2",
+        title="Inspection of recordings",
+        lead=_lead(subjects, len(panes)),
+        counts=[(outcome, counts[outcome], MEANINGS[outcome]) for outcome in OUTCOMES if counts[outcome]],
+        files=_files(subjects, named, panes),
+        comparison=_comparison([pane for pane in panes.values() if pane.view is not None]),
+        panes=list(panes.values()),
+        method=method,
+        alone=len(subjects) == 1,
+    )
+    write_text(path, html)
 
 
 def _lead(subjects: Sequence[Inspected], shown: int) -> str:
@@ -70,4 +97,60 @@ def _lead(subjects: Sequence[Inspected], shown: int) -> str:
         )
     if shown == 0:
         return "Nothing could be read far enough to be drawn."
-    return "Choose a recording at the left to see its figures."
+    return "Choose a recording to see its figures."
+
+
+def _files(subjects: Sequence[Inspected], named: Sequence[str], panes: Mapping[int, Pane]) -> Table:
+    """Return one row per file or piece: its outcome, the reason, its friction and its extent."""
+    rows = []
+    for place, (title, subject) in enumerate(zip(named, subjects, strict=True)):
+        reasons = subject.reasons() or ([] if subject.seen is not None else ["became no recording"])
+        friction_n = panes[place].friction_n if place in panes else subject.friction_n
+        numbers = ["", "", ""]
+        if (seen := subject.seen) is not None:
+            numbers = [
+                f"{seen.rows * seen.sample_time_s:.5g}",
+                f"{1.0 / seen.sample_time_s:.5g}",
+                f"{MM_PER_M * seen.least_position_m:.4g} to {MM_PER_M * seen.greatest_position_m:.4g}",
+            ]
+        rows.append(
+            [
+                Cell(title, link=f"#{panes[place].name}" if place in panes else ""),
+                Cell(subject.outcome, badge=True, style="words badged"),
+                Cell(f"{friction_n:.0f}", value=friction_n) if math.isfinite(friction_n) else Cell("–", style="none"),
+                Cell(reasons[0] if reasons else "", more=reasons[1:], style="words"),
+                *numbers,
+            ]
+        )
+    head = ["file", "outcome", Cell("friction [N]", tip="half of extending less retracting at equal position"), "why"]
+    head += ["duration [s]", "rate [Hz]", "travel [mm]"]
+    outcomes = [subject.outcome for subject in subjects]
+    return Table(head, rows, words=(1, 3), sortable=True, outcomes=outcomes)
+
+
+def _comparison(panes: Sequence[Pane]) -> go.Figure | None:
+    """Return friction in steady sliding against velocity, one line per recording; None for fewer than two."""
+    figure = go.Figure()
+    for number, pane in enumerate(panes):
+        assert pane.view is not None
+        points = sorted(pane.view.points, key=lambda point: point.velocity_m_s)
+        if not points:
+            continue
+        velocity, friction = (
+            np.array([getattr(point, key) for point in points]) for key in ("velocity_m_s", "friction_n")
+        )
+        middle = int(np.searchsorted(velocity, 0.0))  # nothing was seen in between, so no line is drawn there
+        figure.add_scatter(
+            x=np.insert(MM_PER_M * velocity, middle, 0.0),
+            y=np.insert(friction, middle, np.nan),
+            mode="lines+markers",
+            name=pane.title,
+            line={"color": SERIES[number % len(SERIES)], "width": 1.2},
+            marker={"size": 5},
+            hovertemplate="%{x:.3~g} mm/s, %{y:.4~g} N",
+        )
+    if len(figure.data) < 2:
+        return None
+    figure.update_xaxes(title_text="velocity [mm/s]").update_yaxes(title_text="friction in steady sliding [N]")
+    figure.update_layout(hovermode="closest")
+    return interactive(figure, 420, legend_rows=0).update_layout(showlegend=False)

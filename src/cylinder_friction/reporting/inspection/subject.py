@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
@@ -52,6 +53,7 @@ class Inspected:
         recording: What it holds, wherever that can be read, so that also what is refused can be looked at.
         repairs: What was done to the file besides what the findings say, one sentence each.
         extent: Of a recording that is no longer held.
+        friction_n: Half of extending less retracting at equal position [N]; NaN where it was not calculated.
     """
 
     file: str
@@ -59,6 +61,7 @@ class Inspected:
     recording: Recording | None = None
     repairs: Sequence[str] = ()
     extent: Extent | None = None
+    friction_n: float = math.nan
 
     @property
     def seen(self) -> Extent | None:

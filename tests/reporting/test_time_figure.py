@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.reporting.inspection.thinning import extremes, spread_evenly
+from cylinder_friction.reporting.time_figure import extremes, spread_evenly
 
 
 @given(st.lists(st.floats(-1e6, 1e6), max_size=400), st.integers(2, 60))

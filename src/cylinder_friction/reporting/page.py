@@ -1,0 +1,146 @@
+"""Every page's builder: templates, tables and figures become one HTML text that needs nothing from outside."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+from markupsafe import Markup, escape
+
+from cylinder_friction.reporting.style import svg_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import plotly.graph_objects as go
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of a table.
+
+    Attributes:
+        words: Its text.
+        small: A second line, smaller.
+        value: What its column is sorted by; None for words, and for nothing.
+        shade: -1 is full blue (good), 1 full orange (bad), 0 white; None leaves the background alone.
+        style: CSS classes.
+        tip: Shown below the mouse.
+        link: Address that the words lead to.
+        badge: Whether the words are an outcome, shown on its colour.
+        more: Further lines, folded.
+    """
+
+    words: str
+    small: str = ""
+    value: float | None = None
+    shade: float | None = None
+    style: str = ""
+    tip: str = ""
+    link: str = ""
+    badge: bool = False
+    more: Sequence[str] = ()
+
+    @property
+    def finite(self) -> bool:
+        return self.value is not None and math.isfinite(self.value)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows below a head.
+
+    Attributes:
+        head: Of every column.
+        rows: As many cells each; plain text is a cell too.
+        words: Columns of text, left-aligned; the others hold numbers. The first column is text anyway.
+        groups: What so many columns, from the left, have in common; stands above the head.
+        style: CSS classes of the table.
+        sortable: Whether a click on the head sorts by that column.
+        outcomes: Of every row, for the buttons that filter by it; empty for none.
+    """
+
+    head: Sequence[str | Cell]
+    rows: Sequence[Sequence[str | Cell]]
+    words: Sequence[int] = ()
+    groups: Sequence[tuple[str, int]] = ()
+    style: str = ""
+    sortable: bool = False
+    outcomes: Sequence[str] = ()
+
+    @property
+    def classes(self) -> str:
+        return f"{self.style} sortable".strip() if self.sortable else self.style
+
+    @cached_property
+    def head_cells(self) -> list[Cell]:
+        return self._cells(self.head)
+
+    @cached_property
+    def cells(self) -> list[list[Cell]]:
+        return [self._cells(row) for row in self.rows]
+
+    def _cells(self, row: Sequence[str | Cell]) -> list[Cell]:
+        return [
+            each if isinstance(each, Cell) else Cell(each, style="words" if column in self.words else "")
+            for column, each in enumerate(row)
+        ]
+
+    def markdown(self) -> str:
+        """Return the table as Markdown; the best cells are bold."""
+
+        def line(row: Sequence[Cell]) -> str:
+            words = [f"{cell.words} {cell.small}".rstrip() for cell in row]
+            words = [f"**{each}**" if "best" in cell.style else each for each, cell in zip(words, row, strict=True)]
+            return "| " + " | ".join(each.replace("|", "\\|") for each in words) + " |"
+
+        rule = "|---|" + "---:|" * (len(self.head) - 1)
+        return "\n".join([line(self.head_cells), rule, *(line(row) for row in self.cells)]) + "\n"
+
+
+def four_digits(value: float) -> str:
+    """Return a number with four digits and no power of ten in between."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
+
+
+def page_html(template: str, package: str = __package__, **context: Any) -> str:
+    """Return a page.
+
+    Args:
+        template: A file in the package's folder ``templates``, which may use those of this package.
+        package: Where the template is.
+        context: What the template shows; ``title`` at least.
+    """
+    numbers = itertools.count(1)
+
+    def svg(figure: Figure, words: str) -> Markup:
+        return Markup(svg_text(figure, f"figure{next(numbers)}", words))  # noqa: S704 - drawn by Matplotlib, which escapes
+
+    loaders = [jinja2.PackageLoader(each) for each in dict.fromkeys((package, __package__))]
+    environment = jinja2.Environment(
+        loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+    environment.filters |= {"svg": svg, "data": _data, "breakable": _breakable, "digits": four_digits}
+    environment.globals |= {"static": _static}
+    return environment.get_template(template).render(context)
+
+
+def _static(name: str) -> Markup:
+    return Markup((files(__package__) / "static" / name).read_text(encoding="utf-8"))  # noqa: S704 - our own file
+
+
+def _data(figure: go.Figure) -> Markup:
+    """Return a Plotly figure as JSON that cannot end the script element it stands in."""
+    return Markup(figure.to_json(validate=False).replace("<", "\\u003c"))  # noqa: S704
+
+
+def _breakable(words: str) -> Markup:
+    """Return words that may be broken into lines behind the separators of a path."""
+    return Markup(re.sub(r"([/_-])", r"\1<wbr>", str(escape(words))))  # noqa: S704

@@ -1,0 +1,169 @@
+"""The report: a comparison for a reader who has not seen the code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.reporting import comparison_tables as tables
+from cylinder_friction.reporting import figures
+from cylinder_friction.reporting.estimator_titles import phrase
+from cylinder_friction.reporting.page import page_html
+from cylinder_friction.reporting.style import draw
+from cylinder_friction.reporting.summary import CLEAR_POINTS, summary
+from cylinder_friction.reporting.time_figure import Line, Panel, over_time
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import plotly.graph_objects as go
+    from matplotlib.figure import Figure
+
+    from cylinder_friction.evaluation.analysis import Analysis
+    from cylinder_friction.evaluation.comparison import Scores
+    from cylinder_friction.evaluation.timing import StepTime
+    from cylinder_friction.evaluation.views import Excerpt
+    from cylinder_friction.reporting.page import Table
+
+SECTIONS = {
+    "summary": "Summary",
+    "data": "The data",
+    "label-errors": "Errors against the label",
+    "truth-errors": "Errors against true friction",
+    "over-time": "Friction over time",
+    "motion": "Where in the motion",
+    "residuals": "Residuals",
+    "training": "Training",
+    "cost": "Cost of an estimate",
+    "audit": "Label audit",
+    "reading": "How to read the numbers",
+}
+ALL_CONDITIONS = "all"
+"""In the label audit: all conditions together."""
+
+
+@dataclass(frozen=True)
+class ReportInputs:
+    """What the report shows beside the analysis.
+
+    Attributes:
+        times: Measured seconds per step by estimator.
+        searched: Ranges of the hyperparameter search by name.
+        chosen: Hyperparameters of the default hybrid by name.
+        audit: The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none.
+    """
+
+    times: Mapping[str, StepTime]
+    searched: Mapping[str, Any]
+    chosen: Mapping[str, Any]
+    audit: dict[str, Any] | None
+
+
+def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
+    """Return the whole page; it loads nothing from outside."""
+    comparison, main = analysis.comparison, analysis.main
+    audit = inputs.audit
+    return page_html(
+        "report.html.j2",
+        title="Friction estimators compared",
+        sections={key: words for key, words in SECTIONS.items() if key != "audit" or audit is not None},
+        recordings=len(comparison.traces),
+        minutes=sum(len(trace.time_s) * trace.sample_time_s for trace in comparison.traces) / 60.0,
+        comparison=comparison,
+        summary=summary(comparison, main),
+        main=phrase(main),
+        clear_points=CLEAR_POINTS,
+        opening=_opening(analysis),
+        data=tables.data_table(comparison),
+        against=_against(analysis),
+        differences=tables.difference_table(comparison, main),
+        over_time={part.condition: (part.recording, _over_time(part)) for part in analysis.excerpts},
+        panels=_panels(analysis),
+        residuals=analysis.residuals[main],
+        residual_tables=(tables.residual_shape_table(analysis), tables.residual_memory_table(analysis)),
+        hyperparameters=tables.hyperparameter_table(inputs.searched, inputs.chosen),
+        cost=tables.cost_table(comparison, inputs.times),
+        audit=_audit(audit),
+        audit_note=(audit or {}).get("note", ""),
+    )
+
+
+def _opening(analysis: Analysis) -> tuple[Figure, Figure]:
+    """Return the report's first picture: friction over time in the first and the last condition, and all errors."""
+    comparison, shown = analysis.comparison, analysis.excerpts
+    excerpts = shown if len(shown) < 2 else [shown[0], shown[-1]]
+    errors = draw(figures.errors_by_condition, comparison.label, comparison.conditions, "label", analysis.main)
+    return draw(figures.friction_over_time, excerpts), errors
+
+
+def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Figure | None]]:
+    """Return by reference: Table II, every measure by condition, and the chart unless the page opens with it."""
+    comparison, truth = analysis.comparison, analysis.comparison.truth
+    conditions = list(comparison.conditions)
+    found = {
+        "label": (
+            tables.error_table(comparison.label, conditions, "label", published=True),
+            _details(comparison.label, conditions),
+            None,
+        )
+    }
+    if truth:
+        known = sorted({condition for scores in truth.values() for condition in scores})
+        chart = draw(figures.errors_by_condition, truth, known, "true friction", analysis.main)
+        found["truth"] = (tables.error_table(truth, known, "true friction"), _details(truth, known), chart)
+    return found
+
+
+def _details(scores: Scores, conditions: list[str]) -> dict[str, Table]:
+    return {condition: tables.detail_table(scores, condition) for condition in conditions}
+
+
+def _over_time(part: Excerpt) -> go.Figure:
+    """Return friction and, below it, label minus estimate, to be zoomed into."""
+
+    def lines(values: Mapping[str, Any], in_legend: bool) -> list[Line]:
+        return [
+            Line(
+                figures.line_title(name),
+                each,
+                figures.line_colour(name),
+                4.0 if name == "label" else 1.3,
+                in_legend,
+            )
+            for name, each in values.items()
+        ]
+
+    panels = [
+        Panel("friction [N]", lines(part.lines_n, True), 1.6),
+        Panel("residual [N]", lines(part.residuals_n(), False), 0.8),
+    ]
+    return over_time(part.time_s, panels, legend_rows=2)
+
+
+def _panels(analysis: Analysis) -> dict[str, list[Figure]]:
+    """Return the small pictures of each section, one per condition or estimator."""
+    comparison = analysis.comparison
+    each_condition = comparison.conditions
+    return {
+        "agreement": [
+            draw(figures.estimated_against_calculated, analysis.main, {c: analysis.agreements[c]})
+            for c in each_condition
+        ],
+        "velocity": [draw(figures.friction_against_velocity, {c: analysis.profiles[c]}) for c in each_condition],
+        "strata": [draw(figures.errors_by_stratum, comparison, [c]) for c in each_condition],
+        "histograms": [draw(figures.residual_histogram, *each) for each in analysis.histograms.items()],
+        "quantiles": [draw(figures.quantile_plot, {name: points}) for name, points in analysis.quantiles.items()],
+        "memories": [
+            draw(figures.autocorrelation_plot, {name: memory}, analysis.sample_time_s)
+            for name, memory in analysis.memories.items()
+        ],
+        "learning": [draw(figures.learning_curves, {name: curve}) for name, curve in analysis.curves.items()],
+    }
+
+
+def _audit(audit: dict[str, Any] | None) -> tuple[Table, ...]:
+    """Return the audit over all conditions and, where there is such a summary, by condition."""
+    if audit is None or "note" in audit:
+        return ()
+    brief = {name: found[ALL_CONDITIONS] for name, found in audit.items() if ALL_CONDITIONS in found}
+    return (tables.audit_table(brief), tables.audit_table(audit)) if brief else (tables.audit_table(audit),)

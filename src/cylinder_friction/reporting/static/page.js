@@ -1,0 +1,99 @@
+'use strict';
+// Figures are drawn when they come into sight, so that a long page opens at once.
+const NARROW = 520, LONGEST = 20;
+
+// Panels side by side are too narrow on a small screen: there, they stand one below the other.
+function stack(layout) {
+  const axes = Object.keys(layout).filter(key => key.startsWith('xaxis')).sort(
+    (one, other) => layout[one].domain[0] - layout[other].domain[0]);
+  const count = axes.length;
+  if (count < 2 || new Set(axes.map(key => layout[key].domain[0])).size < count) return 1;
+  axes.forEach(function (key, index) {
+    const top = 1 - index / count;
+    layout[key].domain = [0, 1];
+    layout['y' + key.slice(1)].domain = [top - 0.72 / count, top];
+    const note = (layout.annotations || [])[index];
+    if (note) Object.assign(note, {x: 0.5, y: top});
+  });
+  return 0.8 * count;
+}
+
+function draw(place) {
+  const source = place.querySelector('script');
+  if (!source) return;
+  const figure = JSON.parse(source.textContent), narrow = place.clientWidth < NARROW;
+  source.remove();
+  if (narrow) {
+    figure.layout.font.size = 11;
+    figure.layout.height *= stack(figure.layout);
+    place.style.height = figure.layout.height + 'px';
+    (figure.layout.annotations || []).forEach(note => { note.font = Object.assign({}, note.font, {size: 11}); });
+    const names = figure.layout.yaxis && figure.layout.yaxis.ticktext;
+    if (names) {
+      figure.layout.yaxis.ticktext = names.map(
+        name => name.length > LONGEST ? name.slice(0, LONGEST - 1) + '…' : name);
+    }
+  }
+  Plotly.newPlot(place, figure.data, figure.layout,
+    {responsive: true, displaylogo: false, showSendToCloud: false, displayModeBar: narrow ? false : 'hover'});
+}
+
+const inSight = new IntersectionObserver(function (seen) {
+  seen.filter(each => each.isIntersecting).forEach(each => { inSight.unobserve(each.target); draw(each.target); });
+}, {rootMargin: '400px'});
+
+// Pages with panes (main > section) show one of them at a time, the first that is not a list if there is one file.
+function show() {
+  const panes = document.querySelectorAll('main > section');
+  if (!panes.length) return;
+  const chosen = document.getElementById(location.hash.slice(1)) || document.querySelector('section[data-first]') || panes[0];
+  panes.forEach(pane => { pane.hidden = pane !== chosen; });
+  document.querySelectorAll('nav a').forEach(function (link) {
+    if (link.hash === '#' + chosen.id) link.setAttribute('aria-current', 'page');
+    else link.removeAttribute('aria-current');
+  });
+  window.scrollTo(0, 0);
+}
+
+function sort(head) {
+  const column = head.cellIndex, body = head.closest('table').tBodies[0];
+  const down = head.getAttribute('aria-sort') === 'ascending';
+  head.parentNode.querySelectorAll('[aria-sort]').forEach(other => { other.removeAttribute('aria-sort'); });
+  head.setAttribute('aria-sort', down ? 'descending' : 'ascending');
+  function key(row) {
+    const cell = row.cells[column];
+    if (cell.dataset.value !== undefined) return Number(cell.dataset.value);
+    return cell.classList.contains('none') ? null : cell.textContent;
+  }
+  Array.from(body.rows).map(row => [key(row), row]).sort(function (a, b) {
+    if (a[0] === null || b[0] === null) return (a[0] === null) - (b[0] === null);
+    const order = typeof a[0] === 'number' && typeof b[0] === 'number' ? a[0] - b[0]
+      : String(a[0]).localeCompare(String(b[0]));
+    return down ? -order : order;
+  }).forEach(pair => { body.appendChild(pair[1]); });
+}
+
+function only(button) {
+  const was = button.getAttribute('aria-pressed') === 'true';
+  document.querySelectorAll('.counts button').forEach(other => { other.setAttribute('aria-pressed', 'false'); });
+  button.setAttribute('aria-pressed', was ? 'false' : 'true');
+  document.querySelectorAll('tr[data-outcome]').forEach(function (row) {
+    row.hidden = !was && row.dataset.outcome !== button.dataset.outcome;
+  });
+}
+
+document.addEventListener('click', function (event) {
+  const head = event.target.closest('.sortable thead tr:last-child th');
+  const button = event.target.closest('.counts button');
+  if (head) sort(head);
+  if (button) only(button);
+});
+window.addEventListener('hashchange', show);
+window.addEventListener('DOMContentLoaded', function () {
+  show();
+  document.querySelectorAll('.plot').forEach(place => { inSight.observe(place); });
+});
+window.addEventListener('beforeprint', function () {
+  document.querySelectorAll('details').forEach(fold => { fold.open = true; });
+  document.querySelectorAll('.plot').forEach(draw);
+});
