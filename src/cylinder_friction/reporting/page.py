@@ -128,11 +128,12 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
         loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
     environment.filters |= {"svg": svg, "data": _data, "breakable": _breakable, "digits": four_digits}
-    environment.globals |= {"static": _static}
+    environment.globals |= {"static": static}
     return environment.get_template(template).render(context)
 
 
-def _static(name: str) -> Markup:
+def static(name: str) -> Markup:
+    """Return a file of the folder ``static`` as it is."""
     return Markup((files(__package__) / "static" / name).read_text(encoding="utf-8"))  # noqa: S704 - our own file
 
 

@@ -148,6 +148,7 @@ def interactive(figure: go.Figure, height: int, legend_rows: int = 1) -> go.Figu
             "yref": "container",
             "y": 1.0,
             "yanchor": "top",
+            "xref": "container",
             "x": 0.0,
             "itemsizing": "constant",
         },

@@ -1,53 +1,53 @@
-"""What a participant is called and how it is marked: colour and shape tell its family, either alone suffices."""
+"""Titles and marks of the models: colour and shape both state the family, either alone suffices."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cylinder_friction.reporting import estimator_titles as known
+from cylinder_friction.reporting import estimator_titles
+from cylinder_friction.reporting.style import BLACK, BLUE, ORANGE, PINK, QUIET
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from friction_benchmark.results import ModelInfo
 
-FAMILIES: dict[str, tuple[str, str]] = {
-    "baseline": ("#000000", "cross"),
-    "analytical": ("#D55E00", "square"),
-    "related work": ("#CC79A7", "triangle"),
-    "modern": ("#0072B2", "circle"),
-}
-"""Colour, from the palette of Okabe and Ito (2008), and shape, by family in the order of legends."""
+Mark = tuple[str, str, str]
+"""Colour, a letter that looks like the shape, and Plotly's name of the shape."""
 
-_OTHER = ("#6B7280", "diamond")
+FAMILIES: dict[str, Mark] = {
+    "baseline": (BLACK, "✚", "cross"),
+    "analytical": (ORANGE, "■", "square"),
+    "related work": (PINK, "▲", "triangle-up"),
+    "modern": (BLUE, "●", "circle"),
+}
+"""In the order of legends."""
+
+_OTHER = (QUIET, "◆", "diamond")
 
 
 @dataclass(frozen=True)
-class Names:
-    """Titles and marks of the participants, by their name in the roster."""
+class ModelTitles:
+    """Titles and marks of the models, by their name in the registry."""
 
     models: Mapping[str, ModelInfo]
 
-    def title(self, model: str) -> str:
-        """Return its title; a model that is no participant keeps the name the project knows it by."""
-        return self.models[model].title if model in self.models else known.title(model)
+    def __call__(self, model: str) -> str:
+        """Return a model's title; one that is not registered keeps the name the project knows it by."""
+        return self.models[model].title if model in self.models else estimator_titles.title(model)
 
     def family(self, model: str) -> str:
         return self.models[model].family if model in self.models else "other"
 
-    def mark(self, model: str) -> tuple[str, str]:
-        """Return colour and shape."""
-        return FAMILIES.get(self.family(model), _OTHER)
-
-    def legend(self, models: Iterable[str]) -> list[tuple[str, str, str]]:
-        """Return family, colour and shape of every family among the models, floors first."""
-        present = {self.family(model): self.mark(model) for model in models}
-        order = [family for family in FAMILIES if family in present]
-        order += sorted(family for family in present if family not in FAMILIES)
-        return [(family, *present[family]) for family in order]
+    def legend(self, models: Iterable[str]) -> list[tuple[str, Mark]]:
+        """Return every family among the models and its mark, baselines first."""
+        present = sorted({self.family(model) for model in models}, key=lambda family: (self._place(family), family))
+        return [(family, FAMILIES.get(family, _OTHER)) for family in present]
 
     def by_family(self, models: Iterable[str]) -> list[str]:
         """Return the models family by family, each family in the order given."""
-        order = list(FAMILIES)
-        return sorted(models, key=lambda model: order.index(f) if (f := self.family(model)) in order else len(order))
+        return sorted(models, key=lambda model: self._place(self.family(model)))
+
+    def _place(self, family: str) -> int:
+        return list(FAMILIES).index(family) if family in FAMILIES else len(FAMILIES)

@@ -1,4 +1,4 @@
-"""A task's figures model by model: errors, where they arise, what an estimate costs and how far it can be trusted."""
+"""Tables of one leaderboard: errors, where they arise, the cost of an estimate and how far it can be trusted."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from cylinder_friction.evaluation.strata import STRATA
-from friction_benchmark.report.grid import Cell, table
+from cylinder_friction.reporting.page import Cell, Table
 from friction_benchmark.report.words import (
     NOTHING,
     counted,
@@ -22,7 +22,7 @@ from friction_benchmark.report.words import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from friction_benchmark.report.model_titles import Names
+    from friction_benchmark.report.model_titles import ModelTitles
     from friction_benchmark.results import Entry, Interval, TaskResult
 
 EMPTY = Cell(NOTHING, style="none")
@@ -33,31 +33,31 @@ def number(value: float, form: Callable[[float], str] = of_size, style: str = ""
     return Cell(form(value), value=value, style=style) if math.isfinite(value) else EMPTY
 
 
-def model_cell(entry: Entry, result: TaskResult, names: Names) -> Cell:
-    floor = entry.model == result.baseline
-    family = "the floor" if floor else names.family(entry.model)
-    return Cell(names.title(entry.model), small=family, style="isfloor" if floor else "")
+def model_cell(entry: Entry, result: TaskResult, titles: ModelTitles) -> Cell:
+    baseline = entry.model == result.baseline
+    family = "the baseline" if baseline else titles.family(entry.model)
+    return Cell(titles(entry.model), small=family, style="isbaseline" if baseline else "")
 
 
 def margin_cell(below: Interval | None) -> Cell:
-    """Return how far a model is below the floor; its colour says whether the interval leaves out zero."""
+    """Return how far a model is below the baseline, coloured where the interval leaves out zero."""
     if below is None:
         return EMPTY
     style = "good" if below.low > 0.0 else "bad" if below.high < 0.0 else ""
     return Cell(signed(below.value), f"{signed(below.low)} to {signed(below.high)}", below.value, style=style)
 
 
-def error_table(result: TaskResult, names: Names) -> str:
-    """Every measure of error, with 95 % intervals of those that the ranking rests on."""
-    extras = list(dict.fromkeys(key for entry in result.entries for key in entry.extras))
+def error_table(result: TaskResult, titles: ModelTitles) -> Table:
+    """Return every measure of error, with 95 % intervals of those that the ranking rests on."""
+    extras = sorted({key for entry in result.entries for key in entry.extras})
     head = ["Model", f"MAE [% of {denominator(result)}]", "MAE [N]", "RMSE [N]", "95th percentile [N]", "bias [N]"]
-    head += ["lag [ms]", "below the floor by [points]", *(_extra(key) for key in extras)]
+    head += ["lag [ms]", "below the baseline by [points]", *(_extra(key) for key in extras)]
     rows = []
     for entry in result.entries:
         score = entry.score
         rows.append(
             [
-                model_cell(entry, result, names),
+                model_cell(entry, result, titles),
                 Cell(of_size(score.percent.value), within(score.percent), score.percent.value),
                 *(number(value) for value in (score.mae_n, score.rmse_n, score.p95_n)),
                 number(score.bias_n, signed),
@@ -66,7 +66,7 @@ def error_table(result: TaskResult, names: Names) -> str:
                 *(number(entry.extras.get(key, math.nan)) for key in extras),
             ]
         )
-    return table([Cell(words) for words in head], rows)
+    return Table(head, rows, sortable=True)
 
 
 def _extra(key: str) -> str:
@@ -75,54 +75,52 @@ def _extra(key: str) -> str:
     return f"{plain(words)} [{units[unit]}]".replace("mae", "MAE") if words and unit in units else plain(key)
 
 
-def motion_table(result: TaskResult, names: Names) -> str:
-    """Percent and newtons by stratum, and percent by test, shaded against the floor of the same column."""
+def motion_table(result: TaskResult, titles: ModelTitles) -> Table:
+    """Return percent and newtons by stratum, and percent by condition, shaded against the column's baseline."""
     strata = [name for name in STRATA if any(name in entry.strata for entry in result.entries)]
-    tests = sorted({test for entry in result.entries for test in entry.by_condition})
-    floor = next((entry for entry in result.entries if entry.model == result.baseline), None)
+    conditions = sorted({condition for entry in result.entries for condition in entry.by_condition})
+    baseline = next((entry for entry in result.entries if entry.model == result.baseline), None)
+    nothing = (math.nan, math.nan)
     rows = []
     for entry in result.entries:
-        cells = [model_cell(entry, result, names)]
+        cells = [model_cell(entry, result, titles)]
         for stratum in strata:
-            percent, newtons = entry.strata.get(stratum, (math.nan, math.nan))
-            base = floor.strata.get(stratum, (math.nan, 0.0))[0] if floor else math.nan
+            percent, newtons = entry.strata.get(stratum, nothing)
+            base = baseline.strata.get(stratum, nothing)[0] if baseline else math.nan
             cells.append(_against(percent, base, f"{of_size(newtons)} N"))
-        for test in tests:
-            base = floor.by_condition.get(test, math.nan) if floor else math.nan
-            cells.append(_against(entry.by_condition.get(test, math.nan), base))
+        for condition in conditions:
+            base = baseline.by_condition.get(condition, math.nan) if baseline else math.nan
+            cells.append(_against(entry.by_condition.get(condition, math.nan), base))
         rows.append(cells)
-    head = [Cell("Model"), *(Cell(STRATA[name]) for name in strata), *(Cell(test) for test in tests)]
-    groups = [
-        ("", 1),
-        ("MAE by motion [% of the mean |friction| of its rows]", len(strata)),
-        ("by test [%]", len(tests)),
-    ]
-    return table(head, rows, [group for group in groups if group[1]], "heat")
+    by_motion = "MAE by motion [% of the mean |friction| of its rows]"
+    groups = [("", 1), (by_motion, len(strata)), ("by condition [%]", len(conditions))]
+    head = ["Model", *(STRATA[name] for name in strata), *conditions]
+    return Table(head, rows, groups=[group for group in groups if group[1]], style="heat", sortable=True)
 
 
-def _against(percent: float, floor: float, small: str = "") -> Cell:
+def _against(percent: float, baseline: float, small: str = "") -> Cell:
     if not math.isfinite(percent):
         return EMPTY
-    return Cell(of_size(percent), small, percent, against_baseline(percent, floor))
+    return Cell(of_size(percent), small, percent, against_baseline(percent, baseline))
 
 
-def against_baseline(percent: float, floor: float) -> float | None:
-    """Return -1 at half the floor's error or less, 0 at the floor's, 1 at twice it or more."""
-    if not (math.isfinite(floor) and floor > 0.0 and percent > 0.0):
+def against_baseline(percent: float, baseline: float) -> float | None:
+    """Return -1 at half the baseline's error or less, 0 at the baseline's, 1 at twice it or more."""
+    if not (math.isfinite(baseline) and baseline > 0.0 and math.isfinite(percent) and percent > 0.0):
         return None
-    return max(-1.0, min(1.0, math.log2(percent / floor)))
+    return max(-1.0, min(1.0, math.log2(percent / baseline)))
 
 
-def cost_table(result: TaskResult, names: Names) -> str:
-    """What a step and training cost, and how far bounds and flags can be trusted."""
-    head = ["Model", "multiply-adds a step", "time a step [µs]", "training", "coverage of the 90 % bounds"]
+def cost_table(result: TaskResult, titles: ModelTitles) -> Table:
+    """Return the cost of a step and of training, and how far bounds and flags can be trusted."""
+    head = ["Model", "multiply-adds per step", "time per step [µs]", "training", "coverage of the 90 % bounds"]
     head += ["coverage just after reversals", "coverage of true friction", "mean width of bounds [N]", "rows flagged"]
     head += ["rows out of range", "of those, flagged"]
     rows = []
     for entry in result.entries:
         trust = entry.trust
         cells = [
-            model_cell(entry, result, names),
+            model_cell(entry, result, titles),
             number(entry.multiply_adds, counted),
             number(entry.step_us),
             number(entry.training_s, seconds),
@@ -140,44 +138,47 @@ def cost_table(result: TaskResult, names: Names) -> str:
                 number(math.nan if trust.caught is None else trust.caught, share),
             ]
         rows.append(cells)
-    return table([Cell(words) for words in head], rows, [("", 1), ("cost", 3), ("trust", 7)])
+    return Table(head, rows, groups=[("", 1), ("cost", 3), ("trust", 7)], sortable=True)
 
 
 def _coverage(value: float) -> Cell:
     return number(value, share, style="good" if 0.87 <= value <= 0.93 else "bad")
 
 
-def residual_table(result: TaskResult, names: Names) -> str:
-    """Shape and memory of the residuals and what they still depend on; empty where nobody asked."""
-    asked = [(entry, entry.residuals) for entry in result.entries if entry.residuals is not None]
-    if not asked:
-        return ""
-    lags = list(dict.fromkeys(key for _, residuals in asked for key in residuals.autocorrelation))
-    inputs = list(dict.fromkeys(key for _, residuals in asked for key in residuals.correlation_with))
+def residual_table(result: TaskResult, titles: ModelTitles) -> Table | None:
+    """Return shape and memory of the residuals and what they still depend on; None where they were not computed."""
+    known = [(entry, entry.residuals) for entry in result.entries if entry.residuals is not None]
+    if not known:
+        return None
+    lags = sorted({lag for _, found in known for lag in found.autocorrelation}, key=lambda lag: (len(lag), lag))
+    inputs = sorted({name for _, found in known for name in found.correlation_with})
     rows = []
-    for entry, residuals in asked:
-        cells = [model_cell(entry, result, names)]
-        cells += [number(residuals.skewness, signed), number(residuals.excess_kurtosis, signed)]
-        cells += [_correlation(residuals.autocorrelation.get(lag, math.nan)) for lag in lags]
-        cells += [_correlation(residuals.correlation_with.get(name, math.nan)) for name in inputs]
+    for entry, found in known:
+        cells = [model_cell(entry, result, titles)]
+        cells += [number(found.skewness, signed), number(found.excess_kurtosis, signed)]
+        cells += [_correlation(found.autocorrelation.get(lag, math.nan)) for lag in lags]
+        cells += [_correlation(found.correlation_with.get(name, math.nan)) for name in inputs]
         rows.append(cells)
     head = ["Model", "skewness", "excess kurtosis", *(plain(key) for key in (*lags, *inputs))]
     groups = [("", 1), ("shape", 2), ("autocorrelation at", len(lags)), ("correlation with", len(inputs))]
-    return table([Cell(words) for words in head], rows, [group for group in groups if group[1]], "heat")
+    return Table(head, rows, groups=[group for group in groups if group[1]], style="heat", sortable=True)
 
 
 def _correlation(value: float) -> Cell:
     return Cell(signed(value), value=value, shade=abs(value)) if math.isfinite(value) else EMPTY
 
 
-def tuning_table(result: TaskResult, names: Names) -> str:
-    """What tuning chose for every model, and the validation error it reached; empty where nothing was tuned."""
-    rows = []
-    for entry in result.entries:
-        if entry.tuning:
-            chosen = ", ".join(f"{plain(name)} {_value(value)}" for name, value in entry.tuning.items())
-            rows.append([model_cell(entry, result, names), Cell(chosen, style="words")])
-    return table([Cell("Model"), Cell("chosen", style="words")], rows, sortable=False) if rows else ""
+def tuning_table(result: TaskResult, titles: ModelTitles) -> Table | None:
+    """Return the tuned choices of every model and the validation error reached; None where nothing was tuned."""
+    rows = [
+        [
+            model_cell(entry, result, titles),
+            ", ".join(f"{plain(name)} {_value(value)}" for name, value in sorted(entry.tuning.items())),
+        ]
+        for entry in result.entries
+        if entry.tuning
+    ]
+    return Table(["Model", "chosen"], rows, words=(1,)) if rows else None
 
 
 def _value(value: float | int | str) -> str:

@@ -45,7 +45,7 @@ def share(value: float, digits: int = 1) -> str:
 
 
 def counted(value: float) -> str:
-    """Return a count with its thousands apart."""
+    """Return a count with separated thousands."""
     return f"{value:,.0f}" if math.isfinite(value) else NOTHING
 
 
@@ -73,5 +73,5 @@ def capital(words: str) -> str:
 
 
 def denominator(result: TaskResult) -> str:
-    """Return what percentages of a result are of."""
+    """Return the denominator of a result's percentages."""
     return f"mean |{REFERENCES[result.reference]}| = {of_size(result.mean_friction_n)} N"

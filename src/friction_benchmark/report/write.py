@@ -1,48 +1,29 @@
-"""The whole page, from the overview to the budget."""
+"""The benchmark as one HTML page: an overview of all tasks, then every leaderboard with its charts and tables."""
 
 from __future__ import annotations
 
-import html
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.recordings.files import write_text
-from friction_benchmark.report.drawing import Drawing
-from friction_benchmark.report.grid import Cell, table
-from friction_benchmark.report.model_titles import Names
-from friction_benchmark.report.overview import heat_key, heat_map, main_split, winners
-from friction_benchmark.report.page import BenchmarkPage
-from friction_benchmark.report.task_part import task_part
-from friction_benchmark.report.words import capital, of_size, plain, split_words
+from cylinder_friction.reporting.page import Cell, Table, page_html
+from friction_benchmark.report import charts, task_tables
+from friction_benchmark.report.model_titles import ModelTitles
+from friction_benchmark.report.overview import anchor, heat_map, main_split, winners
+from friction_benchmark.report.words import REFERENCES, capital, of_size, plain, split_words, within
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from friction_benchmark.results import BenchmarkResults, TaskResult
-
-DEFINITIONS = [
-    "MAE: mean absolute error over the usable rows. Percent: MAE divided by the mean absolute reference of the same "
-    "rows; the head of every table names that denominator.",
-    "Intervals: 95 %, by a bootstrap over blocks of neighbouring rows. The margin to the floor is bootstrapped in "
-    "pairs, both models on the same blocks.",
-    "Floor: what needs no learning. Who does not beat it has learned nothing of use in that task.",
-    "Bias: mean of estimate minus reference. Lag: the shift at which estimate and reference are most alike; positive "
-    "is late. 95th percentile: of the absolute error.",
-    "At rest, near zero velocity and sliding share all rows among them; just after a reversal, extending and "
-    "retracting overlap with them.",
-    "Coverage: share of rows whose reference lies in the 90 % bounds. Out of range: rows whose input lies outside "
-    "what the model was trained on; flagged: rows the model says so of.",
-    "Residuals of friction are never independent: judge the size of skewness, kurtosis and correlation, not their "
-    "significance.",
-]
 
 
 def write_report(results: BenchmarkResults, findings: Mapping[str, str], path: Path) -> None:
     """Write the benchmark as one HTML page that loads nothing; equal results make equal bytes.
 
     Args:
-        results: What was found; at least one leaderboard with at least one entry, each best first.
-        findings: The honest paragraph of each task, by the task's name.
+        results: At least one leaderboard with at least one entry, each best first.
+        findings: The conclusion of each task, by the task's name.
         path: Of the HTML file; its folder is made.
 
     Raises:
@@ -56,64 +37,85 @@ def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
     empty = [f"{result.task}, {split_words(result.split)}" for result in results.tasks if not result.entries]
     if empty or not results.tasks:
         raise ValueError(f"expected leaderboards with entries, but got none in: {'; '.join(empty) or 'the results'}")
-    names = Names(results.models)
+    titles = ModelTitles(results.models)
     tasks: dict[str, list[TaskResult]] = {}
     for result in results.tasks:
         tasks.setdefault(result.task, []).append(result)
     models = {entry.model for result in results.tasks for entry in result.entries}
-    page = BenchmarkPage(
-        "Friction models compared",
-        f"{len(models)} models, {len(tasks)} tasks, {len(results.tasks)} leaderboards. Test recordings come from "
-        "sessions, loads, temperatures or rigs that no model was trained or tuned on.",
+    main = main_split(results)
+    others = [result for result in results.tasks if result.split != main]
+    splits = list(dict.fromkeys(result.split for result in others))
+    sections = {"overview": "Overview"} | {anchor(task): capital(found[0].title) for task, found in tasks.items()}
+    return page_html(
+        "benchmark.html.j2",
+        __package__,
+        title="Friction models compared",
+        sections=sections | {"models": "Models", "budget": "Budget", "reading": "How to read the numbers"},
+        counts=(len(models), len(tasks), len(results.tasks)),
+        main_split=split_words(main),
+        heat=heat_map([result for result in results.tasks if result.split == main], titles),
+        other_heat=heat_map(sorted(others, key=lambda each: splits.index(each.split)), titles) if others else None,
+        winners=winners(results, titles),
+        missing=[f"{capital(plain(task))}: {reason}" for task, reason in sorted(results.missing.items())],
+        families=titles.legend(models),
+        tasks=[_task(found, titles, findings.get(task, "")) for task, found in tasks.items()],
+        models=_models(results, titles),
+        budget=[(capital(plain(name)), _budget(value)) for name, value in sorted(results.budget.items())],
     )
-    _overview(page, results, names, models)
-    for task, found in tasks.items():
-        task_part(page, found, names, findings.get(task, ""))
-    _participants(page, results, names)
-    page.part("Budget", "budget")
-    page.text("Every model was tuned with the same number of trials, the first of which is its source's own choice.")
-    facts = "".join(_budget_entry(plain(name), value) for name, value in results.budget.items())
-    page.raw(f"<dl>{facts}</dl>")
-    page.part("How to read the numbers", "reading")
-    page.points(DEFINITIONS)
-    return page.html()
 
 
-def _overview(page: BenchmarkPage, results: BenchmarkResults, names: Names, models: set[str]) -> None:
-    page.part("Overview", "overview")
-    split = main_split(results)
-    page.heading(f"Every model in every task: {split_words(split)}")
-    page.raw(heat_key())
-    page.raw(heat_map([result for result in results.tasks if result.split == split], names))
-    others = [result for result in results.tasks if result.split != split]
-    if others:
-        page.heading("Further from the training data: other splits")
-        order = list(dict.fromkeys(result.split for result in others))
-        page.raw(heat_map(sorted(others, key=lambda result: order.index(result.split)), names))
-    page.heading("Who wins what")
-    page.raw(winners(results, names))
-    if results.missing:
-        page.heading("What could not be asked")
-        page.points([f"{capital(plain(task))}: {reason}" for task, reason in results.missing.items()])
-    drawing = Drawing(24.0, "Colours and shapes of the families of models")
-    drawing.legend(names.legend(models), 4.0, 16.0)
-    page.styled("Percent of the mean |friction| below each task's name. Colours and shapes in every figure:", "facts")
-    page.raw(drawing.svg())
+def _task(results: Sequence[TaskResult], titles: ModelTitles, finding: str) -> dict[str, Any]:
+    """Return what the page shows of one task: its question, the conclusion, and every split."""
+    first = results[0]
+    against = f"the {REFERENCES['label']}" if first.reference == "label" else REFERENCES[first.reference]
+    reasons: dict[str, list[str]] = {}
+    for result in results:
+        for model, reason in sorted(result.missing.items()):
+            reasons.setdefault(reason, []).append(titles(model))
+    return {
+        "anchor": anchor(first.task),
+        "title": capital(first.title),
+        "explanation": first.explanation,
+        "inputs": ", ".join(first.inputs),
+        "against": against,
+        "baseline": titles(first.baseline),
+        "finding": finding,
+        "splits": [_split(result, titles) for result in results],
+        "missing": [f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in sorted(reasons.items())],
+    }
 
 
-def _participants(page: BenchmarkPage, results: BenchmarkResults, names: Names) -> None:
-    page.part("Participants", "participants")
-    page.text("Where each model comes from, and what was taken where its source leaves something open.")
+def _split(result: TaskResult, titles: ModelTitles) -> dict[str, Any]:
+    """Return one leaderboard's charts and tables; what was not computed is None."""
+    label = result.label_truth_percent
+    return {
+        "words": capital(split_words(result.split)),
+        "mean_n": of_size(result.mean_friction_n),
+        "label": "" if label is None else f"{of_size(label.value)} % ({within(label)})",
+        "label_drawn": charts.label_percent(result) is not None,
+        "leaderboard": charts.leaderboard(result, titles),
+        "cost_chart": charts.error_against_cost(result, titles),
+        "conditions": charts.errors_by_condition(result, titles) if _any(result, "by_condition") else None,
+        "coverage": charts.coverage(result, titles) if _any(result, "trust") else None,
+        "errors": task_tables.error_table(result, titles),
+        "motion": task_tables.motion_table(result, titles),
+        "cost": task_tables.cost_table(result, titles),
+        "residuals": task_tables.residual_table(result, titles),
+        "tuning": task_tables.tuning_table(result, titles),
+    }
+
+
+def _any(result: TaskResult, name: str) -> bool:
+    return any(getattr(entry, name) for entry in result.entries)
+
+
+def _models(results: BenchmarkResults, titles: ModelTitles) -> Table:
     rows = []
-    for model in names.by_family(results.models):
-        who = results.models[model]
-        cells = [Cell(who.family, style="words"), Cell(who.source, style="words"), Cell(who.chosen, style="words")]
-        rows.append([Cell(who.title, small=model), *cells])
-    head = [Cell("Model"), *(Cell(words, style="words") for words in ("family", "source", "what was chosen"))]
-    page.raw(table(head, rows))
+    for model in titles.by_family(sorted(results.models)):
+        info = results.models[model]
+        rows.append([Cell(info.title, small=model), info.family, info.source, info.chosen])
+    return Table(["Model", "family", "source", "what was chosen"], rows, words=(1, 2, 3), sortable=True)
 
 
-def _budget_entry(name: str, value: float | int | str) -> str:
-    """Return one entry of the budget as HTML."""
-    words = of_size(value) if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value
-    return f"<div><dt>{html.escape(capital(name))}</dt><dd>{html.escape(words)}</dd></div>"
+def _budget(value: float | int | str) -> str:
+    return of_size(value) if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value

@@ -1,0 +1,222 @@
+"""Charts of one leaderboard: errors with their intervals, error against cost, errors and coverage by condition."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import plotly.graph_objects as go
+
+from cylinder_friction.reporting.style import BLACK, BROWN, CONDITION_MARKS, GREEN, INK, QUIET, interactive
+from friction_benchmark.report.words import capital, counted, denominator, of_size, share, within
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from friction_benchmark.report.model_titles import ModelTitles
+    from friction_benchmark.results import Entry, TaskResult
+
+COVERED = (0.87, 0.93)
+"""Where 90 % bounds are meant to be."""
+
+ROW = 22
+LONGEST = 34
+"""Longer titles are cut at the axis; the mouse shows them whole."""
+
+
+def leaderboard(result: TaskResult, titles: ModelTitles) -> go.Figure:
+    """Return one row per model, best at the top: error, its 95 % interval, every seed, and the baseline's interval."""
+    figure = go.Figure()
+    strokes = [(row, seed) for row, entry in enumerate(result.entries) for seed in entry.seeds.values()]
+    if strokes:
+        marker = {"symbol": "line-ns-open", "size": 11, "color": QUIET, "line": {"width": 1}}
+        _add(figure, strokes, "single seeds", marker, hoverinfo="skip")
+    for family, (colour, _, symbol) in titles.legend(entry.model for entry in result.entries):
+        chosen = [(row, entry) for row, entry in enumerate(result.entries) if titles.family(entry.model) == family]
+        percents = [entry.score.percent for _, entry in chosen]
+        whiskers = {
+            "type": "data",
+            "symmetric": False,
+            "array": [_short(each.high - each.value) for each in percents],
+            "arrayminus": [_short(each.value - each.low) for each in percents],
+            "color": colour,
+            "thickness": 2.2,
+            "width": 0,
+        }
+        tips = [
+            f"{titles(entry.model)}<br>{of_size(entry.score.percent.value)} % ({within(entry.score.percent)}), "
+            f"{of_size(entry.score.mae_n)} N"
+            for _, entry in chosen
+        ]
+        values = [(row, entry.score.percent.value) for row, entry in chosen]
+        _add(figure, values, family, {"symbol": symbol, "size": 9, "color": colour}, tips, error_x=whiskers)
+    baseline = next((entry.score.percent for entry in result.entries if entry.model == result.baseline), None)
+    if baseline is not None and _drawable(baseline.value):
+        figure.add_vrect(x0=baseline.low, x1=baseline.high, fillcolor=BLACK, opacity=0.07, line_width=0, layer="below")
+        _upright(figure, baseline.value, "baseline", BLACK, "dash")
+    if (label := label_percent(result)) is not None and _drawable(label):
+        _upright(figure, label, "label", BROWN, "dot")
+    shown = [entry.score.percent.value for entry in result.entries]
+    numbers = [of_size(value) for value in shown]
+    return _rows(figure, result, titles, result.entries, numbers, f"MAE [% of {denominator(result)}]", shown)
+
+
+def label_percent(result: TaskResult) -> float | None:
+    """Return the error of the off-line label itself, where errors are against true friction and it is known [%]."""
+    known = result.label_truth_percent
+    return known.value if known is not None and result.reference == "truth" else None
+
+
+def pareto_front(entries: Sequence[Entry]) -> list[Entry]:
+    """Return the models that no other beats at the same or a lower cost, cheapest first."""
+    front: list[Entry] = []
+    for entry in sorted(entries, key=lambda entry: (entry.multiply_adds, entry.score.percent.value)):
+        if not front or entry.score.percent.value < front[-1].score.percent.value:
+            front.append(entry)
+    return front
+
+
+def error_against_cost(result: TaskResult, titles: ModelTitles) -> go.Figure:
+    """Return the chart, both scales logarithmic; a model without arithmetic stands at one multiply-add."""
+    figure = go.Figure()
+    entries = [entry for entry in result.entries if _drawable(entry.score.percent.value)]
+    front = pareto_front(entries)
+    figure.add_scatter(
+        x=[max(1, entry.multiply_adds) for entry in front],
+        y=[_short(entry.score.percent.value) for entry in front],
+        mode="lines+markers+text",
+        marker={"size": 14, "opacity": 0.0},
+        text=[_cut(titles(entry.model), 26) for entry in front],
+        textposition=["bottom right" if 2 * place < len(front) else "bottom left" for place in range(len(front))],
+        textfont={"size": 11, "color": INK},
+        line={"color": INK, "width": 1.2, "dash": "dash", "shape": "hv"},
+        name="Pareto front",
+        hoverinfo="skip",
+        cliponaxis=False,
+    )
+    for family, (colour, _, symbol) in titles.legend(entry.model for entry in entries):
+        chosen = [entry for entry in entries if titles.family(entry.model) == family]
+        figure.add_scatter(
+            x=[max(1, entry.multiply_adds) for entry in chosen],
+            y=[_short(entry.score.percent.value) for entry in chosen],
+            mode="markers",
+            name=family,
+            marker={"symbol": symbol, "size": 11, "color": colour, "line": {"color": "#fff", "width": 1}},
+            hovertext=[
+                f"{titles(entry.model)}<br>{of_size(entry.score.percent.value)} %, {counted(entry.multiply_adds)} "
+                f"multiply-adds, {of_size(entry.step_us)} µs"
+                for entry in chosen
+            ],
+            hoverinfo="text",
+        )
+    shown = [entry.score.percent.value for entry in entries]
+    figure.update_xaxes(title_text="multiply-adds per step", type="log", exponentformat="power", dtick=1)
+    figure.update_yaxes(title_text=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
+    return interactive(figure, max(400, ROW * len(result.entries) + 110), legend_rows=2)
+
+
+def errors_by_condition(result: TaskResult, titles: ModelTitles) -> go.Figure:
+    """Return one row per model, one mark per condition; the number at the right is the worst."""
+    entries = [entry for entry in result.entries if entry.by_condition]
+    found = [entry.by_condition for entry in entries]
+    figure = go.Figure()
+    _condition_marks(figure, found, lambda value: f"{of_size(value)} %")
+    worst = [of_size(max(values.values())) for values in found]
+    shown = [value for values in found for value in values.values()]
+    return _rows(figure, result, titles, entries, worst, "MAE [% of mean |friction| of the condition]", shown)
+
+
+def coverage(result: TaskResult, titles: ModelTitles) -> go.Figure:
+    """Return every model's coverage by condition and just after reversals, over the band aimed at."""
+    entries = [entry for entry in result.entries if entry.trust is not None]
+    trusts = [entry.trust for entry in entries if entry.trust is not None]
+    figure = go.Figure()
+    figure.add_vrect(x0=COVERED[0], x1=COVERED[1], fillcolor=GREEN, opacity=0.16, line_width=0, layer="below")
+    stroke = {"symbol": "line-ns-open", "size": 17, "color": BLACK, "line": {"width": 2}}
+    overall = [(row, trust.coverage.get("", math.nan)) for row, trust in enumerate(trusts)]
+    _add(figure, overall, "all", stroke, [f"all conditions: {share(value)}" for _, value in overall])
+    after = [(row, trust.coverage_after_reversal) for row, trust in enumerate(trusts)]
+    hollow = {"symbol": "diamond-open", "size": 9, "color": BLACK}
+    _add(figure, after, "after reversal", hollow, [f"just after reversals: {share(value)}" for _, value in after])
+    _condition_marks(figure, [trust.coverage for trust in trusts], share)
+    numbers = [share(value) for _, value in overall]
+    _rows(figure, result, titles, entries, numbers, "rows within their bounds")
+    return figure.update_xaxes(tickformat=".0%", range=None)
+
+
+def _condition_marks(figure: go.Figure, found: Sequence[Mapping[str, float]], form: Callable[[float], str]) -> None:
+    conditions = sorted({condition for values in found for condition in values if condition})
+    for index, condition in enumerate(conditions):
+        colour, _, symbol = CONDITION_MARKS[index % len(CONDITION_MARKS)]
+        name = f"condition {condition}" if len(condition) < 3 else condition
+        values = [(row, each[condition]) for row, each in enumerate(found) if condition in each]
+        tips = [f"{name}: {form(value)}" for _, value in values]
+        _add(figure, values, name, {"symbol": symbol, "size": 8, "color": colour}, tips)
+
+
+def _add(
+    figure: go.Figure,
+    values: Iterable[tuple[int, float]],
+    name: str,
+    marker: Mapping[str, Any],
+    tips: Sequence[str] | None = None,
+    **options: Any,
+) -> None:
+    """Add marks at (row, value)."""
+    rows, numbers = zip(*values, strict=True)
+    hover = {"hovertext": tips, "hoverinfo": "text"} if tips else {}
+    x = [_short(number) for number in numbers]
+    figure.add_scatter(x=x, y=list(rows), mode="markers", name=name, marker=marker, **hover, **options)
+
+
+def _rows(
+    figure: go.Figure,
+    result: TaskResult,
+    titles: ModelTitles,
+    entries: Sequence[Entry],
+    numbers: Sequence[str],
+    axis: str,
+    logarithmic: Sequence[float] = (),
+) -> go.Figure:
+    """Return the figure with the entries' titles at the left and numbers at the right, the baseline's row shaded."""
+    for row, (entry, words) in enumerate(zip(entries, numbers, strict=True)):
+        place = {"xref": "paper", "x": 1.0, "xanchor": "left", "xshift": 6, "y": row, "showarrow": False}
+        figure.add_annotation(text=words, **place)
+        if entry.model == result.baseline:
+            figure.add_hrect(y0=row - 0.5, y1=row + 0.5, fillcolor="#EBEEF1", line_width=0, layer="below")
+    names = [_cut(titles(entry.model), LONGEST) for entry in entries]
+    last = len(entries) - 0.5
+    scale = {"type": "log", **_ticks(logarithmic)} if logarithmic else {}
+    figure.update_xaxes(title_text=axis, **scale)
+    figure.update_yaxes(tickvals=list(range(len(entries))), ticktext=names, range=[last, -0.5], showgrid=False)
+    interactive(figure, ROW * len(entries) + 130, legend_rows=2)
+    return figure.update_layout(margin={"r": 62, "l": 8, "t": 78})
+
+
+def _upright(figure: go.Figure, value: float, words: str, colour: str, dash: str) -> None:
+    line = {"color": colour, "width": 1.4, "dash": dash}
+    figure.add_vline(x=value, line=line)
+    place = {"yref": "paper", "y": 1.0, "yanchor": "bottom", "x": math.log10(value), "showarrow": False}
+    figure.add_annotation(text=words, **place)
+
+
+def _ticks(values: Sequence[float]) -> dict[str, Any]:
+    """Return round ticks of a logarithmic axis."""
+    inside = [value for value in values if _drawable(value)] or [1.0]
+    steps = (1, 2, 5) if max(inside) > 6.0 * min(inside) else (1, 1.5, 2, 3, 4, 5, 7)
+    powers = range(math.floor(math.log10(min(inside))) - 1, math.ceil(math.log10(max(inside))) + 1)
+    ticks = [step * 10.0**power for power in powers for step in steps]
+    return {"tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
+
+
+def _drawable(value: float) -> bool:
+    return math.isfinite(value) and value > 0.0
+
+
+def _short(value: float) -> float | None:
+    """Return a number with five digits, which is finer than a pixel; None where there is none."""
+    return float(f"{value:.5g}") if math.isfinite(value) else None
+
+
+def _cut(words: str, length: int) -> str:
+    return capital(words if len(words) <= length else f"{words[: length - 1].rstrip()}…")

@@ -1,0 +1,82 @@
+"""Tables: denominators in the head, the best marked, Markdown that keeps its columns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cylinder_friction.evaluation.timing import StepTime
+from cylinder_friction.reporting.comparison_tables import (
+    audit_table,
+    cost_table,
+    data_table,
+    difference_table,
+    error_table,
+    hyperparameter_table,
+    markdown_tables,
+)
+
+
+def test_the_error_table_states_its_denominator_and_marks_the_smallest(compared, strokes):
+    table = error_table((comparison := compared(hybrid=1.0, lugre=40.0)).label, comparison.conditions, "label", True)
+    labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.condition == "1"])
+    denominator = np.abs(labels).mean()
+    head = table.head_cells[1]
+    assert (head.words, head.small) == ("Condition 1", f"[% of mean |label| = {denominator:.0f} N]")
+    assert table.cells[0][1].words == f"{100 / denominator:.2f} % (1.0 N)"
+    assert table.cells[1][1].words == f"{4000 / denominator:.2f} % (40.0 N)"
+    best = {(row, column) for row, cells in enumerate(table.cells) for column, each in enumerate(cells) if each.style}
+    assert best == {(0, 1), (0, 2), (0, 3), (0, 4)}
+    published = [row[0].words for row in table.cells[2:]]
+    assert published == ["Published: LuGre (other data)", "Published: hybrid (other data)"]
+    assert table.cells[3][4].words == "5.57 %"
+
+
+def test_markdown_keeps_its_columns_though_heads_hold_bars(compared, strokes):
+    truth = {recording.name: recording.column("friction_n") for recording in strokes}
+    text = markdown_tables(compared(truth, hybrid=1.0, lugre=40.0))
+    assert "against the label" in text
+    assert "against true friction" in text
+    rows = [line.replace("\\|", "") for line in text.splitlines() if line.startswith("|")]
+    assert {line.count("|") for line in rows} == {6}
+    assert "**0.33 % (1.0 N)**" in text
+
+
+def test_the_cost_table_shows_counts_times_and_the_published_ones(compared):
+    table = cost_table(compared(hybrid=1.0, lugre=2.0, paper_hybrid=3.0), {"lugre": StepTime(10, 2e-6, 5e-6, 9e-6)})
+    assert table.rows[1] == ("LuGre (identified in one condition)", "2", "2.0", "5.0", "87")
+    assert table.rows[2][2:] == ("not measured", "not measured", "1510")
+
+
+def test_the_data_table_counts_recordings_minutes_and_rows(compared):
+    row = data_table(compared(hybrid=1.0, lugre=2.0)).rows[0]
+    assert row[:4] == ("1", "2", "0.3", "3,980 of 4,000")
+    assert row[5:] == ("not known", "100.0")
+
+
+def test_table_one_shows_ranges_choices_and_published_values():
+    table = hyperparameter_table({"layers": [1, 2], "learning_rate": (1e-3, 1e-2)}, {"layers": 1, "dropout": 0.1})
+    assert table.rows[0] == ("LSTM layers", "1, 2", "1", "3, 4, 5", "4")
+    assert table.rows[3][1:3] == ("0.001 to 0.01", "not recorded")
+    assert table.rows[2][1:3] == ("not searched", "0.1")
+
+
+def test_the_difference_table_colours_what_is_clear(compared):
+    table = difference_table(compared(hybrid=3.0, ridge=1.0, lugre=40.0, lstm=(3.0, 0.1)), "hybrid")
+    assert [row[0].words for row in table.cells] == [
+        "Ridge on lagged samples",
+        "LuGre (identified in one condition)",
+        "LSTM alone (corrects the force balance)",
+    ]
+    assert [row[1].style for row in table.cells] == ["bad", "good", ""]
+    assert table.cells[0][1].words.startswith("-0.6")
+
+
+def test_audit_rows_are_named_by_the_keys_that_lead_to_them():
+    audit = {"rts": {"all": {"steady": {"mae_n": 6.5}, "events": {"mae_n": 24.0}}}, "moving_average": [{"rows": 9}]}
+    table = audit_table(audit)
+    assert table.head == ("", "MAE [N]", "Rows")
+    assert table.rows == [
+        ("rts, all, steady", "6.50", ""),
+        ("rts, all, events", "24.00", ""),
+        ("moving average, 1", "", "9"),
+    ]

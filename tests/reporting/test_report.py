@@ -1,0 +1,150 @@
+"""Figures and report: same data, same bytes; nothing from outside; every section there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction.evaluation.analysis import analyse
+from cylinder_friction.evaluation.timing import StepTime
+from cylinder_friction.reporting.figures import all_figures
+from cylinder_friction.reporting.page import static
+from cylinder_friction.reporting.report import ReportInputs, report_html
+from cylinder_friction.reporting.style import png_bytes
+
+CHROMIUM = Path("/usr/bin/chromium")
+PLOTLY = static("plotly-basic.min.js")
+AUDIT = {
+    "rts": {"all": {"steady": {"mae_n": 6.5}, "events": {"mae_n": 24.0}}, "1": {"steady": {"mae_n": 77.25}}},
+    "moving_average": {"all": {"steady": {"mae_n": 9.0}}},
+}
+
+
+@pytest.fixture(scope="module")
+def analysis(compared, curves, strokes):
+    truth = {recording.name: recording.column("friction_n") + 1.0 for recording in strokes}
+    comparison = compared(truth, lugre=(30.0, 9.0), ridge=(1.0, 1.0), paper_hybrid=(9.0, 4.0), hybrid=(3.0, 2.0))
+    return analyse(comparison, "hybrid", "lugre", curves, 4.0, 50)
+
+
+@pytest.fixture(scope="module")
+def page(analysis):
+    times = {"hybrid": StepTime(10, 2e-6, 5e-6, 9e-6)}
+    return report_html(analysis, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT))
+
+
+@pytest.mark.slow
+def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
+    figures = all_figures(analysis)
+    assert set(figures) == {
+        "figure5_learning_curve",
+        "figure6_friction_over_time",
+        "figure7_residuals_hybrid",
+        "figure8_estimated_against_calculated",
+        "figure9_residuals_lugre",
+        "quantiles",
+        "autocorrelation",
+        "errors_by_condition",
+        "errors_by_condition_truth",
+        "errors_by_stratum",
+        "friction_against_velocity",
+    }
+    first = {name: png_bytes(figure) for name, figure in figures.items()}
+    second = {name: png_bytes(figure) for name, figure in all_figures(analysis).items()}
+    assert first == second
+    for content in first.values():
+        assert content.startswith(b"\x89PNG")
+        assert b"Software" not in content
+
+
+def test_without_truth_there_is_no_truth_figure_and_the_report_says_so(compared, curves):
+    bare = analyse(compared(hybrid=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
+    assert "errors_by_condition_truth" not in all_figures(bare)
+    page = report_html(bare, ReportInputs({}, {}, {}, None))
+    assert "True friction is not known for these recordings." in page
+    assert "Label audit" not in page
+
+
+def test_the_report_loads_nothing_from_outside(page):
+    assert page.count(PLOTLY) == 1
+    own = page.replace(PLOTLY, "")
+    assert not re.search(r"(src|href)\s*=\s*[\"']?\s*(https?:)?//", own)
+    assert not re.search(r"@import|url\s*\((?!#)|<link|<iframe|<img", own)
+    assert "http" not in own
+
+
+def test_no_button_offers_to_upload_the_data(page):
+    assert "showSendToCloud: false" in page.replace(PLOTLY, "")
+
+
+def test_every_link_of_the_contents_leads_to_a_section(page):
+    links = re.findall(r'<a href="#([^"]+)"', page)
+    assert len(links) == 11
+    assert all(page.count(f'id="{link}"') == 1 for link in links)
+
+
+def test_it_opens_with_a_picture_and_three_sentences_and_stays_small(page):
+    own = page[page.index("<main>") :]
+    opening = own[: own.index('<h2 id="data"')]
+    assert opening.count("<svg") == 2
+    assert opening.count("<p>") == 3
+    assert opening.index("<svg") < opening.index("<p>")
+    assert len(page.encode()) < 3_000_000
+
+
+def test_the_report_holds_its_tables_figures_and_words(page, analysis):
+    for words in ("Table I:", "Table II:", "Table II, against true friction", "Table III", "Label audit", "Ljung–Box"):
+        assert words in page
+    for number in (5, 6, 8):
+        assert f"Figure {number}:" in page
+    assert "Figures 7 and 9" in page
+    assert page.count('class="plot"') == 4
+    assert "ridge on lagged samples is clearly better" in page
+    percent = analysis.comparison.percent("hybrid", "1")
+    assert f"{percent:.2f} %" in page
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package")
+def test_a_browser_draws_it_wide_and_narrow(tmp_path, page):
+    from playwright.sync_api import sync_playwright
+
+    path = tmp_path / "report.html"
+    path.write_text(page, encoding="utf-8")
+    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=arguments)
+        for width in (1400, 400):
+            shown = browser.new_page(viewport={"width": width, "height": 900})
+            errors: list[str] = []
+            shown.on("pageerror", lambda error, found=errors: found.append(str(error)))
+            shown.goto(path.as_uri())
+            plot = shown.locator(".plot").first
+            plot.scroll_into_view_if_needed()
+            plot.locator(".main-svg").first.wait_for()
+            assert shown.evaluate("document.documentElement.scrollWidth") == width
+            widths = "Array.from(document.querySelectorAll('main figure'), figure => figure.clientWidth)"
+            assert min(shown.evaluate(widths)) > 300
+            assert errors == []
+        browser.close()
+
+
+def test_text_from_recordings_cannot_break_the_page(compared, curves, strokes):
+    comparison = compared(**{"hybrid": 1.0, "lugre": 2.0, "</script><b>": 3.0})
+    page = report_html(analyse(comparison, "hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, None)).replace(
+        PLOTLY, ""
+    )
+    assert "</script><b>" not in page
+
+
+def test_the_audit_shows_all_conditions_at_once_first_and_each_in_a_fold(page):
+    audit = page[page.index(">Label audit</h2>") :]
+    assert audit.count("6.50") == 2
+    assert audit.index("9.00") < audit.index("<details>") < audit.index("77.25")
+
+
+def test_an_audit_without_truth_says_its_note(analysis):
+    page = report_html(analysis, ReportInputs({}, {}, {}, {"note": "true friction is unknown here"}))
+    assert "true friction is unknown here" in page
