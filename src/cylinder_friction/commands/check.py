@@ -10,9 +10,5 @@ if TYPE_CHECKING:
     import argparse
 
 
-def add_arguments(_parser: argparse.ArgumentParser) -> None:
-    pass
-
-
 def run(_options: argparse.Namespace) -> None:
     load_params()

@@ -57,9 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
     """Return the parser; commands that are not ``loaded`` are listed, but their modules are not imported.
 
-    A command's module gives ``add_arguments(parser)`` and ``run(options)``, which returns the exit status or None; and,
-    where needed, ``EXPECTED``, errors whose message is enough, and ``kept(options)``, what is left
-    after Ctrl-C. Where a command has parts, their name is ``options.what``.
+    A command's module gives ``run(options)``, which returns the exit status or None; and, where needed,
+    ``add_arguments(parser)``, ``EXPECTED``, errors whose message is enough, and ``kept(options)``, what is left after
+    Ctrl-C. Where a command has parts, their name is ``options.what``.
     """
     result = argparse.ArgumentParser(
         prog="cylinder-friction",
@@ -71,7 +71,7 @@ def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
         if name in loaded:
             module = importlib.import_module(f"cylinder_friction.commands.{name}")
-            module.add_arguments(command)
+            getattr(module, "add_arguments", lambda _: None)(command)
             command.set_defaults(
                 run=module.run,
                 expected=getattr(module, "EXPECTED", ()),

@@ -35,9 +35,5 @@ def update_readme(readme: Path, reports: Path) -> None:
     write_text(readme, f"{before}{BEGIN}\n\n{table.read_text(encoding='utf-8').strip()}\n\n{END}{after}")
 
 
-def add_arguments(_parser: argparse.ArgumentParser) -> None:
-    pass
-
-
 def run(_options: argparse.Namespace) -> None:
     update_readme(Path("README.md"), Path("reports"))

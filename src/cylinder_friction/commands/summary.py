@@ -11,10 +11,6 @@ if TYPE_CHECKING:
 REPORTS = Path("reports")
 
 
-def add_arguments(_parser: argparse.ArgumentParser) -> None:
-    pass
-
-
 def run(_options: argparse.Namespace) -> None:
     if not (REPORTS / "table.md").is_file():
         raise FileNotFoundError(f"{REPORTS / 'table.md'}: not there; run `make reproduce` first")

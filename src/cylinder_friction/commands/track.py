@@ -9,10 +9,6 @@ if TYPE_CHECKING:
     import argparse
 
 
-def add_arguments(_parser: argparse.ArgumentParser) -> None:
-    pass
-
-
 def run(_options: argparse.Namespace) -> None:
     from cylinder_friction.tracking.replay import replay
 

@@ -11,9 +11,5 @@ if TYPE_CHECKING:
     import argparse
 
 
-def add_arguments(_parser: argparse.ArgumentParser) -> None:
-    pass
-
-
 def run(_options: argparse.Namespace) -> int:
     return run_ui(Path.cwd())
