@@ -37,7 +37,9 @@ MODEL_FILES = (
 
 
 def one_trial_is_finished(folder: Path) -> bool:
-    return any((folder / ".cylinder-friction/resume").glob("search-*/trials.json"))
+    """Return whether Optuna's journal holds a trial whose state is complete."""
+    journals = (folder / ".cylinder-friction/resume").glob("search-*/trials.log")
+    return any('"op_code":6,' in line and '"state":1,' in line for path in journals for line in path.open())
 
 
 def one_epoch_is_finished(folder: Path) -> bool:
