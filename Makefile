@@ -5,6 +5,8 @@ BIN := $(abspath $(VENV))/bin
 export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
+FAST := $(addprefix tests/,recordings signals labelling evaluation realtime reporting tuning tracking/test_gate.py \
+	commands/test_cli.py pipeline/test_stage_dependencies.py test_configuration.py test_import_graph.py test_cylinder.py)
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds lock
@@ -45,8 +47,8 @@ benchmark: install ## run the comparison of the literature, then print where its
 test: install-dev ## run all tests: eight minutes on two cores
 	pytest -n 2 --dist loadgroup
 
-test-fast: install-dev ## run the fast tests: under a minute on two cores
-	pytest -n 2 --dist loadgroup -m "not slow and not medium"
+test-fast: install-dev ## run the tests of what is quick to test: under a minute on two cores
+	pytest -n 2 --dist loadfile -m "not slow" --ignore=tests/recordings/formats/test_isolated.py $(FAST)
 
 lint: install-dev ## check style, types, imports, the stages' dependencies and the words
 	ruff format --check src tests performance docs tools
