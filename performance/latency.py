@@ -63,7 +63,10 @@ def main() -> None:
     torch.set_num_threads(1)
     estimators = {folder: load_estimator(Path(folder)) for folder in sys.argv[1:] or FOLDERS}
     recordings = read_recordings(Path("data/processed/test"))[:4]
-    samples = np.concatenate([recording.samples() for recording in recordings])
+    samples = {
+        folder: np.concatenate([recording.samples(estimator.inputs) for recording in recordings])
+        for folder, estimator in estimators.items()
+    }
     measured = measure(estimators, samples, Effort(), peers_of)
     bounds = lower_bounds(estimators)
     for name, model in measured.models.items():
@@ -71,7 +74,7 @@ def main() -> None:
         if name in bounds:
             print(bound_lines(bounds[name]))
         with TemporaryDirectory() as folder:
-            instructions = instructions_per_step(export_c(estimators[name], Path(folder)), samples)
+            instructions = instructions_per_step(export_c(estimators[name], Path(folder)), samples[name])
         if instructions is not None:
             print(f"{instructions:.0f} instructions per step of the C (-O3, 256 bit wide)")
         print()

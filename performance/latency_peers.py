@@ -16,9 +16,10 @@ from onnx import TensorProto
 from training_framework import TorchNetwork, scikit_learn_forest
 
 from cylinder_friction.deployment.c_export.compiled import compile_shared
-from cylinder_friction.deployment.latency.runtimes import CLOCK, PythonRuntime
+from cylinder_friction.deployment.latency.runtimes import PythonRuntime
+from cylinder_friction.deployment.onnx_graphs.estimated import tree_attributes
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
-from cylinder_friction.deployment.onnx_graphs.trees import forest_attributes
+from cylinder_friction.deployment.rendering import render
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 
@@ -152,7 +153,7 @@ def window_graph(model: StepModel) -> onnx.ModelProto:
         if model.forest_sees == "hidden_head_features":
             graph.add("Gather", "window", last, to="features", axis=1)
             seen = graph.add("Concat", "hidden", "head", "features", to="seen", axis=1)
-        parts.append(graph.add("TreeEnsembleRegressor", seen, to="forest", **forest_attributes(model.forest)))
+        parts.append(graph.add("TreeEnsembleRegressor", seen, to="forest", **tree_attributes(model.forest)))
     graph.add("Sum", *parts, to="correction")
     graph.takes("window", TensorProto.FLOAT, [1, "time", weights.inputs], "the last rows of features")
     graph.gives("correction", TensorProto.FLOAT, [1, 1], "in target scales")
@@ -178,9 +179,9 @@ class LugreInNumpy:
         assert estimator.parameters is not None
         assert estimator.sense is not None
         assert estimator.sample_time_s is not None
-        self._law, self._sense, self._time_s = estimator.parameters, estimator.sense, estimator.sample_time_s
+        self._law, self._motion, self._time_s = estimator.parameters, estimator.sense, estimator.sample_time_s
         self._scaled = estimator.pressure_scaled
-        window, order = self._sense.window, self._sense.order
+        window, order = self._motion.window, self._motion.order
         rows = [one_sided_savitzky_golay_taps(window, order, derivative, self._time_s) for derivative in (0, 1)]
         self._taps = np.stack(rows)
         self._history: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
@@ -209,29 +210,29 @@ class LugreInNumpy:
         return float(law.bristle_stiffness_n_m * after + damping * rate + law.viscous_n_s_m * velocity)
 
     def _velocity(self, position_m: float) -> float:
-        sense = self._sense
+        motion = self._motion
         first = self._history is None
         if self._history is None:
-            self._history = np.full(sense.window, position_m)
+            self._history = np.full(motion.window, position_m)
         self._history[1:] = self._history[:-1]
         self._history[0] = position_m
         smooth, rate = self._taps @ self._history
         if first:
             self._centre_m = smooth
-        if smooth > self._centre_m + sense.backlash_m:
-            self._centre_m, self._push, self._pushed = smooth - sense.backlash_m, 1.0, sense.window
-        elif smooth < self._centre_m - sense.backlash_m:
-            self._centre_m, self._push, self._pushed = smooth + sense.backlash_m, -1.0, sense.window
+        if smooth > self._centre_m + motion.backlash_m:
+            self._centre_m, self._push, self._pushed = smooth - motion.backlash_m, 1.0, motion.window
+        elif smooth < self._centre_m - motion.backlash_m:
+            self._centre_m, self._push, self._pushed = smooth + motion.backlash_m, -1.0, motion.window
         elif self._pushed > 0:
             self._pushed -= 1
-        lets_through = sense.backlash_m == 0.0 or (self._pushed > 0 and rate * self._push > 0.0)
-        return float(rate) if np.abs(rate) >= sense.dead_band_m_s and lets_through else 0.0
+        lets_through = motion.backlash_m == 0.0 or (self._pushed > 0 and rate * self._push > 0.0)
+        return float(rate) if np.abs(rate) >= motion.dead_band_m_s and lets_through else 0.0
 
 
 TRIAL_STEPS = 2000
 SOURCE = (
-    CLOCK
-    + """\
+    render("clock.h.j2")
+    + """
 void tail_run(int64_t rows, int64_t links, double *sink, int64_t *times_ns);
 
 void tail_run(int64_t rows, int64_t links, double *sink, int64_t *times_ns)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.deployment.c_export.compiled import compile_shared, find_compiler
-from cylinder_friction.deployment.c_export.literals import filled, number
+from cylinder_friction.deployment.c_export.literals import number
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -234,7 +234,7 @@ def instructions_per_step(exported: ExportedC, samples: NDArray[np.float64]) -> 
         return None
     rows = ",\n".join("    {" + ", ".join(number(value, "double") for value in row) + "}" for row in samples[:MORE])
     main = exported.source.with_name("counted.c")
-    main.write_text(filled(MAIN, {"samples": rows, "name": exported.name}), encoding="utf-8")
+    main.write_text(MAIN.replace("@samples@", rows).replace("@name@", exported.name), encoding="utf-8")
     program = main.with_suffix("")
     wide = X86_OPTIONS if platform.machine() in ("x86_64", "AMD64") else ()
     sources = (str(exported.source), str(main))

@@ -18,7 +18,7 @@ from training_framework import TorchNetwork, scikit_learn_forest
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
 from cylinder_friction.deployment.c_export.export import export_c
-from cylinder_friction.deployment.fmu.exporting import export_fmu
+from cylinder_friction.deployment.fmu.export import export_fmu
 from cylinder_friction.deployment.onnx_graphs.export import export_onnx
 from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_step
 from cylinder_friction.estimators.front_end import FrontEndBlock

@@ -73,12 +73,12 @@ def recovery(model: StepModel, recordings: list[Recording]) -> None:
                 for length in LENGTHS * REPEATS:
                     start = int(generator.integers(1000, len(samples) - length - AFTER))
                     end = start + length
-                    spoilt = samples[: end + AFTER].copy()
-                    spoilt[start:end, channels] = np.nan if kind == "not a number" else samples[start - 1, channels]
+                    corrupted = samples[: end + AFTER].copy()
+                    corrupted[start:end, channels] = np.nan if kind == "not a number" else samples[start - 1, channels]
                     stream.reset()
-                    newtons, _ = stream.run(spoilt)
-                    apart = np.flatnonzero(np.abs(newtons[end:, 0] - undisturbed[end : end + AFTER, 0]) >= BACK_N)
-                    lasting.setdefault(kind, []).append(int(apart[-1]) + 1 if len(apart) else 0)
+                    newtons, _ = stream.run(corrupted)
+                    beyond = np.flatnonzero(np.abs(newtons[end:, 0] - undisturbed[end : end + AFTER, 0]) >= BACK_N)
+                    lasting.setdefault(kind, []).append(int(beyond[-1]) + 1 if len(beyond) else 0)
     promised = model.guard.recovery_samples
     print(f"\n{'after':20} {'cases':>8} {'median':>8} {'99 %':>8} {'within ' + str(promised):>12}")
     for kind, each in lasting.items():

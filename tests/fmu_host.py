@@ -17,7 +17,6 @@ from fmpy.fmi3 import FMU3Slave
 if TYPE_CHECKING:
     from pathlib import Path
 
-INPUTS = ("pressure_1", "pressure_2", "position")
 ESTIMATES = ("friction", "friction_lower", "friction_upper")
 
 
@@ -30,7 +29,9 @@ class ExtractedFmu:
         self.folder = folder
         self.description = read_model_description(str(folder))
         self.version = 2 if self.description.fmiVersion == "2.0" else 3
-        self.references = {variable.name: variable.valueReference for variable in self.description.modelVariables}
+        variables = self.description.modelVariables
+        self.references = {variable.name: variable.valueReference for variable in variables}
+        self.inputs = tuple(variable.name for variable in variables if variable.causality == "input")
 
     def instance(self, name: str = "one", token: str | None = None) -> FmuInstance:
         return FmuInstance(self, name, token)
@@ -74,7 +75,7 @@ class FmuInstance:
             self.raw.enterInitializationMode(startTime=start_s, stopTime=stop_s)
         self.set_integer("warm_up_steps", warm_up_steps)
         if sample is not None:
-            self.set_real(INPUTS, sample)
+            self.set_real(self.fmu.inputs, sample)
         self.raw.exitInitializationMode()
         self.time_s = start_s
 
@@ -105,10 +106,10 @@ class FmuInstance:
     def do_step(self, point_s: float, step_s: float) -> None:
         self.raw.doStep(currentCommunicationPoint=point_s, communicationStepSize=step_s)
 
-    def step(self, sample: tuple[float, float, float]) -> tuple[float, float, float, int]:
-        """Set a sample, takes one step of the declared size, and returns friction, bounds and flags."""
+    def step(self, sample: tuple[float, ...]) -> tuple[float, float, float, int]:
+        """Set a sample, take one step of the declared size, and return friction, bounds and flags."""
         step_s = float(self.fmu.description.defaultExperiment.stepSize)
-        self.set_real(INPUTS, sample)
+        self.set_real(self.fmu.inputs, sample)
         self.do_step(self.time_s, step_s)
         self.time_s += step_s
         return self.outputs()

@@ -1,49 +1,52 @@
-"""One suite that every runtime passes: golden trajectories, exact reset, warm-up, streams apart, nothing poisoned."""
+"""One suite that every runtime passes: golden trajectories, exact reset, warm-up, separate streams, no bad state."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from contracts.runtimes import all_runtimes, run
-from contracts.tolerances import TOLERANCES_N
+from contracts.runtimes import Stream, all_runtimes, run
+from contracts.tolerances import RARELY_N, TOLERANCES_N
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.reference import ReferenceStream
-from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.realtime.flags import Flag, invalid_flag
+from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
-    from contracts.runtimes import Stream
     from cylinder_friction.realtime.model import StepModel
 
 GOLDEN = Path(__file__).parents[1] / "golden"
-TRAJECTORIES = read_trajectories(GOLDEN)
+MODELS = {"pressures": GOLDEN, "pressure_free": GOLDEN / "pressure_free"}
+"""Golden sets by name: both pressures and the position; position and oil temperature, with the history of motion."""
+TRAJECTORIES = {name: read_trajectories(folder) for name, folder in MODELS.items()}
+CASES = [(name, trajectory) for name, each in TRAJECTORIES.items() for trajectory in sorted(each)]
 RUNTIMES = {runtime.name: runtime for runtime in all_runtimes()}
 STEPPING = sorted(name for name, runtime in RUNTIMES.items() if getattr(runtime, "steps", True))
+Opened = Callable[[str, str], Stream]
 
 
 @pytest.fixture(scope="module")
-def model() -> StepModel:
-    return load_estimator(GOLDEN / MODEL_FOLDER).step_model()
+def models() -> dict[str, StepModel]:
+    return {name: load_estimator(folder / MODEL_FOLDER).step_model() for name, folder in MODELS.items()}
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """One folder a runtime, so that what it builds is built once."""
-    return {name: tmp_path_factory.mktemp(name) for name in RUNTIMES}
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], Path]:
+    """One folder per runtime and model, so that what it builds is built once."""
+    return {(name, model): tmp_path_factory.mktemp(name) for name in RUNTIMES for model in MODELS}
 
 
 @pytest.fixture
-def opened(model: StepModel, folders: dict[str, Path]) -> Iterator[Callable[[str], Stream]]:
+def opened(models: dict[str, StepModel], folders: dict[tuple[str, str], Path]) -> Iterator[Opened]:
     streams: list[Stream] = []
 
-    def open_one(name: str) -> Stream:
-        streams.append(RUNTIMES[name].open(model, folders[name]))
+    def open_one(name: str, model: str) -> Stream:
+        streams.append(RUNTIMES[name].open(models[model], folders[name, model]))
         return streams[-1]
 
     yield open_one
@@ -52,30 +55,28 @@ def opened(model: StepModel, folders: dict[str, Path]) -> Iterator[Callable[[str
 
 
 def assert_meets(
-    name: str, newtons: np.ndarray, flags: np.ndarray, expected: np.ndarray, expected_flags: np.ndarray
+    name: str, model: str, newtons: np.ndarray, flags: np.ndarray, expected: np.ndarray, expected_flags: np.ndarray
 ) -> None:
     np.testing.assert_array_equal(flags, expected_flags)
-    np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=TOLERANCES_N[name])
+    differences = np.abs(newtons - expected)
+    rare = differences.max(axis=1) > TOLERANCES_N[name]
+    assert differences.max() <= RARELY_N.get((name, model), TOLERANCES_N[name])
+    assert rare.mean() <= 0.05
 
 
-def referred(model: StepModel, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    stream = ReferenceStream(model)
-    outputs = [stream.step(*sample) for sample in samples]
-    return np.array([output[:3] for output in outputs]), np.array([output.flags for output in outputs])
-
-
-@pytest.mark.parametrize("trajectory", sorted(TRAJECTORIES))
+@pytest.mark.parametrize(("model", "trajectory"), CASES)
 @pytest.mark.parametrize("name", sorted(RUNTIMES))
-def test_it_meets_the_golden_trajectory(name: str, trajectory: str, opened: Callable[[str], Stream]) -> None:
-    golden = TRAJECTORIES[trajectory]
-    newtons, flags = run(opened(name), golden.samples)
-    assert_meets(name, newtons, flags, golden.newtons, golden.flags)
+def test_it_meets_the_golden_trajectory(name: str, model: str, trajectory: str, opened: Opened) -> None:
+    golden = TRAJECTORIES[model][trajectory]
+    newtons, flags = run(opened(name, model), golden.samples)
+    assert_meets(name, model, newtons, flags, golden.newtons, golden.flags)
 
 
+@pytest.mark.parametrize("model", sorted(MODELS))
 @pytest.mark.parametrize("name", STEPPING)
-def test_reset_is_exact(name: str, opened: Callable[[str], Stream]) -> None:
-    samples = TRAJECTORIES["bad_samples"].samples[:700]
-    stream = opened(name)
+def test_reset_is_exact(name: str, model: str, opened: Opened) -> None:
+    samples = TRAJECTORIES[model]["bad_samples"].samples[:700]
+    stream = opened(name, model)
     first, first_flags = run(stream, samples)
     stream.reset()
     again, again_flags = run(stream, samples)
@@ -83,11 +84,12 @@ def test_reset_is_exact(name: str, opened: Callable[[str], Stream]) -> None:
     np.testing.assert_array_equal(again_flags, first_flags)
 
 
+@pytest.mark.parametrize("model", sorted(MODELS))
 @pytest.mark.parametrize("name", STEPPING)
-def test_two_streams_do_not_touch_each_other(name: str, opened: Callable[[str], Stream]) -> None:
-    samples = TRAJECTORIES["stick_slip_reversals"].samples[:300]
-    alone, _ = run(opened(name), samples)
-    one, other = opened(name), opened(name)
+def test_two_streams_do_not_touch_each_other(name: str, model: str, opened: Opened) -> None:
+    samples = TRAJECTORIES[model]["stick_slip_reversals"].samples[:300]
+    alone, _ = run(opened(name, model), samples)
+    one, other = opened(name, model), opened(name, model)
     beside = []
     for sample in samples:
         beside.append(one.step(*sample)[:3])
@@ -95,50 +97,53 @@ def test_two_streams_do_not_touch_each_other(name: str, opened: Callable[[str], 
     np.testing.assert_array_equal(beside, alone)
 
 
+@pytest.mark.parametrize("model", sorted(MODELS))
 @pytest.mark.parametrize("name", STEPPING)
 def test_warm_up_is_a_reset_and_then_steps_on_one_sample(
-    name: str, model: StepModel, opened: Callable[[str], Stream]
+    name: str, model: str, models: dict[str, StepModel], opened: Opened
 ) -> None:
-    samples = TRAJECTORIES["stick_slip_reversals"].samples[:200]
-    steps = model.guard.warm_up_samples
-    expected, expected_flags = referred(model, np.concatenate([np.tile(samples[0], (steps, 1)), samples]))
-    stream = opened(name)
+    samples = TRAJECTORIES[model]["stick_slip_reversals"].samples[:200]
+    steps = models[model].guard.warm_up_samples
+    expected = trace(models[model], np.concatenate([np.tile(samples[0], (steps, 1)), samples]))
+    stream = opened(name, model)
     run(stream, samples[100:150])
     stream.warm_up(*samples[0], steps=steps)
     newtons, flags = run(stream, samples)
     assert not np.any(flags & Flag.WARMING)
-    assert_meets(name, newtons, flags, expected[steps:], expected_flags[steps:])
+    assert_meets(name, model, newtons, flags, expected.newtons[steps:], expected.flags[steps:])
 
 
+@pytest.mark.parametrize("model", sorted(MODELS))
 @pytest.mark.parametrize("name", sorted(RUNTIMES))
-def test_before_the_first_sound_sample_it_says_so_and_remembers_nothing(
-    name: str, opened: Callable[[str], Stream]
+def test_before_the_first_valid_sample_it_is_not_ready_and_remembers_nothing(
+    name: str, model: str, models: dict[str, StepModel], opened: Opened
 ) -> None:
-    samples = TRAJECTORIES["stick_slip_reversals"].samples[:50]
-    early = samples[:3].copy()
-    early[0, 0], early[1, 1], early[2, 2] = np.nan, np.inf, 1e6
-    newtons, flags = run(opened(name), np.concatenate([early, samples]))
-    np.testing.assert_array_equal(newtons[:3], 0.0)
-    invalid = [Flag.INVALID_PRESSURE_1, Flag.INVALID_PRESSURE_2, Flag.INVALID_POSITION]
-    assert list(flags[:3]) == [Flag.NOT_READY | flag for flag in invalid]
-    fresh, fresh_flags = run(opened(name), samples)
-    np.testing.assert_array_equal(newtons[3:], fresh)
-    np.testing.assert_array_equal(flags[3:], fresh_flags)
+    samples = TRAJECTORIES[model]["stick_slip_reversals"].samples[:50]
+    inputs = models[model].inputs
+    early = np.tile(samples[:1], (len(inputs), 1))
+    early[range(len(inputs)), range(len(inputs))] = [np.nan, np.inf, 1e6][: len(inputs)]
+    newtons, flags = run(opened(name, model), np.concatenate([early, samples]))
+    np.testing.assert_array_equal(newtons[: len(inputs)], 0.0)
+    assert list(flags[: len(inputs)]) == [Flag.NOT_READY | invalid_flag(column) for column in inputs]
+    fresh, fresh_flags = run(opened(name, model), samples)
+    np.testing.assert_array_equal(newtons[len(inputs) :], fresh)
+    np.testing.assert_array_equal(flags[len(inputs) :], fresh_flags)
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("model", sorted(MODELS))
 @pytest.mark.parametrize("name", sorted(RUNTIMES))
 def test_whatever_comes_it_meets_the_reference(
-    name: str, seed: int, model: StepModel, opened: Callable[[str], Stream]
+    name: str, model: str, seed: int, models: dict[str, StepModel], opened: Opened
 ) -> None:
     generator = np.random.default_rng(seed)
-    samples = TRAJECTORIES["stick_slip_reversals"].samples[:600].copy()
+    samples = TRAJECTORIES[model]["stick_slip_reversals"].samples[:600].copy()
     bad = generator.random(samples.shape) < 0.1
     samples[bad] = generator.choice([np.nan, np.inf, -np.inf, 1e300, -1e12, 5e-324, 0.0], int(bad.sum()))
-    expected, expected_flags = referred(model, samples)
-    newtons, flags = run(opened(name), samples)
+    expected = trace(models[model], samples)
+    newtons, flags = run(opened(name, model), samples)
     assert np.isfinite(newtons).all()
-    assert_meets(name, newtons, flags, expected, expected_flags)
+    assert_meets(name, model, newtons, flags, expected.newtons, expected.flags)
 
 
 def test_every_runtime_has_its_place_in_the_table() -> None:

@@ -21,3 +21,7 @@ fuse multiplications and additions; ONNX Runtime adds in an order of its own, an
 last bit of a feature into a whole step of a tree where it lies on a threshold, so both have room for such a step; the C
 in single precision has room for several.
 """
+
+RARELY_N = {("c_float", "pressure_free"): 20.0}
+"""Largest difference in at most one sample of twenty, by runtime and model: where no force balance is corrected, the
+forest carries more of friction, and single precision sometimes takes another branch of a tree."""

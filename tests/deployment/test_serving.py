@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.deployment.serve import CHAMPION, curl, served_model
+from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import example_rows
@@ -60,8 +61,10 @@ def test_a_recording_is_answered_row_by_row(
     status, answer = ask(url, body)
     assert status == 200
     rows = answer["predictions"]
-    difference = np.array([row["friction_n"] for row in rows]) - small_hybrid.estimate(recording)
-    assert np.abs(difference).max() < 0.5
+    newtons, flags = small_hybrid.real_time().run(recording.samples())
+    columns = [[row[name] for row in rows] for name in ("friction_n", "lower_n", "upper_n")]
+    np.testing.assert_array_equal(np.transpose(columns), newtons)
+    np.testing.assert_array_equal([row["flags"] for row in rows], flags)
     assert all(row["in_training_range"] is True for row in rows)
 
 
@@ -97,6 +100,7 @@ def test_out_of_range_is_flagged(url: str) -> None:
     status, answer = ask(url, records({**GOOD, "pressure_1_pa": 3e8}))
     assert status == 200
     assert answer["predictions"][0]["in_training_range"] is False
+    assert answer["predictions"][0]["flags"] == Flag.NOT_READY | Flag.INVALID_PRESSURE_1
 
 
 @pytest.mark.parametrize(
@@ -162,7 +166,8 @@ def test_the_printed_curl_answers_in_newtons(url: str, champion_root: Path, monk
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     command = curl(url, example_rows(CHAMPION, champion_root))
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
-    assert [sorted(row) for row in json.loads(done.stdout)["predictions"]] == [["friction_n", "in_training_range"]] * 5
+    outputs = ["flags", "friction_n", "in_training_range", "lower_n", "upper_n"]
+    assert [sorted(row) for row in json.loads(done.stdout)["predictions"]] == [outputs] * 5
 
 
 def test_a_model_that_is_not_there_is_said_before_anything_starts(

@@ -45,7 +45,7 @@ RUN_ELSEWHERE = {
     "make serve": "test_the_servers_answer",
     "dvc repro": "every test of this folder",
     "make benchmark": "tests/friction_benchmark/test_pipeline.py",
-    "cylinder-friction bench": "tests/stages/test_bench.py",
+    "cylinder-friction latency": "tests/commands/test_latency.py",
     'make seeds ARGS="1 2 3"': "test_seeds_prints_its_table",
     "dvc exp run -S experiment=smoke -S register.tolerance_percent=0.2": "test_an_experiment_composes",
 }

@@ -23,7 +23,7 @@ def test_it_is_small() -> None:
 
 def test_every_flag_is_raised_somewhere() -> None:
     raised = np.bitwise_or.reduce(np.concatenate([each.flags for each in read_trajectories(GOLDEN).values()]))
-    assert raised == sum(Flag) - Flag.INVALID_OTHER, "the golden model has no other inputs"
+    assert raised == sum(Flag) - Flag.INVALID_OTHER, "the model has no other input"
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cylinder_friction.deployment.fmu.compiling import CompilerError
+from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 
 if TYPE_CHECKING:
     import argparse
 
-EXPECTED = (CompilerError, ValueError)
+EXPECTED = (NoCompilerError, ValueError)
 PARTS = "lstm: without the forest; base: the filtered force balance alone"
 
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             form.add_argument("--name", default="friction", help="prefix of every name, and the files' name")
             form.add_argument("--precision", choices=("double", "float"), default="double", help="of all numbers")
             form.add_argument("--model", dest="part", choices=("whole", "lstm", "base"), default="whole", help=PARTS)
-            form.add_argument("--distil", type=int, metavar="NODES", help="first train an LSTM of so many nodes on it")
+            form.add_argument("--distil", type=int, metavar="NODES", help="first train a smaller LSTM to imitate it")
             form.add_argument("--data", type=Path, default=Path("data/processed"), help="recordings for --distil")
 
 
@@ -57,7 +57,7 @@ def _c(options: argparse.Namespace) -> None:
         from cylinder_friction.deployment.distil import distil_from_folder
 
         if not isinstance(estimator, HybridEstimator):
-            raise ValueError(f"--distil needs a hybrid to train on, but got {estimator.kind}")
+            raise ValueError(f"--distil needs a hybrid, but got {estimator.kind}")
         estimator, report = distil_from_folder(estimator, options.distil, options.data)
         print(report.text())
     written = export_c(estimator, options.output, options.name, options.precision, options.part)
@@ -67,7 +67,7 @@ def _c(options: argparse.Namespace) -> None:
 
 
 def _fmu(options: argparse.Namespace) -> None:
-    from cylinder_friction.deployment.fmu.exporting import export_fmu
+    from cylinder_friction.deployment.fmu.export import export_fmu
     from cylinder_friction.estimators.loading import load_estimator
 
     written = export_fmu(load_estimator(options.model), options.output, options.fmi)

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.params.checking import load_params
 from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS, cylinder_from
@@ -25,6 +27,7 @@ from cylinder_friction.testing.golden import (
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
 
     from cylinder_friction.params.checking import Params
 
@@ -33,13 +36,15 @@ PLAN = TrainingPlan(epochs=40, patience=40, sequence_length=400, burn_in=50, bat
 FOREST = ForestPlan(trees=16, depth=6, rows=20_000, leaf=40)
 
 
-def train_golden_model(folder: Path, params: Params) -> None:
+def train_golden_model(folder: Path, params: Params, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
     """Train the small model of the golden trajectories on the first training recording of each condition."""
     firsts = {
         recording.metadata.condition: recording for recording in reversed(read_recordings(PROCESSED_FOLDERS["train"]))
     }
-    hybrid = HybridEstimator(cylinder_from(params.cylinder), "force_balance", ARCHITECTURE, PLAN, FOREST)
-    hybrid.fit([firsts[condition] for condition in sorted(firsts)], read_recordings(PROCESSED_FOLDERS["validation"]))
+    cylinder = cylinder_from(params.cylinder)
+    hybrid = HybridEstimator(cylinder, "force_balance", ARCHITECTURE, PLAN, FOREST, inputs=inputs)
+    train = [firsts[condition] for condition in sorted(firsts)]
+    hybrid.fit(train, read_recordings(PROCESSED_FOLDERS["validation"]))
     with whole_folder(folder / MODEL_FOLDER) as draft:
         hybrid.save(draft)
 
@@ -48,7 +53,7 @@ def record_golden(folder: Path) -> str:
     """Record every trajectory anew with the model in ``folder``; returns one line per trajectory."""
     model = load_estimator(folder / MODEL_FOLDER).step_model()
     lines = []
-    for name, samples in golden_samples(read_recordings(PROCESSED_FOLDERS["test"])).items():
+    for name, samples in golden_samples(read_recordings(PROCESSED_FOLDERS["test"]), model.inputs).items():
         write_trajectory(folder, name, trace(model, samples))
         lines.append(f"{name}: {len(samples)} samples")
     return "\n".join(lines)
@@ -76,17 +81,19 @@ def check_golden(folder: Path) -> tuple[str, bool]:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parts = parser.add_subparsers(dest="what", required=True)
     for name, words in (
-        ("train", "train their small model anew; then record"),
+        ("train", "train their small model anew; record them afterwards"),
         ("record", "record them anew from the test recordings"),
         ("check", "compare the outputs of the Python runtimes with the recorded ones"),
     ):
         part = parts.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
         part.add_argument("--folder", type=Path, default=Path("tests/golden"))
+        if name == "train":
+            part.add_argument("--inputs", nargs="+", default=SAMPLE_COLUMNS, help="columns of a sample")
 
 
 def run(options: argparse.Namespace) -> int:
     if options.what == "train":
-        train_golden_model(options.folder, load_params())
+        train_golden_model(options.folder, load_params(), options.inputs)
     elif options.what == "record":
         print(record_golden(options.folder))
     else:

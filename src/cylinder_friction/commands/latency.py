@@ -54,8 +54,12 @@ def measure_latency(folders: Sequence[Path], effort: Effort) -> str:
     recordings = read_recordings(PROCESSED_FOLDERS["test"])[:RECORDINGS]
     if not recordings:
         raise RecordingError(f"{PROCESSED_FOLDERS['test']}: holds no recording to step through; run `dvc repro split`")
-    samples = np.concatenate([recording.samples() for recording in recordings])
-    measured = measure({name: load_estimator(path) for name, path in _named(chosen).items()}, samples, effort)
+    estimators = {name: load_estimator(path) for name, path in _named(chosen).items()}
+    samples = {
+        name: np.concatenate([recording.samples(estimator.inputs) for recording in recordings])
+        for name, estimator in estimators.items()
+    }
+    measured = measure(estimators, samples, effort)
     write_json(LATENCY_FILE, as_dict(measured))
     record = run_record(measured)
     write_json(RUN_FILE, record.to_dict())

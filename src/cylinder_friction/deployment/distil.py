@@ -1,13 +1,13 @@
-"""A smaller network that is taught by a larger estimator: distillation (Hinton, Vinyals and Dean 2015).
+"""A smaller network trained to imitate a larger estimator: distillation (Hinton, Vinyals and Dean 2015).
 
-The pupil is one LSTM layer on the teacher's own front end, trained on the teacher's estimates in place of labels: they
-carry what the teacher knows without the labels' noise. What it costs is measured on recordings of other sessions.
+The student is one LSTM layer on the original's own front end, trained on the original's estimates in place of labels:
+they carry the same knowledge without the labels' noise. Its cost is measured on recordings of other sessions.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.hybrid import HybridParts
     from cylinder_friction.recordings.recording import Recording
 
     Array = NDArray[np.float64]
@@ -35,33 +34,33 @@ LEARNING_RATE = 5e-3
 
 @dataclass(frozen=True)
 class DistilReport:
-    """What a smaller network costs, on recordings that neither learnt from; errors are means over usable rows.
+    """The cost of a smaller network, on recordings that neither was trained on; errors are means over usable rows.
 
     Attributes:
-        teacher_mae_n, pupil_mae_n: Mean absolute error against the labels [N].
-        apart_n: Mean absolute difference between the two [N].
-        teacher_multiply_adds, pupil_multiply_adds: Of one step.
+        original_mae_n, student_mae_n: Mean absolute error against the labels [N].
+        difference_n: Mean absolute difference between the two [N].
+        original_multiply_adds, student_multiply_adds: Of one step.
     """
 
-    teacher_mae_n: float
-    pupil_mae_n: float
-    apart_n: float
-    teacher_multiply_adds: int
-    pupil_multiply_adds: int
+    original_mae_n: float
+    student_mae_n: float
+    difference_n: float
+    original_multiply_adds: int
+    student_multiply_adds: int
 
     def text(self) -> str:
         """Return the report as a few lines."""
-        cost = self.pupil_mae_n / self.teacher_mae_n - 1.0
-        teacher, pupil = f"{self.teacher_multiply_adds} operations", f"{self.pupil_multiply_adds} operations"
+        cost = self.student_mae_n / self.original_mae_n - 1.0
         return (
-            f"teacher  {self.teacher_mae_n:.2f} N mean absolute error, {teacher} a step\n"
-            f"pupil    {self.pupil_mae_n:.2f} N ({cost:+.1%}), {pupil} a step\n"
-            f"apart    {self.apart_n:.2f} N on average"
+            f"original    {self.original_mae_n:.2f} N mean absolute error, "
+            f"{self.original_multiply_adds} operations per step\n"
+            f"student     {self.student_mae_n:.2f} N ({cost:+.1%}), {self.student_multiply_adds} operations per step\n"
+            f"difference  {self.difference_n:.2f} N on average"
         )
 
 
 def distil(
-    teacher: HybridEstimator,
+    original: HybridEstimator,
     nodes: int,
     train: Sequence[Recording],
     validation: Sequence[Recording],
@@ -69,86 +68,76 @@ def distil(
     plan: TrainingPlan = PLAN,
     seed: int = 0,
 ) -> tuple[HybridEstimator, DistilReport]:
-    """Return an LSTM of one layer that imitates ``teacher``, without a forest, and what it costs.
+    """Return an LSTM of one layer that imitates ``original``, without a forest, and its cost.
 
     Args:
-        teacher: A fitted hybrid, with or without a forest.
-        nodes: Of the pupil's layer.
-        train: Labelled recordings; the teacher's estimates on their usable rows are learnt.
-        validation: Stops the training, and calibrates the pupil's bounds.
+        original: A fitted hybrid, with or without a forest.
+        nodes: Of the student's layer.
+        train: Labelled recordings; the original's estimates on their usable rows are the target.
+        validation: Stops the training, and calibrates the student's bounds.
         held_out: Labelled recordings for the report.
         plan: Of the training.
-        seed: Of weights, dropout and order.
+        seed: Seeds weights, dropout and batch order.
 
     Raises:
-        ValueError: ``nodes`` is not positive, or the teacher is not fitted.
+        ValueError: ``nodes`` is not positive, or the original is not fitted.
     """
     if nodes < 1:
         raise ValueError(f"nodes must be at least 1, but got {nodes!r}")
-    if teacher.parts is None:
-        raise ValueError("the teacher is not fitted yet; call fit or load first")
+    if original.parts is None:
+        raise ValueError("the hybrid to distil is not fitted yet; call fit or load first")
+    # PyTorch: only training waits for it
     from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
 
-    parts = teacher.parts
-    lessons = [_Lesson.of(teacher, parts, recording) for recording in train]
-    exams = [_Lesson.of(teacher, parts, recording) for recording in validation]
-    taught = np.concatenate([lesson.left_n[lesson.usable] for lesson in lessons])
-    mean_n, scale_n = float(taught.mean()), float(taught.std()) or 1.0
+    parts, block = original.parts, FrontEndBlock(original.parts.front_end)
     architecture = Architecture(1, nodes, 0.0, LEARNING_RATE)
+
+    def correction(recording: Recording) -> tuple[Any, Array]:
+        """Return the features, and what the original adds to the base force [N]."""
+        features, base_n = block.advance(block.new_state(), recording.samples(original.inputs))
+        return features, original.estimate(recording) - base_n
+
+    def sequence(recording: Recording, features: Any, added_n: Array) -> SequenceData:
+        return SequenceData(features, ((added_n - mean_n) / scale_n).astype(np.float32), recording.usable())
+
+    pairs = [correction(recording) for recording in train]
+    target = np.concatenate([added_n[each.usable()] for each, (_, added_n) in zip(train, pairs, strict=True)])
+    mean_n, scale_n = float(target.mean()), float(target.std()) or 1.0
     network, curve = train_network(
         lambda inputs: FrictionNetwork(architecture, inputs),
         architecture.learning_rate,
         plan,
-        [lesson.sequence(mean_n, scale_n) for lesson in lessons],
-        [exam.sequence(mean_n, scale_n) for exam in exams],
+        [sequence(recording, *pair) for recording, pair in zip(train, pairs, strict=True)],
+        [sequence(recording, *correction(recording)) for recording in validation],
         seed,
     )
-    pupil = HybridEstimator(teacher.cylinder, parts.design, architecture, plan, None, seed, inputs=teacher.inputs)
-    pupil.sample_time_s, pupil.training_range = teacher.sample_time_s, teacher.training_range
-    pupil._set(replace(parts, network=weights_of(network), forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
-    pupil.learning_curve = LearningCurve(
+    student = HybridEstimator(original.cylinder, parts.design, architecture, plan, None, seed, inputs=original.inputs)
+    student.sample_time_s, student.training_range = original.sample_time_s, original.training_range
+    student._set(replace(parts, network=weights_of(network), forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
+    student.learning_curve = LearningCurve(
         [scale_n * mae for mae in curve.train_mae], [scale_n * mae for mae in curve.validation_mae], curve.best_epoch
     )
-    pupil.calibrate(largest_friction_n(train), validation)
-    return pupil, compare(teacher, pupil, held_out)
+    student.calibrate(largest_friction_n(train), validation)
+    return student, compare(original, student, held_out)
 
 
-def distil_from_folder(teacher: HybridEstimator, nodes: int, folder: Path) -> tuple[HybridEstimator, DistilReport]:
-    """Distils with the recordings in ``train``, ``validation`` and ``test`` of a folder; the last are held out."""
+def distil_from_folder(original: HybridEstimator, nodes: int, folder: Path) -> tuple[HybridEstimator, DistilReport]:
+    """Distil with the recordings in ``train``, ``validation`` and ``test`` of a folder; the last are held out."""
     train, validation, test = (read_recordings(folder / role) for role in ("train", "validation", "test"))
-    return distil(teacher, nodes, train, validation, test)
+    return distil(original, nodes, train, validation, test)
 
 
-def compare(teacher: FrictionEstimator, pupil: FrictionEstimator, recordings: Sequence[Recording]) -> DistilReport:
-    """Return what the pupil costs on labelled recordings."""
+def compare(original: FrictionEstimator, student: FrictionEstimator, recordings: Sequence[Recording]) -> DistilReport:
+    """Return the student's cost on labelled recordings."""
     rows = []
     for recording in recordings:
-        columns = (recording.column("friction_n"), teacher.estimate(recording), pupil.estimate(recording))
+        columns = (recording.column("friction_n"), original.estimate(recording), student.estimate(recording))
         rows.append(np.stack(columns)[:, recording.usable()])
-    label, taught, learnt = np.concatenate(rows, axis=1)
+    label, imitated, imitation = np.concatenate(rows, axis=1)
     return DistilReport(
-        teacher_mae_n=float(np.abs(taught - label).mean()),
-        pupil_mae_n=float(np.abs(learnt - label).mean()),
-        apart_n=float(np.abs(learnt - taught).mean()),
-        teacher_multiply_adds=teacher.multiply_adds(),
-        pupil_multiply_adds=pupil.multiply_adds(),
+        original_mae_n=float(np.abs(imitated - label).mean()),
+        student_mae_n=float(np.abs(imitation - label).mean()),
+        difference_n=float(np.abs(imitation - imitated).mean()),
+        original_multiply_adds=original.multiply_adds(),
+        student_multiply_adds=student.multiply_adds(),
     )
-
-
-@dataclass(frozen=True)
-class _Lesson:
-    """One recording as the pupil sees it: features, what the teacher adds to the base force [N], usable rows."""
-
-    features: NDArray[np.float32]
-    left_n: Array
-    usable: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, teacher: HybridEstimator, parts: HybridParts, recording: Recording) -> _Lesson:
-        block = FrontEndBlock(parts.front_end)
-        features, base_n = block.advance(block.new_state(), recording.samples(teacher.inputs))
-        return cls(features, teacher.estimate(recording) - base_n, recording.usable())
-
-    def sequence(self, mean_n: float, scale_n: float) -> SequenceData:
-        """Return the lesson in the units of the network."""
-        return SequenceData(self.features, ((self.left_n - mean_n) / scale_n).astype(np.float32), self.usable)

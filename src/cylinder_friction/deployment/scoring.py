@@ -1,4 +1,4 @@
-"""Rows in, friction out: what the served model does with a table, and what it refuses."""
+"""What the served model does with a table of raw samples: one estimate per row, and clear refusals."""
 
 from __future__ import annotations
 
@@ -7,82 +7,80 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.realtime.stream import RealTimeStream
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import StepModel
 
 RECORDING_COLUMN = "recording"
-FRICTION_COLUMN = "friction_n"
-IN_RANGE_COLUMN = "in_training_range"
 MEMORY_S = 1.0
-"""How long a sample outside the training range keeps casting doubt on what follows: filters and network remember it."""
+"""How long a sample outside the training range makes those after it doubtful: filters and network remember it."""
 
 
 class ScoringError(ValueError):
-    """Rows that cannot be scored; the message says which, found, expected and what to do."""
+    """Rows that cannot be scored; the message states which, what was found and expected, and what to do."""
 
 
-def score(estimator: FrictionEstimator, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one row out for each row in, in their order.
+def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each row given, in their order: what every other runtime gives, and one column more.
 
     Args:
-        estimator: A loaded estimator.
-        rows: Raw samples, ``pressure_1_pa``, ``pressure_2_pa`` (gauge) and ``position_m`` (extension positive), at the
-            sample time the estimator was trained at. With a column ``recording`` each of its values is a sequence of
-            its own, in row order, and rows of different recordings may alternate; without it all rows are one.
+        model: The step of a fitted estimator.
+        rows: Raw samples at the model's sample time, in the columns ``model.inputs``. With a column ``recording`` each
+            of its values is a sequence of its own, in row order, and rows of different recordings may alternate;
+            without it all rows are one.
 
     Returns:
-        ``friction_n``: friction [N], positive when it opposes positive velocity. ``in_training_range``: whether this
-        row and all rows of its recording in the second before it lie where the estimator was trained (5 % wider);
-        where not, the friction is an extrapolation.
+        ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds
+        around it [N]; ``flags``: bits of ``Flag``; each recording begins with a fresh state. ``in_training_range``:
+        whether this row and all rows of its recording in the second before it lie within the training range widened
+        by 5 %; if not, the friction is an extrapolation.
 
     Raises:
-        ScoringError: There is no row, a column is missing or not numeric, a value is NaN or infinite or so large that
-            no finite estimate follows, or a recording has no name.
+        ScoringError: There is no row, a column is missing or not numeric, a value is NaN or infinite, or a recording
+            has no name.
     """
-    samples = _checked_samples(rows)
+    samples = _checked_samples(rows, model.inputs)
     names = _checked_names(rows)
-    assert estimator.training_range is not None
-    assert estimator.sample_time_s is not None
-    memory = max(1, round(MEMORY_S / estimator.sample_time_s))
-    inside = estimator.training_range.holds(samples)
-    friction_n = np.empty(len(samples))
-    trusted = np.empty(len(samples), dtype=np.bool_)
+    memory = max(1, round(MEMORY_S / model.sample_time_s))
+    inside = ((samples >= model.guard.trained_lower) & (samples <= model.guard.trained_upper)).all(axis=1)
+    newtons, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.int64)
+    in_range = np.empty(len(samples), dtype=np.bool_)
+    stream = RealTimeStream(model)
     for positions in pd.Series(range(len(samples))).groupby(names, sort=False).indices.values():
-        with np.errstate(all="ignore"):  # what overflows is refused below, by row
-            friction_n[positions] = estimator.advance(estimator.new_state(), samples[positions])
-        trusted[positions] = _no_doubt_within(inside[positions], memory)
-    _refuse_not_finite_estimate(friction_n, samples, estimator)
-    return pd.DataFrame({FRICTION_COLUMN: friction_n, IN_RANGE_COLUMN: trusted}, index=rows.index)
+        stream.reset()
+        newtons[positions], flags[positions] = stream.run(samples[positions])
+        in_range[positions] = _all_within(inside[positions], memory)
+    columns = dict(zip(("friction_n", "lower_n", "upper_n"), newtons.T, strict=True))
+    return pd.DataFrame({**columns, "flags": flags, "in_training_range": in_range}, index=rows.index)
 
 
-def _checked_samples(rows: pd.DataFrame) -> NDArray[np.float64]:
+def _checked_samples(rows: pd.DataFrame, inputs: tuple[str, ...]) -> NDArray[np.float64]:
     if len(rows) == 0:
         raise ScoringError("got no row; expected at least one sample")
     got = [str(column) for column in rows.columns]
-    for column in SAMPLE_COLUMNS:
+    for column in inputs:
         if got.count(column) != 1:
             what = "missing" if column not in got else "there more than once"
-            raise ScoringError(f"column {column!r} is {what}; got {got}, expected {list(SAMPLE_COLUMNS)}")
+            raise ScoringError(f"column {column!r} is {what}; got {got}, expected {list(inputs)}")
         kind = rows[column].dtype.kind if isinstance(rows[column].dtype, np.dtype) else "?"
         if kind not in "fiu":
             raise ScoringError(f"column {column!r} holds {rows[column].dtype}, expected numbers in SI units")
-    samples = np.ascontiguousarray(rows[list(SAMPLE_COLUMNS)].to_numpy(dtype=np.float64))
+    samples = np.ascontiguousarray(rows[list(inputs)].to_numpy(dtype=np.float64))
     bad = ~np.isfinite(samples)
     if bad.any():
         row, at = (int(index) for index in np.argwhere(bad)[0])
         raise ScoringError(
-            f"{SAMPLE_COLUMNS[at]} is {samples[row, at]} at row {row} ({int(bad.sum())} such values in all); expected "
-            "finite numbers; repair or cut these rows before asking"
+            f"{inputs[at]} is {samples[row, at]} at row {row} ({int(bad.sum())} such values in all); expected "
+            "finite numbers; repair or remove these rows before sending"
         )
     return samples
 
 
 def _checked_names(rows: pd.DataFrame) -> Any:
-    """Return what tells recordings apart, one value a row; zeros where all rows are one recording."""
+    """Return each row's recording; zeros where all rows are one recording."""
     if RECORDING_COLUMN not in rows.columns:
         return np.zeros(len(rows), dtype=np.int64)
     names = rows[RECORDING_COLUMN].tolist()
@@ -95,21 +93,8 @@ def _checked_names(rows: pd.DataFrame) -> Any:
     return np.array([str(name) for name in names])
 
 
-def _no_doubt_within(inside: NDArray[np.bool_], memory: int) -> NDArray[np.bool_]:
+def _all_within(inside: NDArray[np.bool_], memory: int) -> NDArray[np.bool_]:
     """Return where this row and the ``memory - 1`` rows before it are all inside."""
     outside_so_far = np.concatenate([[0], np.cumsum(~inside)])
     ends = np.arange(1, len(inside) + 1)
     return np.asarray(outside_so_far[ends] == outside_so_far[np.maximum(0, ends - memory)])
-
-
-def _refuse_not_finite_estimate(
-    friction_n: NDArray[np.float64], samples: NDArray[np.float64], estimator: FrictionEstimator
-) -> None:
-    bad = np.flatnonzero(~np.isfinite(friction_n))
-    if len(bad):
-        limits = estimator.training_range
-        assert limits is not None
-        raise ScoringError(
-            f"no finite friction follows from row {bad[0]}: {dict(zip(SAMPLE_COLUMNS, samples[bad[0]], strict=True))}; "
-            f"the estimator was trained between {list(limits.lower)} and {list(limits.upper)} (Pa, Pa, m); check units"
-        )

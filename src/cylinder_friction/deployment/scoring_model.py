@@ -11,21 +11,23 @@ from mlflow.exceptions import MlflowException
 from mlflow.protos.databricks_pb2 import INVALID_PARAMETER_VALUE
 from mlflow.pyfunc.model import PythonModel
 
-from cylinder_friction.deployment.onnx_estimator import load_onnx
 from cylinder_friction.deployment.scoring import ScoringError, score
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.realtime.stream import RealTimeStream
 
 
 class FrictionScoringModel(PythonModel):
     """Friction from rows of raw samples; see ``cylinder_friction.deployment.scoring.score``."""
 
     def load_context(self, context: Any) -> None:
-        """Load the estimator from the model's artifact ``estimator``."""
-        self._estimator = load_onnx(Path(context.artifacts["estimator"]))
+        """Load the estimator from the model's artifact ``estimator``, and compile its step before the first request."""
+        self._model = load_estimator(Path(context.artifacts["estimator"])).step_model()
+        RealTimeStream(self._model)
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
-        """Return ``friction_n`` and ``in_training_range`` a row; what cannot be scored is answered with 400."""
+        """Return friction, bounds, flags and ``in_training_range`` of each row; rows that cannot be scored give 400."""
         try:
-            return score(self._estimator, model_input)
+            return score(self._model, model_input)
         except ScoringError as error:
             raise MlflowException(str(error), error_code=INVALID_PARAMETER_VALUE) from error
 

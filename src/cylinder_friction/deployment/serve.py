@@ -26,13 +26,14 @@ _START_TIMEOUT_S = 120.0
 
 
 def run_server(model: str, root: Path) -> int:
-    """Serve a registered model until interrupted, and says how to ask it for friction."""
+    """Serve a registered model until interrupted; print how to request friction from it."""
     example = _example_of(model, root)
     with served_model(model, root) as url:
         sys.stdout.write(
             f"serving {model} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl(url, example)}\n\n"
-            "friction_n is in newtons, positive when it opposes extension; in_training_range is false where the\n"
-            "estimate is an extrapolation. Send the rows of a recording in order, at the trained sample time.\n"
+            "friction_n is in newtons, positive when it opposes extension, with bounds and flags; in_training_range\n"
+            "is false where the estimate is an extrapolation. Send the rows of a recording in order, at the trained\n"
+            "sample time.\n"
         )
         sys.stdout.flush()
         return _wait_for_interrupt()
@@ -51,10 +52,10 @@ def run_ui(root: Path) -> int:
 
 @contextmanager
 def served_model(model: str, root: Path) -> Iterator[str]:
-    """Yield the URL of ``mlflow models serve`` on a free port, once it answers.
+    """Yield the URL of ``mlflow models serve`` on a free port, once it is ready.
 
     Raises:
-        TrackingError: It ended, or did not answer in two minutes; the message holds what it said.
+        TrackingError: It ended, or was not ready in two minutes; the message holds its log.
     """
     port = free_port()
     arguments = ["models", "serve", "-m", model, "--env-manager", "local", "-h", _HOST, "-p", str(port)]
@@ -64,7 +65,7 @@ def served_model(model: str, root: Path) -> Iterator[str]:
 
 @contextmanager
 def served_ui(root: Path) -> Iterator[str]:
-    """Yield the URL of the MLflow UI on a free port, once it answers."""
+    """Yield the URL of the MLflow UI on a free port, once it is ready."""
     from cylinder_friction.tracking.store import artifact_folder, tracking_uri
 
     uri = tracking_uri(root)
@@ -122,14 +123,14 @@ def _mlflow(arguments: Sequence[str], root: Path, url: str, health: str) -> Iter
             stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True,
         )  # fmt: skip
         try:
-            _wait_until_it_answers(process, url + health, log_path)
+            _wait_until_ready(process, url + health, log_path)
             yield url
         finally:
             _stop(process)
     log_path.unlink(missing_ok=True)  # kept only where something went wrong
 
 
-def _wait_until_it_answers(process: subprocess.Popen[bytes], url: str, log_path: Path) -> None:
+def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log_path: Path) -> None:
     deadline = time.monotonic() + _START_TIMEOUT_S
     while time.monotonic() < deadline and process.poll() is None:
         try:
@@ -138,9 +139,9 @@ def _wait_until_it_answers(process: subprocess.Popen[bytes], url: str, log_path:
         except (urllib.error.URLError, OSError):
             time.sleep(0.2)
     ended = process.poll()
-    what = f"ended with exit status {ended}" if ended is not None else f"did not answer in {_START_TIMEOUT_S:.0f} s"
-    said = log_path.read_text(encoding="utf-8", errors="replace").strip()[-2000:]
-    raise TrackingError(f"the MLflow server for {url} {what}; it said:\n{said}")
+    what = f"ended with exit status {ended}" if ended is not None else f"was not ready in {_START_TIMEOUT_S:.0f} s"
+    log = log_path.read_text(encoding="utf-8", errors="replace").strip()[-2000:]
+    raise TrackingError(f"the MLflow server for {url} {what}; its log:\n{log}")
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numba
 import numpy as np
 
-from cylinder_friction.signals.backlash import AGE, DIRECTION, new_backlash, push
+from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
 BACKLASH, MOVES, DWELL, TRAVEL_SHORT, TRAVEL_LONG, MOVING = range(6)
 """Places in ``History.settings``."""
+TOLERANCE_M = 1e-7
+"""Less beyond the backlash is rounding, single precision included, and no push: a moving average of values that repeat
+differs in its last digit by the order of its sum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +81,11 @@ def history_step(position_m: float, state: Array, settings: Array, sample_time_s
     before = backlash[DIRECTION]
     if np.isnan(state[2]):
         state[2] = position_m
-    pushed = push(position_m, backlash, settings[BACKLASH], 0.0, sample_time_s)
+    if abs(position_m - backlash[CENTRE]) <= settings[BACKLASH] + TOLERANCE_M:
+        backlash[AGE] += sample_time_s
+        pushed = False
+    else:
+        pushed = push(position_m, backlash, settings[BACKLASH], 0.0, sample_time_s)
     if pushed and (backlash[DIRECTION] != before or state[0] > 0.0):
         state[1], state[2], state[3] = state[0], position_m, 0.0
     if backlash[AGE] < settings[MOVES]:

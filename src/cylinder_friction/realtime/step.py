@@ -1,4 +1,4 @@
-"""The compiled step: the reference's, bit for bit, in one function without allocation and of constant time."""
+"""The compiled step: that of the reference, bit for bit, in one function without allocation and of constant time."""
 
 from __future__ import annotations
 

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -85,8 +87,12 @@ def read_trajectories(folder: Path) -> dict[str, Trajectory]:
     return found
 
 
-def golden_samples(recordings: list[Recording]) -> dict[str, Array]:
-    """Return the raw samples of every trajectory by name, each of shape ``(n, 3)``.
+def golden_samples(recordings: list[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS) -> dict[str, Array]:
+    """Return the raw samples of every trajectory by name, each of shape ``(n, inputs)``.
+
+    Args:
+        recordings: Labelled; at least one of ``2 * ROWS`` rows.
+        inputs: Columns of a sample; on others than P1, P2 and position there are fewer trajectories.
 
     Raises:
         RecordingError: The recordings are too short.
@@ -97,14 +103,19 @@ def golden_samples(recordings: list[Recording]) -> dict[str, Array]:
     turns = [_turns(recording, moves) for recording, moves in zip(recordings, moving, strict=True)]
     speeds = [np.abs(recording.column("velocity_m_s")) for recording in recordings]
     rests = [(~moves).astype(np.float64) for moves in moving]
-    fast, resting = _busiest(recordings, speeds, 2 * ROWS), _busiest(recordings, rests, ROWS)
-    return {
-        "stick_slip_reversals": _busiest(recordings, turns, 3 * ROWS // 2),
+    reversals = _busiest(recordings, turns, 3 * ROWS // 2, inputs)
+    fast, resting = _busiest(recordings, speeds, 2 * ROWS, inputs), _busiest(recordings, rests, ROWS, inputs)
+    result = {
+        "stick_slip_reversals": reversals,
         "long_hold": np.concatenate([fast[:300], np.tile(fast[299], (3 * ROWS // 2, 1))]),
+        "bad_samples": _corrupted(fast),
+    }
+    if tuple(inputs) != SAMPLE_COLUMNS:
+        return result | {"rest_then_motion": np.concatenate([resting, fast[: ROWS // 2]])}
+    return result | {
         "pressure_steps": _stepped(resting),
         "saturation": _saturated(fast[:ROWS]),
         "end_stop": _stopped(recordings),
-        "bad_samples": _corrupted(fast),
         "frozen": _frozen(fast),
     }
 
@@ -118,14 +129,14 @@ def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
     return result
 
 
-def _busiest(recordings: list[Recording], measures: list[Array], rows: int) -> Array:
+def _busiest(recordings: list[Recording], measures: list[Array], rows: int, inputs: Sequence[str]) -> Array:
     """Return the samples of the window in which a measure, one value per row, has the largest sum."""
-    best, chosen = -1.0, np.empty((0, 3))
+    best, chosen = -1.0, np.empty((0, len(inputs)))
     for recording, measure in zip(recordings, measures, strict=True):
         sums = np.convolve(measure, np.ones(rows), "valid")
         if len(recording) >= rows and sums.max() > best:
             start = int(sums.argmax())
-            best, chosen = float(sums.max()), recording.samples()[start : start + rows]
+            best, chosen = float(sums.max()), recording.samples(inputs)[start : start + rows]
     return chosen
 
 
@@ -156,15 +167,15 @@ def _stopped(recordings: list[Recording]) -> Array:
 
 
 def _corrupted(samples: Array) -> Array:
-    """Return invalid values from the first row on: in one channel, in two, in all."""
-    result = samples.copy()
-    result[0, 0], result[1, 2], result[2:4] = np.nan, -np.inf, np.nan
+    """Return invalid values from the first row on: in the first input, in the last, in several, in all."""
+    result, last = samples.copy(), samples.shape[1] - 1
+    result[0, 0], result[1, last], result[2:4] = np.nan, -np.inf, np.nan
     result[650, 0] = np.nan
-    result[700:720, 1] = np.inf
-    result[760:800, 2] = 1e3
+    result[700:720, min(1, last)] = np.inf
+    result[760:800, last] = 1e3
     result[850:900] = np.nan
     result[900:905, :2] = -1e12
-    result[1200:1203, 1] = 5e7
+    result[1200:1203, min(1, last)] = 5e7
     return result
 
 

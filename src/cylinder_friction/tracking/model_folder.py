@@ -26,7 +26,7 @@ SCORING_MODULE = "cylinder_friction.deployment.scoring_model"
 ESTIMATOR_ARTIFACT = "estimator"
 LINEAGE_ARTIFACT = "lineage"
 LINEAGE_FILE = "lineage.json"
-REQUIREMENTS = ("cylinder-friction", "mlflow", "numpy", "pandas", "numba", "onnx", "onnxruntime")
+REQUIREMENTS = ("cylinder-friction", "mlflow", "numpy", "pandas", "numba", "onnx")
 
 _URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
@@ -39,7 +39,15 @@ SIGNATURE = ModelSignature(
             ColSpec(DataType.string, "recording", required=False),
         ]
     ),
-    outputs=Schema([ColSpec(DataType.double, "friction_n"), ColSpec(DataType.boolean, "in_training_range")]),
+    outputs=Schema(
+        [
+            ColSpec(DataType.double, "friction_n"),
+            ColSpec(DataType.double, "lower_n"),
+            ColSpec(DataType.double, "upper_n"),
+            ColSpec(DataType.long, "flags"),
+            ColSpec(DataType.boolean, "in_training_range"),
+        ]
+    ),
 )
 
 

@@ -17,21 +17,21 @@ Output = tuple[float, float, float, int]
 class Stream(Protocol):
     """One running estimate; streams of one runtime do not touch each other.
 
-    One that takes whole recordings alone has ``run`` in place of ``step``: samples, shape ``(n, 3)``, to newtons, shape
-    ``(n, 3)``, and flags, shape ``(n,)``, each call from a fresh state.
+    One that takes whole recordings alone has ``run`` in place of ``step``: samples, shape ``(n, inputs)``, to newtons,
+    shape ``(n, 3)``, and flags, shape ``(n,)``, each call from a fresh state.
     """
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Output:
+    def step(self, *sample: float) -> Output:
         """Return friction, lower, upper [N] and flags."""
 
     def reset(self) -> None:
         """Forget everything."""
 
-    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Reset, then takes ``steps`` steps on one sample."""
+    def warm_up(self, *sample: float, steps: int) -> None:
+        """Reset, then take ``steps`` steps on one sample."""
 
     def close(self) -> None:
-        """Give back what the stream holds outside Python."""
+        """Release what the stream holds outside Python."""
 
 
 class Runtime(Protocol):
@@ -45,7 +45,7 @@ class Runtime(Protocol):
 
         Args:
             model: What to run; always the same for one ``folder``.
-            folder: A place of one's own for what is built; still there at the next ``open``, which may use it again.
+            folder: Its own, for what is built; still there at the next ``open``, which may use it again.
 
         Skips the test (``pytest.skip``) where the machine lacks what the runtime needs.
         """
@@ -62,7 +62,7 @@ def all_runtimes() -> list[Runtime]:
 
 
 def run(stream: Stream, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return newtons, shape ``(n, 3)``, and flags, shape ``(n,)``, of samples, shape ``(n, 3)``."""
+    """Return newtons, shape ``(n, 3)``, and flags, shape ``(n,)``, of samples, shape ``(n, inputs)``."""
     if hasattr(stream, "run"):
         newtons, flags = stream.run(samples)
         return np.asarray(newtons), np.asarray(flags).astype(np.int64)

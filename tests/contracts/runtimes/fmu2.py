@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.deployment.fmu.exporting import export_model_fmu
+from cylinder_friction.deployment.fmu.export import export_model_fmu
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from contracts.runtimes import Output, Stream
-    from cylinder_friction.deployment.fmu.model_description import FmiVersion
+    from cylinder_friction.deployment.fmu.export import FmiVersion
     from cylinder_friction.realtime.model import StepModel
     from fmu_host import FmuInstance
 
@@ -22,16 +22,16 @@ class _Fmu:
         self._instance = instance
         self._instance.initialize()
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Output:
-        return self._instance.step((pressure_1_pa, pressure_2_pa, position_m))
+    def step(self, *sample: float) -> Output:
+        return self._instance.step(sample)
 
     def reset(self) -> None:
         self._instance.reset()
         self._instance.initialize()
 
-    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
+    def warm_up(self, *sample: float, steps: int) -> None:
         self._instance.reset()
-        self._instance.initialize(warm_up_steps=steps, sample=(pressure_1_pa, pressure_2_pa, position_m))
+        self._instance.initialize(warm_up_steps=steps, sample=sample)
 
     def close(self) -> None:
         self._instance.close()

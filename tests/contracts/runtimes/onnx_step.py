@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class OnnxStep:
-    """One call a sample, the state fed back."""
+    """One call per sample, the state fed back."""
 
     name = "onnx_step"
 

@@ -26,7 +26,7 @@ class _Rows(_Stream):
 
 
 class Steps:
-    """One call a sample."""
+    """One call per sample."""
 
     name = "python"
 

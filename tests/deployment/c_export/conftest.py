@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.deployment.c_export.export import export_model
-from cylinder_friction.deployment.c_export.models import part_of
+from cylinder_friction.deployment.c_export.export import export_model, part_of
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import LstmWeights

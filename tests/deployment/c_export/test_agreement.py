@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
 from cylinder_friction.deployment.c_export.export import export_c
-from cylinder_friction.estimators.forest import ForestEstimator
-from cylinder_friction.estimators.hybrid import ForestPlan
+from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.realtime.flags import Flag

@@ -7,14 +7,15 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
+import jinja2
 import numpy as np
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
-from cylinder_friction.deployment.c_export.export import export_c, export_model, fingerprint
+from cylinder_friction.deployment.c_export.export import export_c, export_model, part_of
 from cylinder_friction.deployment.c_export.forest import ordered
-from cylinder_friction.deployment.c_export.literals import filled, number
-from cylinder_friction.deployment.c_export.models import part_of
+from cylinder_friction.deployment.c_export.literals import number
+from cylinder_friction.deployment.rendering import model_hash, render
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
 from deployment.c_export.conftest import COMPILERS, SHAPES
@@ -208,7 +209,7 @@ def test_the_same_model_gives_the_same_bytes(golden_model: StepModel, tmp_path: 
     one, other = (export_model(golden_model, tmp_path / name) for name in ("one", "other"))
     assert one.source.read_bytes() == other.source.read_bytes()
     assert one.header.read_bytes() == other.header.read_bytes()
-    assert fingerprint(golden_model) == one.model != fingerprint(part_of(golden_model, "lstm"))
+    assert model_hash(golden_model) == one.model != model_hash(part_of(golden_model, "lstm"))
 
 
 def test_another_name_changes_every_public_name(golden_model: StepModel, tmp_path: Path) -> None:
@@ -249,8 +250,8 @@ def test_literals_read_back_to_the_same_number() -> None:
         assert re.search(r"[.e]", single[:-1])
     with pytest.raises(ValueError, match="expected a finite float for the C source, but got nan"):
         number(float("nan"), "float")
-    with pytest.raises(KeyError, match="missing"):
-        filled("@missing@", {})
+    with pytest.raises(jinja2.UndefinedError, match="undefined"):
+        render("fmi3_build.xml.j2")
 
 
 def test_integers_are_in_the_order_of_the_floats() -> None:

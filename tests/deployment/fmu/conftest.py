@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.deployment.c_export.models import model_of
-from cylinder_friction.deployment.fmu.exporting import ExportedFmu, export_fmu
+from cylinder_friction.deployment.fmu.export import ExportedFmu, export_fmu
 from fmu_host import ExtractedFmu
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def step_model(small_hybrid: HybridEstimator) -> StepModel:
-    return model_of(small_hybrid)
+    return small_hybrid.step_model()
 
 
 @pytest.fixture(scope="session", params=[2, 3], ids=["fmi2", "fmi3"])

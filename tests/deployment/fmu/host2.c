@@ -43,7 +43,7 @@ static void expect(int holds, const char *what)
 
 static double friction_after(fmi2Component c, int from, int to)
 {
-    const fmi2ValueReference inputs[] = {FMU_VR_PRESSURE_1, FMU_VR_PRESSURE_2, FMU_VR_POSITION};
+    const fmi2ValueReference inputs[] = {FMU_VR_FIRST_INPUT, FMU_VR_FIRST_INPUT + 1, FMU_VR_FIRST_INPUT + 2};
     const fmi2ValueReference output = FMU_VR_FRICTION;
     double friction_n = 0.0;
     for (int i = from; i < to; i++) {

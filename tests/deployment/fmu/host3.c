@@ -57,7 +57,7 @@ static fmi3Status step(fmi3Instance c, double point_s, double step_s)
 
 static double friction_after(fmi3Instance c, int from, int to)
 {
-    const fmi3ValueReference inputs[] = {FMU_VR_PRESSURE_1, FMU_VR_PRESSURE_2, FMU_VR_POSITION};
+    const fmi3ValueReference inputs[] = {FMU_VR_FIRST_INPUT, FMU_VR_FIRST_INPUT + 1, FMU_VR_FIRST_INPUT + 2};
     const fmi3ValueReference output = FMU_VR_FRICTION;
     double friction_n = 0.0;
     for (int i = from; i < to; i++) {

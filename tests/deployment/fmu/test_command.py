@@ -8,7 +8,8 @@ import pytest
 from fmpy import read_model_description
 
 from cylinder_friction.commands.cli import main
-from cylinder_friction.deployment.fmu import building
+from cylinder_friction.deployment.c_export.compiled import NoCompilerError
+from cylinder_friction.deployment.fmu import export
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,7 +31,11 @@ def test_it_writes_the_file_and_says_what_is_in_it(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(building, "find_compiler", lambda: None)
+
+    def without_compiler() -> str:
+        raise NoCompilerError("none here")
+
+    monkeypatch.setattr(export, "find_compiler", without_compiler)
     path = folder / "press.fmu"
     assert main(["export", "fmu", str(folder / "model"), "--output", str(path), *options]) == 0
     description = read_model_description(str(path))

@@ -221,7 +221,7 @@ def test_outputs_cannot_be_set_and_unknown_variables_are_named(instance: FmuInst
     instance.initialize()
     with pytest.raises(FMICallException):
         instance.set_real(("friction",), (1.0,))
-    assert "value reference 6 is not an input; the inputs are pressure_1, pressure_2 and position" in instance.log[-1]
+    assert "value reference 6 is not an input; the inputs are pressure_1, pressure_2, position" in instance.log[-1]
     instance.fmu.references["nothing"] = 99
     with pytest.raises(FMICallException):
         instance.get_real("nothing")

@@ -47,4 +47,5 @@ def samples() -> np.ndarray:
 def measured(hybrid: HybridEstimator, lugre: LugreEstimator, samples: np.ndarray) -> Measured:
     if shutil.which("gcc") is None:
         pytest.skip("there is no C compiler")
-    return measure({"small": hybrid, "lugre": lugre}, samples, Effort(steps=STEPS, rounds=5, seconds=60.0))
+    effort = Effort(steps=STEPS, rounds=5, seconds=60.0)
+    return measure({"small": hybrid, "lugre": lugre}, {"small": samples, "lugre": samples}, effort)

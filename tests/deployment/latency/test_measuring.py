@@ -38,7 +38,7 @@ def test_every_runtime_takes_every_step_and_estimates_the_same(measured: Measure
 
 def test_the_process_is_left_as_it_was(hybrid: HybridEstimator, samples: np.ndarray) -> None:
     before = (os.sched_getaffinity(0), gc.isenabled())
-    measure({"small": hybrid}, samples, Effort(steps=4, rounds=2))
+    measure({"small": hybrid}, {"small": samples}, Effort(steps=4, rounds=2))
     assert (os.sched_getaffinity(0), gc.isenabled()) == before
 
 
@@ -53,7 +53,7 @@ def test_peers_are_measured_beside_the_runtimes(hybrid: HybridEstimator, samples
             PythonRuntime("one", "other", lambda *sample: sample[0], "other"),
         )
 
-    measured = measure({"small": hybrid}, samples, Effort(steps=4, rounds=2), peers)
+    measured = measure({"small": hybrid}, {"small": samples}, Effort(steps=4, rounds=2), peers)
     runtimes = measured.models["small"].runtimes
     assert list(runtimes)[:2] == ["zero", "one"]
     assert runtimes["zero"].largest_difference_n > 1.0, "runtimes of one group are compared"
@@ -75,12 +75,12 @@ def test_no_effort_is_refused(wrong: dict[str, int]) -> None:
 
 def test_too_few_samples_are_refused(hybrid: HybridEstimator, samples: np.ndarray) -> None:
     with pytest.raises(ValueError, match="expected at least 200 samples, but got 10"):
-        measure({"small": hybrid}, samples[:10], Effort())
+        measure({"small": hybrid}, {"small": samples[:10]}, Effort())
 
 
 def test_what_cannot_be_exported_is_refused(cylinder: Cylinder, samples: np.ndarray) -> None:
     with pytest.raises(ValueError, match="has no real-time step"):
-        measure({"law": AnalyticalEstimator(cylinder, model_named("dahl"))}, samples, Effort())
+        measure({"law": AnalyticalEstimator(cylinder, model_named("dahl"))}, {"law": samples}, Effort())
 
 
 def test_every_figure_is_one_of_the_measured_times() -> None:

@@ -57,7 +57,7 @@ def shaped(golden: StepModel, shape: str) -> StepModel:
     inputs = features if shape == "forest_alone" else stack.nodes
     generator = np.random.default_rng(0)
     rows = generator.normal(0.0, 0.5, (500, inputs)).astype(np.float32)
-    forest = fit_forest(rows, rows.sum(axis=1).astype(np.float64), ForestPlan(5, 4, len(rows), 5), 0)
+    forest = fit_forest(rows, rows.sum(axis=1).astype(np.float64), ForestPlan(trees=5, depth=4, rows=500, leaf=5), 0)
     if shape == "forest_alone":
         return replace(none, forest=forest, forest_sees="features", feature_limits=np.zeros(features))
     return replace(none, network=stack, forest=forest, forest_sees="hidden")

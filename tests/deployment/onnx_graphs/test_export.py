@@ -58,13 +58,13 @@ def test_the_checker_passes_it_at_versions_that_old_runtimes_read(file: str, exp
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_it_says_what_it_is(file: str, exported: ExportedOnnx, golden_model: StepModel) -> None:
-    said = metadata(getattr(exported, file))
-    assert float(said["sample_time_s"]) == golden_model.sample_time_s
-    assert "[Pa, gauge" in said["input"]
-    assert "[N]" in json.loads(said["output"])["friction_n"]
-    assert said["model_sha256"] == exported.model
-    lower, upper = json.loads(said["training_range_with_margin"])["position_m"]
+def test_it_states_what_it_is(file: str, exported: ExportedOnnx, golden_model: StepModel) -> None:
+    described = metadata(getattr(exported, file))
+    assert float(described["sample_time_s"]) == golden_model.sample_time_s
+    assert "gauge pressure on the rod side [Pa], piston position" in described["input"]
+    assert "[N]" in json.loads(described["output"])["friction_n"]
+    assert described["model_sha256"] == exported.model
+    lower, upper = json.loads(described["training_range_with_margin"])["position_m"]
     assert (lower, upper) == (golden_model.guard.trained_lower[2], golden_model.guard.trained_upper[2])
 
 
@@ -97,9 +97,11 @@ def test_another_model_has_another_hash(exported: ExportedOnnx, golden_model: St
 
 
 def test_a_graph_of_another_kind_is_refused(exported: ExportedOnnx) -> None:
-    with pytest.raises(ValueError, match=r"sequence\.onnx: is no step graph, its inputs are \['samples'\]; expected"):
+    with pytest.raises(
+        ValueError, match=r"sequence\.onnx: is not a step graph, its inputs are \['samples'\]; expected"
+    ):
         open_step(exported.sequence)
-    with pytest.raises(ValueError, match=r"network\.onnx: is no sequence graph"):
+    with pytest.raises(ValueError, match=r"network\.onnx: is not a sequence graph"):
         open_sequence(ROOT / "tests/golden" / MODEL_FOLDER / "network.onnx")
     with pytest.raises(FileNotFoundError):
         open_step(exported.step.with_name("none.onnx"))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,10 +31,10 @@ class NoCompilerError(RuntimeError):
 
 
 def find_compiler(names: Sequence[str] = COMPILERS) -> str:
-    """Return the path of the first compiler that is there.
+    """Return the path of the first compiler on the PATH.
 
     Raises:
-        NoCompilerError: None is.
+        NoCompilerError: There is none.
     """
     for name in names:
         found = shutil.which(name)
@@ -67,81 +66,64 @@ def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str
         raise NoCompilerError(f"{command[0]} refused {sources[0].name}:\n{done.stderr}")
 
 
-@dataclass(frozen=True)
-class _Types:
-    """How C's types are called here."""
-
-    real: type[ctypes.c_double] | type[ctypes.c_float]
-    output: type[ctypes.Structure]
-
-
-def _types(exported: ExportedC) -> _Types:
-    real = ctypes.c_double if exported.real == "double" else ctypes.c_float
-    fields = [("friction_n", real), ("lower_n", real), ("upper_n", real), ("flags", ctypes.c_uint32)]
-    return _Types(real, type("Output", (ctypes.Structure,), {"_fields_": fields}))
-
-
 class CompiledEstimator:
-    """A compiled library; ``stream`` gives as many instances as wanted.
+    """A compiled library; ``stream`` returns as many instances as needed.
 
     Args:
-        exported: What ``export_c`` wrote.
-        library: What ``compile_library`` made of it; None compiles now.
+        exported: Return value of ``export_c``.
+        library: Return value of ``compile_library``; None compiles now.
     """
 
     def __init__(self, exported: ExportedC, library: Path | None = None) -> None:
         self.exported = exported
-        self._types = _types(exported)
-        loaded = ctypes.CDLL(str(library or compile_library(exported)))
-        real, state = self._types.real, ctypes.c_void_p
-        self._init = loaded[f"{exported.name}_init"]
-        self._reset = loaded[f"{exported.name}_reset"]
-        self._warm_up = loaded[f"{exported.name}_warm_up"]
-        self._step = loaded[f"{exported.name}_step"]
-        for function, arguments in (
-            (self._init, [state]),
-            (self._reset, [state]),
-            (self._warm_up, [state, real, real, real, ctypes.c_uint32]),
-            (self._step, [state, real, real, real, ctypes.POINTER(self._types.output)]),
-        ):
-            function.argtypes, function.restype = arguments, None
+        real = ctypes.c_double if exported.real == "double" else ctypes.c_float
+        fields = [("friction_n", real), ("lower_n", real), ("upper_n", real), ("flags", ctypes.c_uint32)]
+        self.output: type[ctypes.Structure] = type("Output", (ctypes.Structure,), {"_fields_": fields})
+        self._loaded = ctypes.CDLL(str(library or compile_library(exported)))
+        state, sample = ctypes.c_void_p, [real] * len(exported.inputs)
+        self.init = self._function("init", state)
+        self.reset = self._function("reset", state)
+        self.warm_up = self._function("warm_up", state, *sample, ctypes.c_uint32)
+        self.step = self._function("step", state, *sample, ctypes.POINTER(self.output))
 
     def stream(self) -> CompiledStream:
         """Return a fresh instance."""
         return CompiledStream(self)
+
+    def _function(self, name: str, *arguments: Any) -> Any:
+        function = self._loaded[f"{self.exported.name}_{name}"]
+        function.argtypes, function.restype = arguments, None
+        return function
 
 
 class CompiledStream:
     """One instance: samples go in one at a time, newtons come out."""
 
     def __init__(self, estimator: CompiledEstimator) -> None:
-        self._c = estimator
-        self._state = ctypes.create_string_buffer(
-            b"\xa5" * estimator.exported.state_bytes, estimator.exported.state_bytes
-        )
-        self._output = estimator._types.output()
-        estimator._init(self._state)
+        self._c, size = estimator, estimator.exported.state_bytes
+        self._state = ctypes.create_string_buffer(b"\xa5" * size, size)
+        self._output = estimator.output()
+        estimator.init(self._state)
 
     def reset(self) -> None:
         """Forget everything; the next step is a first step."""
-        self._c._reset(self._state)
+        self._c.reset(self._state)
 
-    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Reset, then takes ``steps`` steps on one and the same sample."""
-        self._c._warm_up(self._state, pressure_1_pa, pressure_2_pa, position_m, steps)
+    def warm_up(self, *sample: float, steps: int) -> None:
+        """Reset, then take ``steps`` steps on one and the same sample."""
+        self._c.warm_up(self._state, *sample, steps)
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Return the estimate at this sample, whatever the sample is."""
-        self._c._step(self._state, pressure_1_pa, pressure_2_pa, position_m, self._output)
+    def step(self, *sample: float) -> Estimate:
+        """Return the estimate at this sample, one number per input, whatever the sample is."""
+        self._c.step(self._state, *sample, self._output)
         out = self._output
         return Estimate(out.friction_n, out.lower_n, out.upper_n, out.flags)
 
     def run(self, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
-        """Return friction, lower and upper bound, shape ``(n, 3)`` [N], and flags, ``(n,)``, of samples ``(n, 3)``."""
+        """Return friction, lower and upper bound, shape ``(n, 3)`` [N], and flags, ``(n,)``, for ``(n, inputs)``."""
         estimates, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.uint32)
         for row, sample in enumerate(samples.tolist()):
-            *values, said = self.step(*sample)
-            estimates[row], flags[row] = values, said
+            *estimates[row], flags[row] = self.step(*sample)
         return estimates, flags
 
     def saved(self) -> bytes:

@@ -2,44 +2,64 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from cylinder_friction.deployment.c_export.block import learned_block
-from cylinder_friction.deployment.c_export.filters import filter_bank, filter_source
-from cylinder_friction.deployment.c_export.header import HEADER, header_values, ordered_fields
-from cylinder_friction.deployment.c_export.literals import filled
-from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_block, lugre_model
-from cylinder_friction.deployment.c_export.models import model_of, part_of
-from cylinder_friction.deployment.c_export.step import GUARD_OPERATIONS, PRELUDE, STEP, guard_fields, step_values
+from cylinder_friction.deployment.c_export.filters import FilterBank
+from cylinder_friction.deployment.c_export.forest import SIDE_BY_SIDE, flatten
+from cylinder_friction.deployment.c_export.literals import number
+from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_model, lugre_values
+from cylinder_friction.deployment.c_export.network import network_operations, network_values
+from cylinder_friction.deployment.descriptions import FLAG_MEANINGS, described_inputs
+from cylinder_friction.deployment.rendering import model_hash, render
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS
+from cylinder_friction.realtime.bounds import unknown_bounds
+from cylinder_friction.realtime.history import TOLERANCE_M
+from cylinder_friction.recordings.columns import POSITION, PRESSURES
 from cylinder_friction.recordings.files import write_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from cylinder_friction.deployment.c_export.literals import Type
-    from cylinder_friction.deployment.c_export.models import Part
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.history import History
     from cylinder_friction.realtime.model import StepModel
 
 Precision = Literal["double", "float"]
+Part = Literal["whole", "lstm", "base"]
+BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4}
+GUARD_OPERATIONS = 40
+LIMIT_OPERATIONS = 3
+HISTORY_OPERATIONS = 60
 
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
 
 
 @dataclass(frozen=True)
+class GeneratedC:
+    """Both files as text; attributes as in ``ExportedC``."""
+
+    header: str
+    source: str
+    model: str
+    inputs: tuple[str, ...]
+    state_bytes: int
+    operations: int
+
+
+@dataclass(frozen=True)
 class ExportedC:
-    """What was written.
+    """Both files as written.
 
     Attributes:
-        header, source: The two files.
+        header, source: Their paths.
         name: Prefix of every public name.
         model: SHA-256 of every number that a step uses.
         inputs: Columns that a step takes, in order.
@@ -68,24 +88,19 @@ def export_c(
     """Write ``name.c`` and ``name.h`` into ``folder``.
 
     Args:
-        estimator: A fitted hybrid, LSTM, forest, force balance, ridge regression or LuGre.
-        folder: Made if it is not there.
+        estimator: Fitted; any that can run in real time.
+        folder: Created if it does not exist.
         name: Prefix of every public name: lower-case letters, digits and underscores.
         precision: Of samples, filters and estimates. ``double`` gives the reference's numbers; ``float`` is for
             processors without double. Network and forest are single in both, as they were trained.
-
         part: ``lstm`` leaves a hybrid's forest out, ``base`` its network too.
 
     Raises:
         NotFittedError: There is nothing fitted or loaded yet.
-        ValueError: Name, precision or part cannot be.
+        ValueError: The estimator cannot run in real time, or name, precision or part is not valid.
     """
     kind = estimator.kind if part == "whole" else f"{estimator.kind}, {part} alone"
-    if isinstance(estimator, LugreEstimator):
-        if part != "whole":
-            raise ValueError(f"part must be 'whole' for {estimator.kind}, but got {part!r}")
-        return export_model(lugre_model(estimator), folder, name, precision, kind)
-    return export_model(part_of(model_of(estimator), part), folder, name, precision, kind)
+    return export_model(part_of(c_model(estimator), part), folder, name, precision, kind)
 
 
 def export_model(
@@ -95,63 +110,203 @@ def export_model(
     precision: Precision = "double",
     kind: str = "hybrid",
 ) -> ExportedC:
-    """Write ``name.c`` and ``name.h`` of a model that is plain arrays already; arguments as for ``export_c``."""
+    """Write ``name.c`` and ``name.h`` of a step model; arguments as for ``export_c``."""
+    generated = generate_c(model, name, precision, kind)
+    header, source = folder / f"{name}.h", folder / f"{name}.c"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(header, generated.header)
+    write_text(source, generated.source)
+    return ExportedC(
+        header,
+        source,
+        name,
+        generated.model,
+        generated.inputs,
+        precision,
+        generated.state_bytes,
+        generated.operations,
+    )
+
+
+def c_model(estimator: FrictionEstimator) -> StepModel | LugreModel:
+    """Return what the C of a fitted estimator is made of.
+
+    Raises:
+        NotFittedError: There is nothing fitted or loaded yet.
+        ValueError: The estimator cannot run in real time.
+    """
+    return lugre_model(estimator) if isinstance(estimator, LugreEstimator) else estimator.step_model()
+
+
+def part_of(model: StepModel | LugreModel, part: Part) -> StepModel | LugreModel:
+    """Return a smaller model inside a hybrid: ``lstm`` leaves the forest out, ``base`` the network too.
+
+    Its bounds are as wide as can be, since they were calibrated on the whole.
+
+    Raises:
+        ValueError: The model has no such part.
+    """
+    if part not in get_args(Part):
+        raise ValueError(f"part must be one of {', '.join(get_args(Part))}, but got {part!r}")
+    if part == "whole":
+        return model
+    if isinstance(model, LugreModel) or (part == "lstm" and model.network is None):
+        raise ValueError(f"the model has no LSTM; expected a hybrid for part {part!r}")
+    if part == "base" and not np.any(model.base_taps):
+        raise ValueError("the model corrects no force balance, so nothing is left without network and forest")
+    network = model.network if part == "lstm" else None
+    return replace(
+        model,
+        network=network,
+        forest=None,
+        forest_sees="nothing",
+        head_counts=network is not None,
+        bounds=unknown_bounds(model.sample_time_s),
+    )
+
+
+def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, kind: str) -> GeneratedC:
+    """Return header and source of a step model; arguments as for ``export_c``."""
     if not _IDENTIFIER.fullmatch(name):
         raise ValueError(f"name must be lower-case letters, digits and underscores, a letter first, but got {name!r}")
     if precision not in ("double", "float"):
         raise ValueError(f"precision must be 'double' or 'float', but got {precision!r}")
-    real: Type = precision
+    lugre = model if isinstance(model, LugreModel) else None
     step = model.step if isinstance(model, LugreModel) else model
-    bank = filter_bank(step)
-    block = lugre_block(model, bank, real) if isinstance(model, LugreModel) else learned_block(step, bank, real)
-    rows = ordered_fields((*guard_fields(bank.lags), *block.fields), real)
-    operations = GUARD_OPERATIONS + bank.operations() + block.operations
+    bank, columns = FilterBank(step), step.inputs
+    learned = step.network is not None or step.forest is not None
+    history = step.history if learned else None
+    head = step.network is not None and (step.head_counts or step.forest_sees == "hidden_head_features")
+    forest = None if step.forest is None else flatten(step.forest)
+    pressures = [columns.index(column) for column in PRESSURES if column in columns]
+    position = columns.index(POSITION) if POSITION in columns else None
+    fields = state_fields(step, bank, lugre is not None, history, len(pressures), precision)
+    operations = GUARD_OPERATIONS + bank.operations()
+    if lugre is not None:
+        operations += LUGRE_STEP_MULTIPLY_ADDS
+    else:
+        operations += 4 + (_feature_operations(step, bank) if learned else 0)
+        operations += 0 if step.network is None else network_operations(step.network, head)
+        operations += 0 if forest is None else forest.operations()
+    smooth = None if history is None else bank.feature[history.position_feature]
+    begins = {} if smooth is None else {"backlash_centre_m": smooth, "moved_from_m": smooth}
+    inputs = described_inputs(columns)
     values: dict[str, object] = {
         "name": name,
         "NAME": name.upper(),
-        "real": real,
-        "real_literal": "x##f" if real == "float" else "x",
         "title": f"Friction of a hydraulic cylinder, sample by sample: {kind}, {precision} precision.",
         "version": version("cylinder-friction"),
-        "model": fingerprint(model),
+        "model_hash": model_hash(model),
         "kind": kind,
-        "precision": precision,
+        "model": step,
+        "inputs": inputs,
+        "flags": FLAG_MEANINGS,
+        "fields": fields,
+        "state_bytes": sum(field.bytes for field in fields),
         "operations": operations,
-        **header_values(step, rows, real),
-        **step_values(step, bank, block, real),
+        "arguments": ", ".join(f"{precision} {each.name}" for each in inputs),
+        "names": ", ".join(each.name for each in inputs),
+        "bank": bank,
+        "features": len(bank.feature) + (0 if history is None else len(history.mean)),
+        "pressures": pressures,
+        "position": position,
+        "zero": number(0.0, precision),
+        "base": number(0.0, precision) if bank.base is None else f"filtered[{bank.base}]",
+        "standstill": number(step.bounds.standstill_m_s, precision),
+        "network": step.network,
+        **({"head": False} if step.network is None else network_values(step.network, head)),
+        "forest": forest,
+        "side": SIDE_BY_SIDE,
+        "history": history,
+        "tolerance_m": TOLERANCE_M,
+        "smooth": smooth,
+        "moves_steps": 0 if history is None else _steps_within(history.moves_s, step.sample_time_s),
+        "begins": {"backlash_centre_m": bank.feature[0]} if lugre is not None else begins,
+        "lugre": None if lugre is None else lugre_values(lugre),
     }
-    header = filled(HEADER.replace("@ranges@", str(values["ranges"])), values)
-    source = filled("\n".join([PRELUDE, filter_source(bank, real), block.code, STEP]), values)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / f"{name}.h", header)
-    write_text(folder / f"{name}.c", source)
-    return ExportedC(
-        folder / f"{name}.h",
-        folder / f"{name}.c",
-        name,
-        str(values["model"]),
-        SAMPLE_COLUMNS,
-        real,
-        sum(row[3] for row in rows),
-        operations,
+    return GeneratedC(
+        header=render("estimator.h.j2", precision, **values),
+        source=render("estimator.c.j2", precision, **values),
+        model=str(values["model_hash"]),
+        inputs=columns,
+        state_bytes=sum(field.bytes for field in fields),
+        operations=operations,
     )
 
 
-def fingerprint(model: StepModel | LugreModel) -> str:
-    """Return the SHA-256 of every number of a model, the same on every machine."""
-    digest = hashlib.sha256()
-    _add(digest, model)
-    return digest.hexdigest()
+def _feature_operations(model: StepModel, bank: FilterBank) -> int:
+    limited = LIMIT_OPERATIONS * int(np.count_nonzero(model.feature_limits > 0.0))
+    return 2 * len(bank.feature) + limited + (0 if model.history is None else HISTORY_OPERATIONS)
 
 
-def _add(digest: Any, value: Any) -> None:
-    if is_dataclass(value):
-        for field in fields(value):
-            digest.update(field.name.encode())
-            _add(digest, getattr(value, field.name))
-    elif isinstance(value, np.ndarray):
-        ordered = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
-        digest.update(f"{ordered.dtype.str}{ordered.shape}".encode())
-        digest.update(ordered.tobytes())
-    else:
-        digest.update(repr(value).encode())
+def _steps_within(time_s: float, sample_time_s: float) -> int:
+    """Return after how many steps a time that is summed up step by step reaches ``time_s``, as Python sums it."""
+    steps, passed_s = 0, 0.0
+    while passed_s < time_s:
+        steps, passed_s = steps + 1, passed_s + sample_time_s
+    return steps
+
+
+@dataclass(frozen=True)
+class StateField:
+    """One array of the state: C type, name, shape (empty for a single value) and meaning."""
+
+    type: str
+    name: str
+    shape: tuple[int, ...]
+    comment: str
+
+    @property
+    def bytes(self) -> int:
+        return BYTES[self.type] * int(np.prod(self.shape, dtype=np.int64))
+
+    @property
+    def declarator(self) -> str:
+        return self.name + "".join(f"[{extent}]" for extent in self.shape)
+
+
+def state_fields(
+    model: StepModel, bank: FilterBank, lugre: bool, history: History | None, pressures: int, real: Type
+) -> Sequence[StateField]:
+    """Return all that an instance remembers, zero after a reset; widest types first, so that none needs padding."""
+    inputs = len(model.inputs)
+    fields = [
+        StateField(real, "window", (inputs, 2 * bank.lags), "last samples of each input, newest at cursor, kept twice"),
+        StateField(real, "held", (inputs,), "last valid value of each input"),
+        StateField(real, "constant_from_m", (pressures,), "position at which each pressure last changed"),
+        StateField("uint32_t", "cursor", (), "where the newest sample is"),
+        StateField("uint32_t", "ready", (), "1 once a sample was valid in all inputs"),
+        StateField("uint32_t", "frozen", (pressures,), "1 while a pressure is frozen"),
+        StateField("uint32_t", "constant_samples", (), "for how many steps the position has been constant"),
+        StateField("uint32_t", "warming", (), "steps of warm-up left"),
+        StateField("uint32_t", "recovering", (), "steps of recovery left"),
+        StateField("uint32_t", "reversal_left", (), "steps left of a reversal or start"),
+        StateField("int32_t", "direction", (), "-1, 0 or 1: sign of the velocity, 0 at standstill"),
+    ]
+    if model.network is not None:
+        shape = (model.network.layers, model.network.nodes)
+        fields += [
+            StateField("float", "hidden", shape, "output of each layer's nodes"),
+            StateField("float", "cell", shape, "memory of each layer's nodes"),
+        ]
+    if lugre or history is not None:
+        fields.append(StateField(real, "backlash_centre_m", (), "centre of the backlash in the position"))
+    if lugre:
+        fields += [
+            StateField(real, "push", (), "-1, 0 or 1: direction of the last push against the backlash"),
+            StateField(real, "bristle_m", (), "deflection of the bristles"),
+            StateField("uint32_t", "pushed", (), "steps for which that push counts"),
+        ]
+    if history is not None:
+        fields += [
+            StateField(real, "moved_from_m", (), "position of the last reversal or start"),
+            StateField("int32_t", "push_direction", (), "-1, 0 or 1: direction of the last push against the backlash"),
+            StateField("uint32_t", "moving_left", (), "steps for which that push counts as motion"),
+            StateField("uint32_t", "moving_steps", (), "steps of motion since the last reversal or start"),
+            StateField("uint32_t", "dwell_steps", (), "steps at rest so far"),
+            StateField("uint32_t", "dwell_before_steps", (), "steps at rest before this motion"),
+        ]
+    fields = sorted((field for field in fields if field.bytes), key=lambda field: -BYTES[field.type])
+    if any(BYTES[field.type] == 8 for field in fields) and sum(field.bytes for field in fields) % 8:
+        fields.append(StateField("uint32_t", "unused", (), "rounds the size to a multiple of 8"))
+    return fields

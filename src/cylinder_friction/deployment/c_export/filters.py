@@ -1,4 +1,4 @@
-"""C source of the filter bank: features, base force and velocity from the last raw samples.
+"""The filter bank of the C: features, base force and velocity from the last raw samples.
 
 In double precision sums run in the order of ``signals.causal.FirFilter``, so that not one bit differs. In single
 precision each row filters differences from the newest sample, which are exact where samples are close, so that a
@@ -12,99 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.deployment.c_export.literals import number, numbers
-
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.deployment.c_export.literals import Type
     from cylinder_friction.realtime.model import StepModel
 
     Array = NDArray[np.float64]
 
-LIMIT_OPERATIONS = 3
 ROUNDING = 1e-9
-"""Taps whose sum is smaller take no part of a constant: derivatives."""
+"""Taps with a smaller sum give nothing for a constant: derivatives."""
 
 
 @dataclass(frozen=True)
-class FilterBank:
-    """The distinct rows of all filters of a model.
-
-    Attributes:
-        rows: Shape ``(rows, 3, lags)``.
-        feature: Which row each feature takes.
-        base: Which row the base force is; None where there is none.
-        velocity: Which row the velocity is.
-    """
-
-    rows: Array
-    feature: tuple[int, ...]
-    base: int | None
-    velocity: int
-
-    @property
-    def lags(self) -> int:
-        return int(self.rows.shape[2])
-
-    def operations(self) -> int:
-        """Return the multiply-adds of one step."""
-        return sum(last - first for row in self.rows for first, last in filter(None, map(_extent, row)))
-
-
-def filter_bank(model: StepModel) -> FilterBank:
-    """Return the model's filters, each distinct one once."""
-    lags = max(taps.shape[-1] for taps in (model.feature_taps, model.base_taps, model.velocity_taps))
-    every = [*model.feature_taps, model.velocity_taps, model.base_taps]
-    rows: list[Array] = []
-    chosen = []
-    for taps in every:
-        row = np.pad(taps, ((0, 0), (0, lags - taps.shape[1])))
-        same = [index for index, other in enumerate(rows) if np.array_equal(row, other)]
-        if not same:
-            rows.append(row)
-        chosen.append(same[0] if same else len(rows) - 1)
-    has_base = bool(np.any(model.base_taps))
-    if not has_base and chosen[-1] == len(rows) - 1 and chosen.count(chosen[-1]) == 1:
-        rows.pop()
-    longest = max((extent[1] for row in rows for extent in map(_extent, row) if extent is not None), default=1)
-    stacked = np.stack(rows)[:, :, :longest]
-    return FilterBank(stacked, tuple(chosen[:-2]), chosen[-1] if has_base else None, chosen[-2])
-
-
-def filter_source(bank: FilterBank, kind: Type) -> str:
-    """Return the taps and ``filter_samples``, which fills ``filtered[ROWS]`` from the ring of samples."""
-    taps, lines, start = [], [], 0
-    for index, row in enumerate(bank.rows):
-        terms = []
-        for channel, extent in enumerate(map(_extent, row)):
-            if extent is None:
-                continue
-            first, last = extent
-            terms.append(_Term(start, channel, first, last - first, float(row[channel].sum())))
-            taps.extend(row[channel, first:last])
-            start += last - first
-        lines.extend(_row_source(index, terms, kind))
-    return f"""\
-/* Filters on the last samples. A window holds the newest sample first. */
-#define ROWS {len(bank.rows)}
-
-static const real TAPS[{max(len(taps), 1)}] = {{
-{numbers(taps or [0.0], kind)}
-}};
-
-{_WEIGHTED_DIFFERENCES if kind == "float" else _WEIGHTED}
-static void filter_samples(const real *p1, const real *p2, const real *x, real filtered[ROWS])
-{{
-    const real *const window[3] = {{p1, p2, x}};
-{chr(10).join(lines)}
-}}
-"""
-
-
-@dataclass(frozen=True)
-class _Term:
-    """One channel of a row: where its taps begin, the lags they cover, and their sum."""
+class Term:
+    """One input of a row: where its taps begin in the table, the lags they cover, and their sum."""
 
     start: int
     channel: int
@@ -112,65 +33,55 @@ class _Term:
     count: int
     sum: float
 
-
-def _row_source(index: int, terms: list[_Term], kind: Type) -> list[str]:
-    total, lines = number(0.0, kind), []
-    for term in terms:
-        begin = total
-        if kind == "float" and abs(term.sum) > ROUNDING:
-            begin = f"{total} + {number(term.sum, kind)} * window[{term.channel}][0]"
-        newest = f", window[{term.channel}][0]" if kind == "float" else ""
-        window = f"window[{term.channel}] + {term.first}"
-        lines.append(f"    filtered[{index}] = weighted({begin}, TAPS + {term.start}, {window}, {term.count}{newest});")
-        total = f"filtered[{index}]"
-    return lines or [f"    filtered[{index}] = {total};"]
+    @property
+    def passes_constants(self) -> bool:
+        return abs(self.sum) > ROUNDING
 
 
-def feature_source(model: StepModel, bank: FilterBank, kind: Type) -> str:
-    """Return ``make_features``: soft limit and standardisation of each feature, written into ``features``."""
-    lines = []
-    for index, row in enumerate(bank.feature):
-        limit = float(model.feature_limits[index])
-        value = f"filtered[{row}]"
-        if limit > 0.0:
-            magnitude = "fabsf" if kind == "float" else "fabs"
-            value = f"{value} / ({magnitude}({value}) + {number(limit, kind)})"
-        mean, scale = number(model.feature_mean[index], kind), number(model.feature_scale[index], kind)
-        lines.append(f"    features[{index}] = (float)(({value} - {mean}) / {scale});")
-    body = "\n".join(lines)
-    return f"""\
-static void make_features(const real filtered[ROWS], float features[FEATURES])
-{{
-{body}
-}}
-"""
+class FilterBank:
+    """The distinct rows of all filters of a model.
 
+    Attributes:
+        rows: Shape ``(rows, inputs, lags)``.
+        feature: Row of each feature.
+        base: Row of the base force; None where there is none.
+        velocity: Row of the velocity.
+        terms: Of each row, one per input that it takes.
+        taps: Of all terms, one after the other.
+    """
 
-def _extent(taps: Array) -> tuple[int, int] | None:
-    """Return the first lag and one past the last lag that count; None where none does."""
-    used = np.flatnonzero(taps)
-    return None if len(used) == 0 else (int(used[0]), int(used[-1]) + 1)
+    def __init__(self, model: StepModel) -> None:
+        base = [model.base_taps] if np.any(model.base_taps) else []
+        every = [*model.feature_taps, model.velocity_taps, *base]
+        lags = max(taps.shape[1] for taps in every)
+        padded = np.stack([np.pad(taps, ((0, 0), (0, lags - taps.shape[1]))) for taps in every])
+        _, first, place = np.unique(padded, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        chosen = np.argsort(order)[place.ravel()].tolist()
+        rows = padded[first[order]]
+        used = np.flatnonzero(np.any(rows, axis=(0, 1)))
+        self.rows: Array = rows[:, :, : int(used[-1]) + 1 if len(used) else 1]
+        count = len(model.feature_taps)
+        self.feature, self.velocity = tuple(chosen[:count]), chosen[count]
+        self.base = chosen[-1] if base else None
+        self.taps: list[float] = []
+        self.terms = [self._terms(row) for row in self.rows]
+        self.taps = self.taps or [0.0]
 
+    @property
+    def lags(self) -> int:
+        return int(self.rows.shape[2])
 
-_WEIGHTED = """\
-static real weighted(real total, const real *taps, const real *window, int count)
-{
-    int lag;
-    for (lag = 0; lag < count; ++lag) {
-        total += taps[lag] * window[lag];
-    }
-    return total;
-}
-"""
+    def operations(self) -> int:
+        """Return the multiply-adds of one step."""
+        return sum(term.count for terms in self.terms for term in terms)
 
-_WEIGHTED_DIFFERENCES = """\
-/* Differences from the newest sample are exact where samples are close: derivatives lose nothing to rounding. */
-static real weighted(real total, const real *taps, const real *window, int count, real newest)
-{
-    int lag;
-    for (lag = 0; lag < count; ++lag) {
-        total += taps[lag] * (window[lag] - newest);
-    }
-    return total;
-}
-"""
+    def _terms(self, row: Array) -> list[Term]:
+        terms = []
+        for channel, taps in enumerate(row):
+            used = np.flatnonzero(taps)
+            if len(used):
+                first, last = int(used[0]), int(used[-1]) + 1
+                terms.append(Term(len(self.taps), channel, first, last - first, float(taps.sum())))
+                self.taps.extend(taps[first:last].tolist())
+        return terms

@@ -1,4 +1,4 @@
-"""C source of the forest: eight trees walked side by side, every walk as long as the deepest of the eight.
+"""The forest of the C: eight trees walked side by side, every walk as long as the deepest of the eight.
 
 A node is eight bytes: threshold, way to its first child, input. Its children lie next to each other, and a pair of
 children beside its own children's pairs, so that two levels mostly share a cache line. Thresholds and inputs are
@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.deployment.c_export.literals import wrapped
-
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from cylinder_friction.realtime.forest import Forest
@@ -36,6 +36,7 @@ class FlatForest:
         source: Which input each node compares, shape ``(nodes,)``; one past the last in a leaf.
         roots: Where each tree begins, shape ``(trees,)``.
         depths: Comparisons of each eight trees, shape ``(trees / 8,)``.
+        inputs: Number of inputs.
     """
 
     content: NDArray[np.int32]
@@ -43,6 +44,13 @@ class FlatForest:
     source: NDArray[np.int64]
     roots: NDArray[np.int64]
     depths: NDArray[np.int64]
+    inputs: int
+
+    def nodes(self) -> Iterator[str]:
+        """Yield each node as a C initializer."""
+        columns = (self.content.tolist(), self.child.tolist(), self.source.tolist())
+        for content, child, source in zip(*columns, strict=True):
+            yield f"{{{content}, {child}u, {source}u}}"
 
     def operations(self) -> int:
         """Return the comparisons of one step, and the sum of the leaves."""
@@ -77,82 +85,8 @@ def flatten(forest: Forest) -> FlatForest:
         source=np.concatenate([tree[2] for tree in trees]),
         roots=np.concatenate([[0], np.cumsum(sizes)[:-1]]),
         depths=np.array([tree[3] for tree in trees[::SIDE_BY_SIDE]]),
+        inputs=forest.inputs,
     )
-
-
-def forest_source(flat: FlatForest, inputs: int) -> str:
-    """Return the nodes and ``run_forest``."""
-    nodes = (
-        f"{{{content}, {child}u, {source}u}}"
-        for content, child, source in zip(flat.content.tolist(), flat.child.tolist(), flat.source.tolist(), strict=True)
-    )
-    return f"""\
-/* Forest: SIDE trees walked side by side. A node's content is its threshold as `ordered` makes it; a leaf is its own
-   child, and its content is the bits of its value. */
-#define GROUPS {len(flat.depths)}
-#define SIDE {SIDE_BY_SIDE}
-#define FOREST_INPUTS {inputs}
-
-typedef struct {{
-    int32_t content;
-    uint16_t child;
-    uint16_t source;
-}} node;
-
-typedef union {{
-    int32_t bits;
-    float value;
-}} word;
-
-static const node FOREST[{len(flat.content)}] ALIGNED = {{
-{wrapped(nodes)}
-}};
-
-static const uint32_t ROOTS[GROUPS * SIDE] = {{
-{wrapped(f"{root}u" for root in flat.roots)}
-}};
-
-static const uint16_t DEPTHS[GROUPS] = {{
-{wrapped(f"{depth}u" for depth in flat.depths)}
-}};
-
-/* Integers in the order of floats; adding 0 makes -0 and 0 the same. */
-static int32_t ordered(float x)
-{{
-    word w;
-    w.value = x + 0.0f;
-    return w.bits < 0 ? w.bits ^ 0x7fffffff : w.bits;
-}}
-
-static real run_forest(const float inputs[FOREST_INPUTS])
-{{
-    int32_t seen[FOREST_INPUTS + 1];
-    real total = R(0.0);
-    int group, level, k;
-    for (k = 0; k < FOREST_INPUTS; ++k) {{
-        seen[k] = ordered(inputs[k]);
-    }}
-    seen[FOREST_INPUTS] = INT32_MIN; /* what leaves compare with */
-    for (group = 0; group < GROUPS; ++group) {{
-        const node *at[SIDE];
-        const int depth = (int)DEPTHS[group];
-        for (k = 0; k < SIDE; ++k) {{
-            at[k] = FOREST + ROOTS[group * SIDE + k];
-        }}
-        for (level = 0; level < depth; ++level) {{
-            for (k = 0; k < SIDE; ++k) {{
-                at[k] += at[k]->child + (seen[at[k]->source] > at[k]->content);
-            }}
-        }}
-        for (k = 0; k < SIDE; ++k) {{
-            word leaf;
-            leaf.bits = at[k]->content;
-            total += (real)leaf.value;
-        }}
-    }}
-    return total;
-}}
-"""
 
 
 def _flat_tree(forest: Forest, root: int) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], int]:

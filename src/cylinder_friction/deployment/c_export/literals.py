@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from numpy.typing import ArrayLike
 
 Type = Literal["float", "double"]
 
-LINE = 110
-_PLACE = re.compile(r"@(\w+)@")
+LINE = 114
 
 
 def number(value: float, kind: Type) -> str:
@@ -36,22 +34,13 @@ def numbers(values: ArrayLike, kind: Type) -> str:
     return wrapped(number(value, kind) for value in np.asarray(values).ravel().tolist())
 
 
-def wrapped(items: Iterable[str], indent: str = "    ") -> str:
-    """Return items with commas between them, in indented lines of at most ``LINE`` characters."""
-    lines, line = [], indent
+def wrapped(items: Iterable[str]) -> str:
+    """Return items with commas between them, in indented lines."""
+    lines, line = [], "    "
     for item in items:
-        if len(line) + len(item) + 2 > LINE and line != indent:
+        if len(line) + len(item) + 2 > LINE:
             lines.append(line.rstrip())
-            line = indent
+            line = "    "
         line += f"{item}, "
     lines.append(line.rstrip().removesuffix(","))
     return "\n".join(lines)
-
-
-def filled(template: str, values: Mapping[str, object]) -> str:
-    """Return the template with every ``@key@`` replaced by its value.
-
-    Raises:
-        KeyError: The template asks for a key that is not there.
-    """
-    return _PLACE.sub(lambda found: str(values[found[1]]), template)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.deployment.descriptions import FLAG_MEANINGS, described_inputs
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
@@ -14,16 +14,28 @@ Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "input", "output", "parameter", "calculatedParameter"]
 Variability = Literal["continuous", "discrete", "fixed"]
 
-FLAG_MEANINGS = {
-    Flag.NOT_READY: "No step yet, or no sample yet with all three channels valid; friction and bounds are 0",
-    Flag.WARMING: "The state still remembers the start; wait, or set warm_up_steps",
-    Flag.OUTSIDE: "A channel lies outside the training range widened by 5 %; the estimate is an extrapolation",
-    Flag.INVALID_PRESSURE_1: "pressure_1 is not a working sensor's reading; its last valid value stands in",
-    Flag.INVALID_PRESSURE_2: "pressure_2 is not a working sensor's reading; its last valid value stands in",
-    Flag.INVALID_POSITION: "position is not a working sensor's reading; its last valid value stands in",
-    Flag.FROZEN: "A channel repeats one value although it cannot be constant",
-    Flag.RECOVERING: "Channels are sound again, but the state still remembers invalid or frozen ones",
-    Flag.INVALID_OTHER: "Another input is not a working sensor's reading; its last valid value stands in",
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as FMI defines it.
+
+    Attributes:
+        base: Exponents of the SI base units, and an offset to them.
+        shown_as: Display unit and its factor: value in it = factor x value in this unit.
+    """
+
+    base: dict[str, float]
+    shown_as: tuple[str, float] | None = None
+
+
+UNITS = {
+    "s": Unit({"s": 1}),
+    "Pa": Unit({"kg": 1, "m": -1, "s": -2}, ("bar", 1e-5)),
+    "m": Unit({"m": 1}, ("mm", 1e3)),
+    "m/s": Unit({"m": 1, "s": -1}, ("mm/s", 1e3)),
+    "m/s2": Unit({"m": 1, "s": -2}),
+    "N": Unit({"kg": 1, "m": 1, "s": -2}, ("kN", 1e-3)),
+    "degC": Unit({"K": 1, "offset": 273.15}),
 }
 
 
@@ -36,7 +48,7 @@ class FmuVariable:
         kind: Real is Float64 in FMI 3, integer is Int32.
         causality, variability: As FMI names them.
         description: One sentence.
-        unit, display_unit: Names from ``units.UNITS``, or None.
+        unit: A name from ``UNITS``, or None.
         start: Value before anything is set, for inputs and parameters alone.
         minimum: Smallest value, for the integer parameter alone.
     """
@@ -47,81 +59,68 @@ class FmuVariable:
     variability: Variability
     description: str
     unit: str | None = None
-    display_unit: str | None = None
     start: float | int | None = None
     minimum: int | None = None
 
-    @property
-    def calculated(self) -> bool:
-        """Whether the FMU computes its first value: what FMI lists as an initial unknown."""
-        return self.causality in ("output", "calculatedParameter")
+    def attributes(self, reference: int) -> dict[str, str | None]:
+        """Return the attributes of any variable; inputs and time may not state how they begin."""
+        calculated = self.causality in ("output", "calculatedParameter")
+        return {
+            "name": self.name,
+            "valueReference": str(reference),
+            "description": self.description,
+            "causality": self.causality,
+            "variability": self.variability,
+            "initial": "calculated" if calculated else "exact" if self.causality == "parameter" else None,
+        }
+
+    def typed_attributes(self) -> dict[str, str | None]:
+        """Return the attributes that depend on the variable's type."""
+        shown_as = None if self.unit is None else UNITS[self.unit].shown_as
+        return {
+            "unit": self.unit,
+            "displayUnit": shown_as[0] if shown_as else None,
+            "min": None if self.minimum is None else str(self.minimum),
+            "start": None if self.start is None else repr(self.start),
+        }
 
 
 def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
     """Return the variables; a variable's place in the tuple is its value reference."""
+    probability = model.bounds.probability
+    holds = f"friction lies between the bounds with probability {probability:g}"
+    if probability == 1.0:
+        holds = "as wide as can be, as this model's errors were never calibrated"
+    warm_up = "For how many steps the samples set before the simulation starts have stood already; 0: not at all"
+    step = "Time between two samples: the only communication step size that is taken"
+    estimates = {
+        "friction": "Friction, positive when it opposes positive velocity, of the sample set before the step",
+        "friction_lower": f"Lower bound of friction: {holds}",
+        "friction_upper": f"Upper bound of friction: {holds}",
+    }
     return (
         FmuVariable("time", "real", "independent", "continuous", "Simulation time", "s"),
         *_inputs(model),
-        FmuVariable(
-            "warm_up_steps",
-            "integer",
-            "parameter",
-            "fixed",
-            "For how many steps the samples set before the simulation starts have stood already; 0: not at all",
-            start=0,
-            minimum=0,
-        ),
-        FmuVariable(
-            "sample_time",
-            "real",
-            "calculatedParameter",
-            "fixed",
-            "Time between two samples: the only communication step size that is taken",
-            "s",
-        ),
-        *_estimates(model.bounds.probability),
+        FmuVariable("warm_up_steps", "integer", "parameter", "fixed", warm_up, start=0, minimum=0),
+        FmuVariable("sample_time", "real", "calculatedParameter", "fixed", step, "s"),
+        *(FmuVariable(name, "real", "output", "continuous", text, "N") for name, text in estimates.items()),
         FmuVariable("flags", "integer", "output", "discrete", "How far to trust the estimate, as bits; 0: all is well"),
         FmuVariable("trusted", "boolean", "output", "discrete", "No flag is set"),
         *(
-            FmuVariable(
-                str(flag.name).lower(), "boolean", "output", "discrete", f"Flag {flag.value}: {FLAG_MEANINGS[flag]}"
-            )
-            for flag in Flag
+            FmuVariable(str(flag.name).lower(), "boolean", "output", "discrete", f"Flag {flag.value}: {meaning}")
+            for flag, meaning in FLAG_MEANINGS.items()
         ),
     )
 
 
 def _inputs(model: StepModel) -> list[FmuVariable]:
-    """The raw samples; they start in the middle of the training range: a piston at rest that the model knows."""
-    guard = model.guard
-    channels = (
-        ("pressure_1", "Gauge pressure on the piston side", "Pa", "bar"),
-        ("pressure_2", "Gauge pressure on the rod side", "Pa", "bar"),
-        ("position", "Piston position, growing as the rod extends", "m", "mm"),
-    )
-    return [
-        FmuVariable(
-            name,
-            "real",
-            "input",
-            "continuous",
-            f"{what}, as the sensor gives it; no flag from {guard.trained_lower[i]:.6g} "
-            f"to {guard.trained_upper[i]:.6g} {unit}",
-            unit,
-            shown,
-            start=float(f"{0.5 * (guard.trained_lower[i] + guard.trained_upper[i]):.6g}"),
-        )
-        for i, (name, what, unit, shown) in enumerate(channels)
-    ]
-
-
-def _estimates(probability: float) -> list[FmuVariable]:
-    holds = f"friction lies between the bounds with probability {probability:g}"
-    if probability == 1.0:
-        holds = "so wide that it says nothing, as this model's errors were never calibrated"
-    texts = (
-        ("friction", "Friction, positive when it opposes positive velocity, of the sample set before the step"),
-        ("friction_lower", f"Lower bound of friction: {holds}"),
-        ("friction_upper", f"Upper bound of friction: {holds}"),
-    )
-    return [FmuVariable(name, "real", "output", "continuous", text, "N", "kN") for name, text in texts]
+    """Return the raw samples; they start in the middle of the training range: a piston at rest that the model knows."""
+    result = []
+    for each, lower, upper in zip(
+        described_inputs(model.inputs), model.guard.trained_lower, model.guard.trained_upper, strict=True
+    ):
+        text = each.meaning[0].upper() + each.meaning[1:]
+        text += f", as the sensor gives it; no flag from {lower:.6g} to {upper:.6g}"
+        start = float(f"{0.5 * (lower + upper):.6g}")
+        result.append(FmuVariable(each.quantity, "real", "input", "continuous", text, each.unit, start))
+    return result

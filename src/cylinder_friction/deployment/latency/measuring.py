@@ -124,13 +124,16 @@ class Measured:
 
 
 def measure(
-    estimators: Mapping[str, FrictionEstimator], samples: Array, effort: Effort, peers: Peers | None = None
+    estimators: Mapping[str, FrictionEstimator],
+    samples: Mapping[str, Array],
+    effort: Effort,
+    peers: Peers | None = None,
 ) -> Measured:
     """Measure every runtime of every estimator.
 
     Args:
         estimators: By name.
-        samples: Raw, shape ``(n, inputs)``; taken over and over.
+        samples: Raw, of each estimator, shape ``(n, inputs)``; taken over and over.
         effort: How much.
         peers: Gives further runtimes to measure beside those of an estimator, from it, its C, the samples and a
             folder.
@@ -139,18 +142,19 @@ def measure(
         NoCompilerError: There is no C compiler.
         ValueError: An estimator cannot be exported, or there are too few samples.
     """
-    if len(samples) < COMPARED_STEPS:
-        raise ValueError(f"expected at least {COMPARED_STEPS} samples, but got {len(samples)}")
+    fewest = min(map(len, samples.values()), default=0)
+    if fewest < COMPARED_STEPS:
+        raise ValueError(f"expected at least {COMPARED_STEPS} samples, but got {fewest}")
     with TemporaryDirectory() as folder, one_core() as core, _no_garbage_collection():
         turns: dict[str, list[_Turns]] = {}
         for place, (name, estimator) in enumerate(estimators.items()):
             own = Path(folder) / f"model{place}"
             runtimes = list(runtimes_of(estimator, own))
             if peers is not None:
-                runtimes = [*peers(estimator, _compiled(runtimes), samples, own), *runtimes]
-            turns[name] = _compared(runtimes, estimator, samples)
+                runtimes = [*peers(estimator, _compiled(runtimes), samples[name], own), *runtimes]
+            turns[name] = _compared(runtimes, estimator, samples[name])
         watch = QuietWatch(core)
-        _take_turns([turn for each in turns.values() for turn in each], samples, effort)
+        _take_turns([turn for each in turns.values() for turn in each], effort)
         quiet = watch.end()
     models = {name: _figures(estimators[name], each) for name, each in turns.items()}
     return Measured(models, effort, core, quiet, machine())
@@ -170,16 +174,19 @@ def _no_garbage_collection() -> Iterator[None]:
 
 @dataclass
 class _Turns:
-    """One runtime, its largest difference from the expected friction [N], and its times so far."""
+    """One runtime, its samples, its largest difference from the expected friction [N], and its times so far."""
 
     runtime: Runtime
+    samples: Array
     largest_difference_n: float
     steps: int = 0
     timed: list[Times] = field(default_factory=list)
     first: list[int] = field(default_factory=list)
     preempted: int = 0
 
-    def take(self, samples: Array) -> None:
+    def take(self, share: float) -> None:
+        """Take a turn that begins after this share of the samples."""
+        samples = np.roll(self.samples, -int(share * len(self.samples)), axis=0)
         _, lead_in = self.runtime.run(samples[:LEAD_IN_STEPS])
         self.first.append(int(lead_in[0]))
         left, before = self.steps, preemptions()
@@ -197,20 +204,18 @@ def _compared(runtimes: Sequence[Runtime], estimator: FrictionEstimator, samples
     for runtime in runtimes:
         friction, _ = runtime.run(samples[:COMPARED_STEPS])
         difference = np.abs(friction - expected.setdefault(runtime.group, friction))
-        result.append(_Turns(runtime, float(difference.max())))
+        result.append(_Turns(runtime, samples, float(difference.max())))
     return result
 
 
-def _take_turns(turns: list[_Turns], samples: Array, effort: Effort) -> None:
+def _take_turns(turns: list[_Turns], effort: Effort) -> None:
     """Begin each round with another runtime, all at one place, the rounds' places spread over the samples."""
-    endless = np.concatenate([samples, samples])
     for turn in turns:
-        _, trial = turn.runtime.run(samples[:LEAD_IN_STEPS])
+        _, trial = turn.runtime.run(turn.samples[:LEAD_IN_STEPS])
         turn.steps = effort.steps_per_round(float(np.median(trial)))
     for start in range(effort.rounds):
-        begin = start * len(samples) // effort.rounds
         for place in range(len(turns)):
-            turns[(start + place) % len(turns)].take(endless[begin : begin + len(samples)])
+            turns[(start + place) % len(turns)].take(start / effort.rounds)
 
 
 def _compiled(runtimes: Sequence[Runtime]) -> CompiledRuntime:

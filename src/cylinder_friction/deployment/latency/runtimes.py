@@ -10,9 +10,9 @@ import numpy as np
 
 from cylinder_friction.deployment.c_export.compiled import OPTIMISED, WARNINGS, compile_shared
 from cylinder_friction.deployment.c_export.export import export_c
-from cylinder_friction.deployment.c_export.literals import filled
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import open_step
+from cylinder_friction.deployment.rendering import render
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.realtime.stream import RealTimeStream
 
@@ -74,58 +74,6 @@ class PythonRuntime:
         return friction, times
 
 
-CLOCK = """\
-#define _POSIX_C_SOURCE 199309L
-#include <stdint.h>
-#include <time.h>
-
-static int64_t now_ns(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + (int64_t)now.tv_nsec;
-}
-
-"""
-
-TIMED = (
-    CLOCK
-    + """\
-#include "@name@.h"
-
-void timed_start(@name@_state *state);
-void timed_run(@name@_state *state, const double *samples, int64_t rows, double *friction_n, int64_t *times_ns);
-void timed_nothing(int64_t rows, int64_t *times_ns);
-
-void timed_start(@name@_state *state)
-{
-    @name@_init(state);
-}
-
-void timed_run(@name@_state *state, const double *samples, int64_t rows, double *friction_n, int64_t *times_ns)
-{
-    int64_t row;
-    for (row = 0; row < rows; ++row, samples += @inputs@) {
-        @name@_output output;
-        const int64_t before = now_ns();
-        @name@_step(state, @sample@, &output);
-        times_ns[row] = now_ns() - before;
-        friction_n[row] = (double)output.friction_n;
-    }
-}
-
-void timed_nothing(int64_t rows, int64_t *times_ns)
-{
-    int64_t row;
-    for (row = 0; row < rows; ++row) {
-        const int64_t before = now_ns();
-        times_ns[row] = now_ns() - before;
-    }
-}
-"""
-)
-
-
 class CompiledRuntime:
     """An exported estimator with the loop and the clock around its step in C too: Python is not part of the time.
 
@@ -143,9 +91,7 @@ class CompiledRuntime:
     def __init__(self, name: str, title: str, exported: ExportedC, options: Sequence[str]) -> None:
         self.name, self.title, self.exported = name, title, exported
         driver = exported.source.with_name(f"{exported.name}_timed.c")
-        sample = ", ".join(f"({exported.name}_real)samples[{index}]" for index in range(len(exported.inputs)))
-        values = {"name": exported.name, "inputs": len(exported.inputs), "sample": sample}
-        driver.write_text(filled(TIMED, values), encoding="utf-8")
+        driver.write_text(render("timed.c.j2", name=exported.name, inputs=len(exported.inputs)), encoding="utf-8")
         library = exported.source.with_name(f"{name}.so")
         compile_shared((exported.source, driver), library, ("-std=c99", *WARNINGS, *options))
         self._c = ctypes.CDLL(str(library))

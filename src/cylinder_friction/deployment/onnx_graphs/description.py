@@ -1,15 +1,14 @@
-"""What an exported graph says about itself: meaning, units, range, and the session options it is made for."""
+"""Metadata of an exported graph: meaning, units, ranges, and the session options it is made for."""
 
 from __future__ import annotations
 
-import hashlib
 import json
-from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
 import onnxruntime
 
+from cylinder_friction.deployment.descriptions import described_inputs
+from cylinder_friction.deployment.rendering import model_hash
 from cylinder_friction.realtime.flags import Flag
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
     from cylinder_friction.realtime.model import StepModel
 
-INPUTS = "raw sample: pressure 1 [Pa, gauge, piston side], pressure 2 [Pa, gauge, rod side], position [m]"
 OUTPUTS = {
     "friction_n": "friction [N], positive when it opposes positive velocity",
     "lower_n": "lower bound of friction [N]",
@@ -32,19 +30,23 @@ ORT_CONFIG = "ort_config"
 MODEL_HASH = "model_sha256"
 
 
+def input_text(model: StepModel) -> str:
+    """Return the meaning and order of a sample's numbers."""
+    return "raw sample: " + ", ".join(each.meaning for each in described_inputs(model.inputs))
+
+
 def described(model: StepModel) -> dict[str, str]:
     """Return a graph's metadata, each value a string."""
     guard = model.guard
-    columns = ("pressure_1_pa", "pressure_2_pa", "position_m")
     threads = {"intra_op_num_threads": 1, "inter_op_num_threads": 1, "execution_mode": 0}
     return {
         ORT_CONFIG: json.dumps({"session_options": threads}),
         **dict.fromkeys(SPINNING, "0"),
         "sample_time_s": repr(float(model.sample_time_s)),
-        "input": INPUTS,
+        "input": input_text(model),
         "output": json.dumps(OUTPUTS),
-        "training_range_with_margin": _ranges(columns, guard.trained_lower, guard.trained_upper),
-        "accepted_range": _ranges(columns, guard.accept_lower, guard.accept_upper),
+        "training_range_with_margin": _ranges(model.inputs, guard.trained_lower, guard.trained_upper),
+        "accepted_range": _ranges(model.inputs, guard.accept_lower, guard.accept_upper),
         "bounds_probability": repr(float(model.bounds.probability)),
         "warm_up_samples": str(guard.warm_up_samples),
         "recovery_samples": str(guard.recovery_samples),
@@ -67,24 +69,6 @@ def session_options(metadata: Mapping[str, str]) -> onnxruntime.SessionOptions:
         options.add_session_config_entry(entry, metadata[entry])
     options.log_severity_level = 3
     return options
-
-
-def model_hash(model: StepModel) -> str:
-    """Return the SHA-256 of every number in the model: step and sequence graph of one model share it."""
-    digest = hashlib.sha256()
-    _feed(digest, model)
-    return digest.hexdigest()
-
-
-def _feed(digest: Any, value: Any) -> None:
-    if is_dataclass(value):
-        for field in fields(value):
-            digest.update(field.name.encode())
-            _feed(digest, getattr(value, field.name))
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
-    else:
-        digest.update(repr(value).encode())
 
 
 def _ranges(columns: tuple[str, ...], lower: tuple[float, ...], upper: tuple[float, ...]) -> str:

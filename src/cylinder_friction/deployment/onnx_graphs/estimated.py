@@ -1,17 +1,18 @@
-"""Filters, network, forest and their sum in ONNX: from a window of samples to newtons with bounds."""
+"""Filters, history, network, forest and their sum in ONNX: from a window of samples to newtons with bounds."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from onnx import TensorProto
+from onnx import TensorProto, helper
 
-from cylinder_friction.deployment.onnx_graphs.trees import forest_attributes
+from cylinder_friction.estimators.onnx_files import forest_to_onnx
 
 if TYPE_CHECKING:
     from cylinder_friction.deployment.onnx_graphs.graph import Graph
     from cylinder_friction.deployment.onnx_graphs.rows import Rows
+    from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.lstm import LstmWeights
     from cylinder_friction.realtime.model import Bounds, StepModel
 
@@ -28,26 +29,28 @@ def filtered(graph: Graph, model: StepModel, rows: Rows) -> None:
     """Make everything that is linear in the window, by one product.
 
     ``raw_features``, shape ``(n, features)``; ``base_n``, ``(n, 1)``; ``speeds_m_s``: velocity there and back, twice,
-    ``(n, 4)``; ``changes``: of each channel since the step before, ``(n, 3)``; ``positions_m``: twice, ``(n, 2)``.
-    The last two have taps of 1 and -1 only, and come out exact.
+    ``(n, 4)``; ``changes``: of each pressure and of the position since the step before; ``positions_m``: one for each
+    pressure. The last two have taps of 1 and -1 only, and come out exact.
     """
-    lags = lags_of(model)
-    changes = np.stack([np.eye(3), -np.eye(3)], axis=2)
-    position = np.array([[0.0], [0.0], [1.0]])
+    lags, inputs = lags_of(model), len(model.inputs)
+    one = np.eye(inputs)
+    changes = [np.stack([one[place], -one[place]], axis=1) for place in (*model.pressures, model.position)]
+    positions = [one[model.position][:, None]] * len(model.pressures)
     speeds = [sign * model.velocity_taps for sign in (1.0, -1.0, 1.0, -1.0)]
-    bank = [*model.feature_taps, model.base_taps, *speeds, *changes, position, position]
-    taps = np.stack([np.pad(one, ((0, 0), (0, lags - one.shape[1]))) for one in bank])
-    newest_first = taps.transpose(2, 1, 0).reshape(3 * lags, len(bank))
+    bank = [*model.feature_taps, model.base_taps, *speeds, *changes, *positions]
+    taps = np.stack([np.pad(each, ((0, 0), (0, lags - each.shape[1]))) for each in bank])
+    newest_first = taps.transpose(2, 1, 0).reshape(inputs * lags, len(bank))
     graph.add("MatMul", rows.window, graph.constant(newest_first), to="filtered")
-    widths = {"raw_features": len(model.feature_taps), "base_n": 1, "speeds_m_s": 4, "changes": 3, "positions_m": 2}
+    widths = {"raw_features": len(model.feature_taps), "base_n": 1, "speeds_m_s": 4}
+    widths |= {"changes": len(changes), "positions_m": len(positions)}
     graph.split("filtered", {name: width for name, width in widths.items() if width})
 
 
 def estimated(graph: Graph, model: StepModel, rows: Rows, regime: str) -> str:
-    """Return friction, lower and upper bound [N], shape ``(n, 3)``, of rows that are ``filtered`` and judged."""
+    """Return friction, lower and upper bound [N], shape ``(n, 3)``, of rows that are ``filtered`` and ``checked``."""
     parts = []
     if model.network is not None or model.forest is not None:
-        _features(graph, model)
+        _features(graph, model, rows)
     if model.network is not None:
         _network(graph, model.network, rows)
         if model.head_counts or model.forest_sees == "hidden_head_features":
@@ -70,8 +73,11 @@ def estimated(graph: Graph, model: StepModel, rows: Rows, regime: str) -> str:
     return graph.add("Gemm", "learnt", scale, base, to="estimate_with_bounds_n")
 
 
-def _features(graph: Graph, model: StepModel) -> None:
-    """Make ``features``, float32: ``(y / (a |y| + b) - mean) / scale``, the scale taken into ``a`` and ``b``."""
+def _features(graph: Graph, model: StepModel, rows: Rows) -> None:
+    """Make ``features``, float32: ``(y / (a |y| + b) - mean) / scale``, the scale taken into ``a`` and ``b``.
+
+    Those of the history follow.
+    """
     limits, scale = model.feature_limits, model.feature_scale
     limited = limits > 0.0
     divisor = graph.constant([np.where(limited, limits, 1.0) * scale])
@@ -81,7 +87,13 @@ def _features(graph: Graph, model: StepModel) -> None:
         divisor = graph.add("Add", "limited_sizes", divisor, to="feature_divisors")
     graph.add("Div", "raw_features", divisor, to="soft_features")
     graph.add("Sub", "soft_features", graph.constant([model.feature_mean / scale]), to="scaled_features")
-    graph.cast("scaled_features", "features", TensorProto.FLOAT)
+    features = "scaled_features"
+    if model.history is not None:
+        place = graph.indices(model.history.position_feature)
+        smooth_m = graph.add("Gather", "raw_features", place, to="smooth_m", axis=1)
+        history = rows.advance_history(model.history, smooth_m, model.sample_time_s)
+        features = graph.add("Concat", features, history, to="every_feature", axis=1)
+    graph.cast(features, "features", TensorProto.FLOAT)
 
 
 def _network(graph: Graph, weights: LstmWeights, rows: Rows) -> None:
@@ -119,7 +131,13 @@ def _forest(graph: Graph, model: StepModel) -> None:
     inputs = seen[model.forest_sees]
     row = inputs[0] if len(inputs) == 1 else graph.add("Concat", *inputs, to="forest_row", axis=1)
     assert model.forest is not None
-    graph.add("TreeEnsembleRegressor", row, to="forest", **forest_attributes(model.forest))
+    graph.add("TreeEnsembleRegressor", row, to="forest", **tree_attributes(model.forest))
+
+
+def tree_attributes(forest: Forest) -> dict[str, Any]:
+    """Return the attributes of the ``TreeEnsembleRegressor`` that a forest is stored as."""
+    node = forest_to_onnx(forest).graph.node[0]
+    return {attribute.name: helper.get_attribute_value(attribute) for attribute in node.attribute}
 
 
 def _offsets(graph: Graph, bounds: Bounds, regime: str, mean_n: float) -> str:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cylinder_friction.deployment.c_export.models import model_of
-from cylinder_friction.deployment.onnx_graphs.description import model_hash
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
+from cylinder_friction.deployment.rendering import model_hash
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,7 +21,7 @@ SEQUENCE_FILE = "sequence.onnx"
 
 @dataclass(frozen=True)
 class ExportedOnnx:
-    """What was written.
+    """The written files.
 
     Attributes:
         step, sequence: The two files.
@@ -40,18 +39,18 @@ def export_onnx(estimator: FrictionEstimator, folder: Path) -> ExportedOnnx:
     """Write ``step.onnx`` and ``sequence.onnx`` into ``folder``; equal estimators make equal bytes.
 
     Args:
-        estimator: A fitted hybrid, LSTM, forest, force balance or ridge regression.
-        folder: Made if it is not there.
+        estimator: Fitted; any with a real-time step.
+        folder: Created if it does not exist.
 
     Raises:
         NotFittedError: There is nothing fitted or loaded yet.
-        ValueError: The estimator is of a kind that has no such step.
+        ValueError: The estimator has no real-time step.
     """
-    return export_model(model_of(estimator), folder)
+    return export_model(estimator.step_model(), folder)
 
 
 def export_model(model: StepModel, folder: Path) -> ExportedOnnx:
-    """Write both files of a model that is plain arrays already."""
+    """Write both files of a step model."""
     graphs = {STEP_FILE: step_graph(model), SEQUENCE_FILE: sequence_graph(model)}
     folder.mkdir(parents=True, exist_ok=True)
     for name, graph in graphs.items():

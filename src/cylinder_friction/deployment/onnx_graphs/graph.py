@@ -20,21 +20,26 @@ ML_OPERATORS = {"TreeEnsembleRegressor": "ai.onnx.ml"}
 
 
 class Graph:
-    """Collects nodes and constants; tensors go by name, and equal constants are stored once."""
+    """Collects nodes and constants; tensors go by name, and equal constants are stored once.
 
-    def __init__(self) -> None:
+    Args:
+        prefix: Of the constants' names: the body of a loop must not use those of the graph around it.
+    """
+
+    def __init__(self, prefix: str = "") -> None:
+        self._prefix = prefix
         self._nodes: list[onnx.NodeProto] = []
         self._constants: dict[tuple[str, tuple[int, ...], bytes], onnx.TensorProto] = {}
         self._inputs: list[onnx.ValueInfoProto] = []
         self._outputs: list[onnx.ValueInfoProto] = []
 
     def add(self, operator: str, *inputs: str, to: str, **attributes: Any) -> str:
-        """Add a node with one output, named ``to``, and returns that name."""
+        """Add a node with one output, named ``to``, and return that name."""
         self.add_many(operator, *inputs, to=[to], **attributes)
         return to
 
     def add_many(self, operator: str, *inputs: str, to: Sequence[str], **attributes: Any) -> None:
-        """Add a node with several outputs; one that nobody needs is named ``""``."""
+        """Add a node with several outputs; one that is not used is named ``""``."""
         domain = ML_OPERATORS.get(operator, "")
         name = next(output for output in to if output)
         self._nodes.append(helper.make_node(operator, inputs, to, name=name, domain=domain, **attributes))
@@ -44,7 +49,7 @@ class Graph:
         array = np.array(values, dtype=dtype, order="C")
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self._constants:
-            self._constants[key] = numpy_helper.from_array(array, f"constant_{len(self._constants)}")
+            self._constants[key] = numpy_helper.from_array(array, f"{self._prefix}constant_{len(self._constants)}")
         return str(self._constants[key].name)
 
     def indices(self, *values: int) -> str:
@@ -67,6 +72,11 @@ class Graph:
     def gives(self, name: str, kind: int, shape: Sequence[int | str], meaning: str) -> None:
         """Declare an output of the graph."""
         self._outputs.append(helper.make_tensor_value_info(name, kind, shape, meaning))
+
+    def body(self, name: str) -> onnx.GraphProto:
+        """Return the graph as the body of a loop in another one."""
+        constants = list(self._constants.values())
+        return helper.make_graph(self._nodes, name, self._inputs, self._outputs, constants)
 
     def model(self, name: str, meaning: str, metadata: Mapping[str, str]) -> onnx.ModelProto:
         """Return the checked model; equal graphs are equal bytes."""

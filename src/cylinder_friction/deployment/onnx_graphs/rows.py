@@ -1,12 +1,15 @@
-"""What the guard asks of the past: answered by a memory in the step graph, and by whole columns in the sequence graph.
+"""The past that the guard depends on: a memory in the step graph, whole columns in the sequence graph.
 
-The guard is written once (``judged.py``), on tensors of ``n`` rows: one row in the step graph, all rows from the first
+The guard is written once (``checks.py``), on tensors of ``n`` rows: one row in the step graph, all rows from the first
 sound sample on in the sequence graph.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from cylinder_friction.realtime.history import History
 
 LONG_AGO = -1e30
 """Clock of something that never happened."""
@@ -14,7 +17,7 @@ FAR = 1e30
 """Place from which everything has moved: keeps a frozen channel frozen until it changes."""
 
 CHANGED_AT = "changed_at"
-"""Position at which each pressure, and clock at which the position, last changed, shape ``(n, 3)``."""
+"""Position at which each pressure, and clock at which the position, last changed, shape ``(n, pressures + 1)``."""
 HAPPENED_AT = "happened_at"
 """Clock of the last bad sample, of the last reversal or start of motion, and of the reset, shape ``(n, 3)``."""
 DIRECTION = "direction"
@@ -25,10 +28,10 @@ class Rows(Protocol):
     """Rows of samples and their past. Tensors go by name.
 
     Attributes:
-        sample: The sensors' values, invalid ones replaced by the last valid ones, shape ``(n, 3)``.
-        accepted: Which of them are the sensors' own, shape ``(n, 3)``.
-        clock: Steps since the first sound sample, that one included, shape ``(n, 1)``.
-        window: The last samples, newest first, shape ``(n, 3 · lags)``.
+        sample: The sensors' values, invalid ones replaced by the last valid ones, shape ``(n, inputs)``.
+        accepted: Which of them are the sensors' own, shape ``(n, inputs)``.
+        clock: Steps since the first valid sample, that one included, shape ``(n, 1)``.
+        window: The last samples, newest first, shape ``(n, inputs · lags)``.
         never: False in every row, shape ``(n, 1)``.
         single: Whether there is one row whose state goes in and out.
     """
@@ -45,6 +48,9 @@ class Rows(Protocol):
 
     def latched(self, what: str, over: str, fresh: str) -> str:
         """Return whether ``over`` has held at any row since ``fresh`` last did, per column."""
+
+    def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
+        """Return the history features of the smoothed positions, shape ``(n, 6)``."""
 
     def direction_before(self, direction: str) -> str:
         """Return the direction of the step before, 0 at the first."""

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from onnx import TensorProto
 
-from cylinder_friction.deployment.onnx_graphs.description import INPUTS, OUTPUTS, described
+from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked
+from cylinder_friction.deployment.onnx_graphs.description import OUTPUTS, described, input_text
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
-from cylinder_friction.deployment.onnx_graphs.judged import Validity, judged, judged_valid
+from cylinder_friction.deployment.onnx_graphs.history import history_rows
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO
 
 if TYPE_CHECKING:
     import onnx
 
+    from cylinder_friction.realtime.history import History
     from cylinder_friction.realtime.model import StepModel
 
 MEANING = "Friction of a hydraulic cylinder from a recording's raw samples, as if stepped through from a fresh start."
@@ -23,20 +25,21 @@ LAST = np.iinfo(np.int64).max
 
 
 def sequence_graph(model: StepModel) -> onnx.ModelProto:
-    """Return the estimate of whole recordings as one graph without loops but the LSTM's own."""
+    """Return the estimate of whole recordings as one graph, without loops but those of LSTM and history."""
     graph = Graph()
-    validity = judged_valid(graph, model.guard, "samples")
+    validity = check_validity(graph, model, "samples")
     rows = SequenceRows(graph, model, validity)
     filtered(graph, model, rows)
-    flags, regime = judged(graph, model, rows)
+    flags, regime = checked(graph, model, rows)
     newtons = estimated(graph, model, rows, regime)
-    graph.add("Pad", newtons, rows.padding, to="newtons")  # 0 before the first sound sample
+    graph.add("Pad", newtons, rows.padding, to="newtons")  # 0 before the first valid sample
     parts = {name: 1 for name in OUTPUTS if name != "flags"}
     graph.split("newtons", {f"{name}_column": width for name, width in parts.items()})
     graph.add("Pad", flags, rows.padding, to="padded_flags")
     graph.add("Where", "started", "padded_flags", validity.unready_flags, to="final_flags")
     graph.cast("final_flags", "flags_column", TensorProto.INT32)
-    graph.takes("samples", TensorProto.DOUBLE, ["time", 3], INPUTS.replace("raw sample", "raw samples"))
+    text = input_text(model).replace("raw sample", "raw samples")
+    graph.takes("samples", TensorProto.DOUBLE, ["time", len(model.inputs)], text)
     for name, meaning in OUTPUTS.items():
         graph.add("Squeeze", f"{name}_column", graph.indices(1), to=name)
         graph.gives(name, TensorProto.INT32 if name == "flags" else TensorProto.DOUBLE, ["time"], meaning)
@@ -44,9 +47,9 @@ def sequence_graph(model: StepModel) -> onnx.ModelProto:
 
 
 class SequenceRows:
-    """All rows from the first sound sample on, and one made-up sound row of zeros after the last.
+    """All rows from the first valid sample on, and one made-up valid row of zeros after the last.
 
-    That row, cut off in the end, is there so that a recording without a sound sample has a first row too; nothing
+    That row, cut off in the end, is there so that a recording without a valid sample has a first row too; nothing
     looks ahead, so no other row sees it.
     """
 
@@ -59,27 +62,31 @@ class SequenceRows:
     padding = "padding"
 
     def __init__(self, graph: Graph, model: StepModel, validity: Validity) -> None:
-        self._graph = graph
+        self._graph, self._model = graph, model
         self._begin(validity)
         self._hold()
         self._windows(lags_of(model))
 
     def latest(self, what: str, values: str, fresh: str) -> str:
         graph = self._graph
+        pressures = len(self._model.pressures)
         if what == CHANGED_AT:  # as if the first sample had been there one step before it
-            begin = graph.add("Sub", values, graph.constant([[0.0, 0.0, 1.0]]), to=what + "_begin")
+            begin = graph.add("Sub", values, graph.constant([[*[0.0] * pressures, 1.0]]), to=what + "_begin")
         else:
             begin = graph.constant([[LONG_AGO, LONG_AGO, 0.0]])
         graph.add("Where", fresh, values, begin, to=what + "_values")
-        return self._filled(what, what + "_values", fresh, 3)
+        return self._filled(what, what + "_values", fresh, pressures + 1 if what == CHANGED_AT else 3)
 
     def latched(self, what: str, over: str, fresh: str) -> str:
         graph = self._graph
         graph.cast(over, "over_number", TensorProto.DOUBLE)
         graph.add("CumSum", "over_number", graph.constant(0, np.int64), to="over_count")
-        since = self._filled(what + "_over", "over_count", fresh, 3)
+        since = self._filled(what + "_over", "over_count", fresh, len(self._model.pressures) + 1)
         graph.add("Greater", "over_count", since, to="over_since")
         return graph.add("Or", over, "over_since", to="over_latched")
+
+    def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
+        return history_rows(self._graph, history, sample_time_s, smooth_m)
 
     def direction_before(self, direction: str) -> str:
         graph = self._graph
@@ -88,12 +95,13 @@ class SequenceRows:
         return graph.add("Concat", graph.constant([[0.0]]), "direction_but_last", to="direction_before", axis=0)
 
     def _begin(self, validity: Validity) -> None:
-        """Cut off what comes before the first sound sample."""
-        graph = self._graph
-        extra = {"samples": graph.constant(np.zeros((1, 3))), validity.accepted: graph.constant([[True] * 3], np.bool_)}
-        graph.cast(validity.sound, "sound_number", TensorProto.INT64)
-        graph.add("CumSum", "sound_number", graph.constant(0, np.int64), to="sound_count")
-        graph.add("Greater", "sound_count", graph.constant(0, np.int64), to="started")
+        """Cut off what comes before the first valid sample."""
+        graph, inputs = self._graph, len(self._model.inputs)
+        extra = {"samples": graph.constant(np.zeros((1, inputs)))}
+        extra[validity.accepted] = graph.constant([[True] * inputs], np.bool_)
+        graph.cast(validity.valid, "valid_number", TensorProto.INT64)
+        graph.add("CumSum", "valid_number", graph.constant(0, np.int64), to="valid_count")
+        graph.add("Greater", "valid_count", graph.constant(0, np.int64), to="started")
         graph.add("Concat", "started", graph.constant([[True]], np.bool_), to="started_extended", axis=0)
         graph.add("Squeeze", "started_extended", graph.indices(1), to="kept")
         for (source, row), kept in zip(extra.items(), ("raw", self.accepted), strict=True):
@@ -111,13 +119,13 @@ class SequenceRows:
         graph.add("Concat", "rows_cut", graph.indices(0, -1, 0), to=self.padding, axis=0)
 
     def _hold(self) -> None:
-        self._filled("clean", "raw", self.accepted, 3, to=self.sample)
+        self._filled("clean", "raw", self.accepted, len(self._model.inputs), to=self.sample)
 
     def _windows(self, lags: int) -> None:
         """Make each row's last samples, newest first, as if the first had always been there."""
         graph = self._graph
         graph.add("Slice", self.sample, *(graph.indices(at) for at in (0, 1, 0)), to="first_sample")
-        graph.add("Expand", "first_sample", graph.indices(lags - 1, 3), to="always")
+        graph.add("Expand", "first_sample", graph.indices(lags - 1, len(self._model.inputs)), to="always")
         graph.add("Concat", "always", self.sample, to="extended", axis=0)
         shifted = []
         for lag in range(lags):

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from onnx import TensorProto
 
-from cylinder_friction.deployment.onnx_graphs.description import INPUTS, OUTPUTS, described
+from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked
+from cylinder_friction.deployment.onnx_graphs.description import OUTPUTS, described, input_text
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
-from cylinder_friction.deployment.onnx_graphs.judged import Validity, judged, judged_valid
+from cylinder_friction.deployment.onnx_graphs.history import STATE, begin_history, history_step
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION, FAR, HAPPENED_AT, LONG_AGO
 
 if TYPE_CHECKING:
     import onnx
 
+    from cylinder_friction.realtime.history import History
     from cylinder_friction.realtime.model import StepModel
 
 MEANING = (
@@ -27,17 +29,17 @@ MEANING = (
 def step_graph(model: StepModel) -> onnx.ModelProto:
     """Return the whole of one step as one graph; a state of zeros is a fresh start."""
     graph = Graph()
-    validity = judged_valid(graph, model.guard, "sample")
+    validity = check_validity(graph, model, "sample")
     rows = StepRows(graph, model, validity)
     filtered(graph, model, rows)
-    flags, regime = judged(graph, model, rows)
+    flags, regime = checked(graph, model, rows)
     newtons = estimated(graph, model, rows, regime)
     graph.add("Where", "running", flags, validity.unready_flags, to="final_flags")
     graph.cast("final_flags", "flags", TensorProto.INT32)
-    graph.add("Mul", newtons, "running_number", to="newtons")  # 0 before the first sound sample
+    graph.add("Mul", newtons, "running_number", to="newtons")  # 0 before the first valid sample
     graph.split("newtons", dict.fromkeys(("friction_n", "lower_n", "upper_n"), 1))
     rows.remember()
-    graph.takes("sample", TensorProto.DOUBLE, [1, 3], INPUTS)
+    graph.takes("sample", TensorProto.DOUBLE, [1, len(model.inputs)], input_text(model))
     graph.takes("memory", TensorProto.DOUBLE, [1, rows.size], "what filters and guard remember; zeros at a start")
     for name, meaning in OUTPUTS.items():
         graph.gives(name, TensorProto.INT32 if name == "flags" else TensorProto.DOUBLE, [1, 1], meaning)
@@ -53,8 +55,9 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
 class StepRows:
     """One row, whose past lies in ``memory``.
 
-    Memory, as doubles: the last samples (newest first, three each), ``CHANGED_AT``, ``HAPPENED_AT``, direction, clock,
-    and 1 once a sound sample has come. While it is 0, the rest means nothing.
+    Memory, as doubles: the last samples (newest first, one number per input each), ``CHANGED_AT``, ``HAPPENED_AT``,
+    direction, clock, the state of the history where the model has one, and 1 once a valid sample has come. While that
+    is 0, the rest means nothing.
     """
 
     single = True
@@ -63,9 +66,12 @@ class StepRows:
     window = "window"
 
     def __init__(self, graph: Graph, model: StepModel, validity: Validity) -> None:
-        self._graph = graph
-        self._lags = lags_of(model)
-        self.size = 3 * self._lags + 9
+        self._graph, self._model = graph, model
+        inputs, past = len(model.inputs), (lags_of(model) - 1) * len(model.inputs)
+        lengths = {"past": past, "oldest": inputs, CHANGED_AT: len(model.pressures) + 1, HAPPENED_AT: 3}
+        lengths |= {DIRECTION: 1, "clock": 1, "history": 0 if model.history is None else len(STATE), "ready": 1}
+        self._lengths = {name: length for name, length in lengths.items() if length}
+        self.size = sum(lengths.values())
         self.accepted = validity.accepted
         self.never = graph.constant([[False]], np.bool_)
         self._begin(validity)
@@ -80,26 +86,33 @@ class StepRows:
     def direction_before(self, direction: str) -> str:
         return direction + "_before"
 
+    def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
+        begun = begin_history(self._graph, smooth_m)
+        before = self._graph.add("Where", "ready", "history_before", begun, to="history_state")
+        return history_step(self._graph, history, sample_time_s, smooth_m, before)[0]
+
     def remember(self) -> None:
         """Make ``memory_out``."""
-        after = ("window", CHANGED_AT + "_or_far", HAPPENED_AT, DIRECTION, "clock", "running_number")
-        self._graph.add("Concat", *after, to="memory_out", axis=1)
+        after = ["window", CHANGED_AT + "_or_far", HAPPENED_AT, DIRECTION, "clock"]
+        after += ["history_state_out"] if "history" in self._lengths else []
+        self._graph.add("Concat", *after, "running_number", to="memory_out", axis=1)
 
     def _begin(self, validity: Validity) -> None:
-        """Hold invalid values; at the first sound sample, makes a memory as if it had always been there."""
-        graph, past = self._graph, self._lags - 1
+        """Hold invalid values; at the first valid sample, make a memory as if it had always been there."""
+        graph, inputs = self._graph, len(self._model.inputs)
         graph.add("Gather", "memory", graph.indices(self.size - 1), to="ready_number", axis=1)
         graph.cast("ready_number", "ready", TensorProto.BOOL)
-        graph.add("Or", "ready", validity.sound, to="running")
+        graph.add("Or", "ready", validity.valid, to="running")
         graph.cast("running", "running_number", TensorProto.DOUBLE)
-        graph.add("Gather", "memory", graph.indices(0, 1, 2), to="held", axis=1)
+        graph.add("Gather", "memory", graph.indices(*range(inputs)), to="held", axis=1)
         graph.add("Where", validity.accepted, "sample", "held", to="clean")
         graph.add("Concat", "clean", graph.constant([[0.0, LONG_AGO]]), to="beginnings", axis=1)
-        position, zero, never = 2, 3, 4
-        begun = [*([0, 1, 2] * self._lags), position, position, zero, never, never, zero, zero, zero, zero]
+        position, zero, never = self._model.position, inputs, inputs + 1
+        begun = [*range(inputs)] * lags_of(self._model)
+        begun += [*[position] * len(self._model.pressures), zero, never, never, zero]
+        begun += [zero] * (self.size - len(begun))
         graph.add("Gather", "beginnings", graph.indices(*begun), to="memory_at_first", axis=1)
         graph.add("Where", "ready", "memory", "memory_at_first", to="memory_before")
-        lengths = {"past": 3 * past, "oldest": 3, CHANGED_AT: 3, HAPPENED_AT: 3, DIRECTION: 1, "clock": 1, "ready": 1}
-        graph.split("memory_before", {f"{name}_before": length for name, length in lengths.items()})
+        graph.split("memory_before", {f"{name}_before": length for name, length in self._lengths.items()})
         graph.add("Add", "clock_before", graph.constant([[1.0]]), to="clock")
         graph.add("Concat", "clean", "past_before", to="window", axis=1)

@@ -45,22 +45,22 @@ class OnnxStepStream:
         for array in self._arrays.values():
             array[...] = 0
 
-    def warm_up(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float, steps: int) -> None:
-        """Reset, then takes ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
+    def warm_up(self, *sample: float, steps: int) -> None:
+        """Reset, then take ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
         self.reset()
         for _ in range(steps):
-            self.step(pressure_1_pa, pressure_2_pa, position_m)
+            self.step(*sample)
 
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> Estimate:
-        """Return the estimate at this sample, whatever the sample is."""
-        self._sample[0] = pressure_1_pa, pressure_2_pa, position_m
+    def step(self, *sample: float) -> Estimate:
+        """Return the estimate at this sample, one number per input, whatever the sample is."""
+        self._sample[0] = sample
         self.session.run_with_iobinding(self._bindings[self._turn])
         self._turn = 1 - self._turn
         friction, lower, upper, flags = self._outputs
         return Estimate(friction.item(), lower.item(), upper.item(), flags.item())
 
     def close(self) -> None:
-        """Hold nothing outside Python; here so that streams of every runtime are used alike."""
+        """Release nothing; present so that streams of every runtime are used alike."""
 
     def _bound(self, arrays: dict[str, NDArray[Any]]) -> Any:
         binding = self.session.io_binding()
@@ -86,7 +86,7 @@ class OnnxSequence:
         """Return friction, lower and upper bound [N], shape ``(n, 3)``, and flags, shape ``(n,)``.
 
         Args:
-            samples: Raw, shape ``(n, 3)``: pressure 1 [Pa], pressure 2 [Pa], position [m].
+            samples: Raw, shape ``(n, inputs)``; by default pressure 1 [Pa], pressure 2 [Pa], position [m].
         """
         outputs = ["friction_n", "lower_n", "upper_n", "flags"]
         samples = np.ascontiguousarray(samples, dtype=np.float64)
@@ -94,7 +94,7 @@ class OnnxSequence:
         return np.stack(newtons, axis=1), flags
 
     def close(self) -> None:
-        """Hold nothing outside Python; here so that streams of every runtime are used alike."""
+        """Release nothing; present so that streams of every runtime are used alike."""
 
 
 def open_step(source: Path | onnx.ModelProto) -> OnnxStepStream:
@@ -102,7 +102,7 @@ def open_step(source: Path | onnx.ModelProto) -> OnnxStepStream:
 
     Raises:
         FileNotFoundError: There is no such file.
-        ValueError: The file is no step graph of this project.
+        ValueError: The file is not a step graph of this project.
     """
     return OnnxStepStream(open_session(source, "step", "sample"))
 
@@ -112,7 +112,7 @@ def open_sequence(source: Path | onnx.ModelProto) -> OnnxSequence:
 
     Raises:
         FileNotFoundError: There is no such file.
-        ValueError: The file is no sequence graph of this project.
+        ValueError: The file is not a sequence graph of this project.
     """
     return OnnxSequence(open_session(source, "sequence", "samples"))
 
@@ -124,7 +124,7 @@ def open_session(source: Path | onnx.ModelProto, kind: str, first_input: str) ->
     inputs = [port.name for port in model.graph.input]
     if MODEL_HASH not in metadata or first_input not in inputs:
         raise ValueError(
-            f"{name}: is no {kind} graph, its inputs are {inputs}; expected {first_input!r} and the metadata that "
+            f"{name}: is not a {kind} graph, its inputs are {inputs}; expected {first_input!r} and the metadata that "
             "`cylinder-friction export onnx` writes"
         )
     content = model.SerializeToString(deterministic=True)

@@ -1,4 +1,4 @@
-/* What FMI 2.0 wants to be there and this FMU does not offer: each function says so. Part of fmi2.c. */
+/* What FMI 2.0 wants to be there and this FMU does not offer: each function reports that. Part of fmi2.c. */
 #ifndef FMI2_ABSENT_H
 #define FMI2_ABSENT_H
 

@@ -1,4 +1,4 @@
-/* What FMI 3.0 wants to be there and this FMU does not offer: each function says so. Part of fmi3.c. */
+/* What FMI 3.0 wants to be there and this FMU does not offer: each function reports that. Part of fmi3.c. */
 #ifndef FMI3_ABSENT_H
 #define FMI3_ABSENT_H
 

@@ -1,7 +1,7 @@
 /* One instance of the estimator as FMI 2 and FMI 3 both see it: what it holds and what may be done when.
  *
  * Every function is static, so that several FMUs can be linked into one program. No function keeps anything outside
- * the instance. Where a function refuses, it returns false and the instance's message says what, got and expected.
+ * the instance. Where a function refuses, it returns false and the instance's message states what, got and expected.
  */
 #ifndef FMU_INSTANCE_H
 #define FMU_INSTANCE_H
@@ -28,7 +28,7 @@ typedef struct {
     bool stops;
     double time_s;
     double stop_s;
-    double inputs[3]; /* pressure 1 [Pa], pressure 2 [Pa], position [m] */
+    double inputs[FMU_MODEL_INPUTS];
     int32_t warm_up_steps;
     uint32_t flags;
     double outputs[3]; /* friction, lower bound, upper bound [N] */
@@ -40,10 +40,12 @@ typedef struct {
     char *name;
     void *environment; /* of the host; handed back to its logger */
     void (*logger)(void);
-    char message[256];
+    char message[1024];
 } fmu_instance;
 
 static const char *const fmu_mode_names[] = {"instantiated", "initialization mode", "step mode", "terminated"};
+
+static const double fmu_model_starts[FMU_MODEL_INPUTS] = FMU_MODEL_STARTS;
 
 /* The state right after instantiation: no sample seen yet. */
 static void fmu_reset(fmu_instance *instance)
@@ -51,9 +53,7 @@ static void fmu_reset(fmu_instance *instance)
     fmu_state *state = &instance->state;
     memset(state, 0, sizeof *state); /* the gaps between members too: stored states of equal instances are equal */
     state->mode = FMU_INSTANTIATED;
-    state->inputs[0] = FMU_MODEL_START_PRESSURE_1_PA;
-    state->inputs[1] = FMU_MODEL_START_PRESSURE_2_PA;
-    state->inputs[2] = FMU_MODEL_START_POSITION_M;
+    memcpy(state->inputs, fmu_model_starts, sizeof fmu_model_starts);
     state->flags = FMU_MODEL_FLAG_NOT_READY;
     fmu_model_init(&state->estimator);
 }
@@ -119,8 +119,7 @@ static bool fmu_exit_initialization(fmu_instance *instance, const char *what)
         return false;
     }
     if (state->warm_up_steps > 0) {
-        fmu_model_warm_up(&state->estimator, (fmu_model_real)state->inputs[0], (fmu_model_real)state->inputs[1],
-                          (fmu_model_real)state->inputs[2], (uint32_t)state->warm_up_steps);
+        fmu_model_warm_up(&state->estimator, FMU_MODEL_SAMPLE(state->inputs), (uint32_t)state->warm_up_steps);
     }
     state->mode = FMU_STEPPING;
     return true;
@@ -165,8 +164,7 @@ static bool fmu_step(fmu_instance *instance, const char *what, double point_s, d
                        state->stop_s, point_s + step_s);
         return false;
     }
-    fmu_model_step(&state->estimator, (fmu_model_real)state->inputs[0], (fmu_model_real)state->inputs[1],
-                   (fmu_model_real)state->inputs[2], &output);
+    fmu_model_step(&state->estimator, FMU_MODEL_SAMPLE(state->inputs), &output);
     state->outputs[0] = (double)output.friction_n;
     state->outputs[1] = (double)output.lower_n;
     state->outputs[2] = (double)output.upper_n;
@@ -182,15 +180,21 @@ static bool fmu_unknown(fmu_instance *instance, const char *what, uint32_t refer
     return false;
 }
 
+static bool fmu_is_input(uint32_t reference)
+{
+    return reference >= FMU_VR_FIRST_INPUT && reference < FMU_VR_FIRST_INPUT + FMU_MODEL_INPUTS;
+}
+
 static bool fmu_get_real(fmu_instance *instance, const char *what, uint32_t reference, double *value)
 {
     const fmu_state *state = &instance->state;
+    if (fmu_is_input(reference)) {
+        *value = state->inputs[reference - FMU_VR_FIRST_INPUT];
+        return true;
+    }
     switch (reference) {
     case FMU_VR_TIME: *value = state->time_s; return true;
     case FMU_VR_SAMPLE_TIME: *value = FMU_MODEL_SAMPLE_TIME_S; return true;
-    case FMU_VR_PRESSURE_1: *value = state->inputs[0]; return true;
-    case FMU_VR_PRESSURE_2: *value = state->inputs[1]; return true;
-    case FMU_VR_POSITION: *value = state->inputs[2]; return true;
     case FMU_VR_FRICTION: *value = state->outputs[0]; return true;
     case FMU_VR_FRICTION_LOWER: *value = state->outputs[1]; return true;
     case FMU_VR_FRICTION_UPPER: *value = state->outputs[2]; return true;
@@ -227,18 +231,19 @@ static bool fmu_set_real(fmu_instance *instance, const char *what, uint32_t refe
     if (!fmu_allowed(instance, what, state->mode != FMU_TERMINATED)) {
         return false;
     }
+    if (fmu_is_input(reference)) {
+        state->inputs[reference - FMU_VR_FIRST_INPUT] = value;
+        return true;
+    }
     switch (reference) {
-    case FMU_VR_PRESSURE_1: state->inputs[0] = value; return true;
-    case FMU_VR_PRESSURE_2: state->inputs[1] = value; return true;
-    case FMU_VR_POSITION: state->inputs[2] = value; return true;
     case FMU_VR_TIME:
     case FMU_VR_SAMPLE_TIME:
     case FMU_VR_FRICTION:
     case FMU_VR_FRICTION_LOWER:
     case FMU_VR_FRICTION_UPPER:
         (void)snprintf(instance->message, sizeof instance->message,
-                       "%s: value reference %lu is not an input; the inputs are pressure_1, pressure_2 and position",
-                       what, (unsigned long)reference);
+                       "%s: value reference %lu is not an input; the inputs are " FMU_MODEL_INPUT_NAMES, what,
+                       (unsigned long)reference);
         return false;
     default: return fmu_unknown(instance, what, reference);
     }

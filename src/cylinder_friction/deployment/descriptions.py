@@ -1,0 +1,77 @@
+"""Meaning of inputs, outputs and flags of an exported estimator: one list for C, FMU and ONNX."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cylinder_friction.realtime.flags import Flag, invalid_flag
+from cylinder_friction.recordings.columns import (
+    DRIVE_FORCE,
+    LOAD_FORCE,
+    OIL_TEMPERATURE,
+    POSITION,
+    PRESSURE_1,
+    PRESSURE_2,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_INVALID = "is NaN, infinite or no reading of a working sensor; its last valid value stands in"
+FLAG_MEANINGS = {
+    Flag.NOT_READY: "No sample with all inputs valid has come yet; friction and bounds are 0",
+    Flag.WARMING: "The state still remembers the start",
+    Flag.OUTSIDE: "An input lies outside the training range widened by 5 %; the estimate is an extrapolation",
+    Flag.INVALID_PRESSURE_1: f"Pressure 1 {_INVALID}",
+    Flag.INVALID_PRESSURE_2: f"Pressure 2 {_INVALID}",
+    Flag.INVALID_POSITION: f"The position {_INVALID}",
+    Flag.FROZEN: "An input repeats one value although it cannot be constant",
+    Flag.RECOVERING: "All inputs are valid again, but the state still remembers invalid or frozen ones",
+    Flag.INVALID_OTHER: f"Another input {_INVALID}",
+}
+
+UNITS = {"pa": "Pa", "m_s2": "m/s2", "m_s": "m/s", "m": "m", "n": "N", "s": "s", "c": "degC"}
+"""Unit by the end of a column's name."""
+MEANINGS = {
+    PRESSURE_1: "gauge pressure on the piston side",
+    PRESSURE_2: "gauge pressure on the rod side",
+    POSITION: "piston position, growing as the rod extends",
+    LOAD_FORCE: "external load, positive when it resists extension",
+    DRIVE_FORCE: "force on the piston, positive when it pushes towards extension",
+    OIL_TEMPERATURE: "oil temperature",
+}
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input of an exported estimator.
+
+    Attributes:
+        column: Column of a recording.
+        name: The column as a C identifier.
+        quantity: The name without its unit.
+        unit: A value of ``UNITS``, or None.
+        meaning: In words, with its unit.
+        flag: Set while a value is invalid.
+    """
+
+    column: str
+    name: str
+    quantity: str
+    unit: str | None
+    meaning: str
+    flag: Flag
+
+
+def described_inputs(columns: Sequence[str]) -> list[Input]:
+    """Return the inputs of a model by the names of its columns, in their order."""
+    result = []
+    for column in columns:
+        name = re.sub(r"\W", "_", column)
+        found = re.fullmatch(rf"(.+)_({'|'.join(UNITS)})", name)
+        quantity, unit = (found[1], UNITS[found[2]]) if found else (name, None)
+        meaning = MEANINGS.get(column, quantity.replace("_", " ")) + (f" [{unit}]" if unit else "")
+        result.append(Input(column, name, quantity, unit, meaning, invalid_flag(column)))
+    return result

@@ -1,0 +1,198 @@
+"""An estimator as an FMU for co-simulation: FMI 2.0 and 3.0 around the exported C, in one file with its sources."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import platform
+import re
+import tempfile
+import uuid
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+from cylinder_friction.deployment.c_export.compiled import COMPILERS, NoCompilerError, compile_shared, find_compiler
+from cylinder_friction.deployment.c_export.export import c_model, generate_c
+from cylinder_friction.deployment.c_export.lugre import LugreModel
+from cylinder_friction.deployment.fmu.variables import UNITS, fmu_variables
+from cylinder_friction.deployment.rendering import render
+from cylinder_friction.realtime.flags import Flag
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cylinder_friction.deployment.c_export.export import Precision
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import StepModel
+
+FmiVersion = Literal[2, 3]
+HEADER = "fmu_model.h"
+INTERFACE_FILES = {
+    2: ("fmi2.c", "fmi2_absent.h", "fmi2_types.h", "fmu_instance.h", "fmu_states.h"),
+    3: ("fmi3.c", "fmi3_absent.h", "fmi3_types.h", "fmu_instance.h", "fmu_states.h"),
+}
+OPTIONS = ("-std=c99", "-O3", "-ffp-contract=off", "-fvisibility=hidden")
+"""The same numbers on every processor: none fuses a multiplication with an addition."""
+BITS_64 = {"x86_64": "x86_64", "amd64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
+SYSTEMS = {
+    "Linux": ("linux", "linux64", ".so"),
+    "Darwin": ("darwin", "darwin64", ".dylib"),
+    "Windows": ("windows", "win64", ".dll"),
+}
+EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""Time of every file in the archive, so that the same content gives the same bytes."""
+UNIX, READABLE = 3, 0o100644
+
+
+@dataclass(frozen=True)
+class ExportedFmu:
+    """The written file.
+
+    Attributes:
+        path: The file.
+        name: Model identifier.
+        token: Hash of the model: GUID in FMI 2.0, instantiation token in FMI 3.0.
+        binary: Path of the binary inside, or None where there are sources only.
+        note: What is inside, and why no binary where there is none.
+    """
+
+    path: Path
+    name: str
+    token: str
+    binary: str | None
+    note: str
+
+
+def export_fmu(
+    estimator: FrictionEstimator, path: Path, fmi: FmiVersion = 2, precision: Precision = "double"
+) -> ExportedFmu:
+    """Write the FMU of a fitted estimator: sources, and a binary for this computer where a C compiler is found.
+
+    Args:
+        estimator: Of any kind that can be exported to C.
+        path: The file; its name without ending, made a C identifier, becomes the model identifier.
+        fmi: 2 for FMI 2.0, 3 for FMI 3.0.
+        precision: As for ``export_c``.
+
+    Raises:
+        NotFittedError: There is nothing fitted or loaded yet.
+        ValueError: The estimator cannot run in real time, the file does not end in ``.fmu``, or version or precision
+            is not valid.
+        NoCompilerError: The compiler refused the sources.
+    """
+    return export_model_fmu(c_model(estimator), path, fmi, precision, estimator.kind)
+
+
+def export_model_fmu(
+    model: StepModel | LugreModel,
+    path: Path,
+    fmi: FmiVersion = 2,
+    precision: Precision = "double",
+    kind: str = "hybrid",
+) -> ExportedFmu:
+    """Write the FMU of a step model; arguments and errors as for ``export_fmu``."""
+    if path.suffix != ".fmu":
+        raise ValueError(f"expected a file whose name ends in .fmu, but got {path.name!r}")
+    if fmi not in (2, 3):
+        raise ValueError(f"expected FMI version 2 or 3, but got {fmi}")
+    name = model_identifier(path.stem)
+    generated = generate_c(model, name, precision, kind)
+    sources = {f"{name}.c": generated.source.encode(), f"{name}.h": generated.header.encode()}
+    folder = files(__package__) / "sources"
+    sources |= {file: (folder / file).read_bytes() for file in INTERFACE_FILES[fmi]}
+    step = model.step if isinstance(model, LugreModel) else model
+    values = _values(step, name, kind, fmi)
+    token = _token(render(f"fmi{fmi}.xml.j2", token="", **values), sources)
+    values["token"] = token
+    sources[HEADER] = render("fmu_model.h.j2", **values).encode()
+    binary, library, note = _binary(name, sources, fmi)
+    content = {f"sources/{file}": text for file, text in sources.items()}
+    content["modelDescription.xml"] = render(f"fmi{fmi}.xml.j2", **values).encode()
+    content["documentation/index.html"] = render("fmu_documentation.html.j2", **values).encode()
+    if fmi == 3:
+        content["sources/buildDescription.xml"] = render("fmi3_build.xml.j2", **values).encode()
+    if binary is not None:
+        content[binary] = library
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.draft")
+    draft.write_bytes(_packed(content))
+    draft.replace(path)
+    return ExportedFmu(path, name, token, binary, note)
+
+
+def model_identifier(stem: str) -> str:
+    """Return a file's name as a C identifier in lower case, ``friction_`` before it where it could not be one.
+
+    Names that begin with fmi or fmu belong to the C around the estimator.
+    """
+    name = re.sub(r"[^a-z0-9]+", "_", stem.lower()).strip("_") or "model"
+    return name if re.match(r"(?!fm[iu])[a-z]", name) else f"friction_{name}"
+
+
+def _values(model: StepModel, name: str, kind: str, fmi: FmiVersion) -> dict[str, Any]:
+    """Return the values of the templates, the token excepted."""
+    variables = fmu_variables(model)
+    inputs = [variable for variable in variables if variable.causality == "input"]
+    references = {variable.name: reference for reference, variable in enumerate(variables)}
+    flags = [str(flag.name).lower() for flag in Flag]
+    places = {"first_input": references[inputs[0].name], "first_flag": references[flags[0]]}
+    for name_of in [*flags, *(variable.name for variable in inputs)]:
+        del references[name_of]
+    return {
+        "name": name,
+        "description": f"Friction inside a hydraulic cylinder from raw samples of its sensors: {kind}",
+        "version": version("cylinder-friction"),
+        "sample_time_s": repr(float(model.sample_time_s)),
+        "variables": variables,
+        "inputs": inputs,
+        "units": UNITS,
+        "source_files": (f"{name}.c", f"fmi{fmi}.c"),
+        "flags": len(flags),
+        "not_ready": Flag.NOT_READY.value,
+        "references": references | places,
+    }
+
+
+def _token(description: str, sources: Mapping[str, bytes]) -> str:
+    """Return a hash of all that goes into the FMU but the binary, written as a GUID is."""
+    digest = hashlib.sha256(description.encode())
+    for name in sorted(sources):
+        digest.update(f"\0{name}\0{len(sources[name])}\0".encode() + sources[name])
+    return f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
+
+
+def _binary(name: str, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[str | None, bytes, str]:
+    """Return path and bytes of the binary, and a sentence on it; None where this computer cannot make one."""
+    system, machine = SYSTEMS.get(platform.system()), BITS_64.get(platform.machine().lower())
+    if system is None or machine is None:
+        return None, b"", "sources only: FMI has no name for this computer; the host program must compile them"
+    try:
+        compiler = find_compiler()
+    except NoCompilerError:
+        missing = f"no C compiler ({', '.join(COMPILERS)}) was found here; install one and export again"
+        return None, b"", f"sources only: {missing}"
+    own, fmi2, suffix = system
+    # FMI 2.0 has names for x86 alone; on other processors they are FMI 3.0's
+    folder = fmi2 if fmi == 2 and machine == "x86_64" else f"{machine}-{own}"
+    with tempfile.TemporaryDirectory() as scratch:
+        for file, content in sources.items():
+            (Path(scratch) / file).write_bytes(content)
+        library = Path(scratch) / f"library{suffix}"
+        compile_shared([Path(scratch) / f"{name}.c", Path(scratch) / f"fmi{fmi}.c"], library, OPTIONS, compiler)
+        content = library.read_bytes()
+    return f"binaries/{folder}/{name}{suffix}", content, f"sources, and a binary for {folder}"
+
+
+def _packed(content: Mapping[str, bytes]) -> bytes:
+    """Return a zip file of ``content``, in alphabetical order of its paths, with no time of writing in it."""
+    buffer = io.BytesIO()
+    with ZipFile(buffer, "w") as archive:
+        for path in sorted(content):
+            entry = ZipInfo(path, EARLIEST)
+            entry.compress_type, entry.create_system, entry.external_attr = ZIP_DEFLATED, UNIX, READABLE << 16
+            archive.writestr(entry, content[path])
+    return buffer.getvalue()

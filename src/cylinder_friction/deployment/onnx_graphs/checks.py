@@ -1,0 +1,141 @@
+"""Guard and bounds in ONNX: the flags of a sample, and its regime of motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from onnx import TensorProto
+
+from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, HAPPENED_AT
+from cylinder_friction.realtime.flags import Flag, invalid_flag
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.deployment.onnx_graphs.graph import Graph
+    from cylinder_friction.deployment.onnx_graphs.rows import Rows
+    from cylinder_friction.realtime.model import Bounds, StepModel
+
+REVERSAL = 3
+
+
+@dataclass(frozen=True)
+class Validity:
+    """Which raw values are readings of a working sensor.
+
+    Attributes:
+        accepted: Per input, shape ``(n, inputs)``.
+        unready_flags: Flags of a sample before the first valid one, as a number, shape ``(n, 1)``.
+        valid: Whether all inputs are accepted, shape ``(n, 1)``.
+    """
+
+    accepted: str
+    unready_flags: str
+    valid: str
+
+
+def check_validity(graph: Graph, model: StepModel, raw: str) -> Validity:
+    """Check raw samples; NaN fails both comparisons."""
+    _inside(graph, raw, "accepted", model.guard.accept_lower, model.guard.accept_upper)
+    by_flag, flags = _by_flag(graph, model, "accepted", "raw")
+    graph.cast(by_flag, "accepted_number", TensorProto.DOUBLE)
+    graph.add("MatMul", "accepted_number", graph.constant(flags[:, None]), to="valid_bits")
+    graph.add("Equal", "valid_bits", graph.constant([[flags.sum()]]), to="valid")
+    graph.add("Sub", graph.constant([[Flag.NOT_READY + flags.sum()]]), "valid_bits", to="unready_flags")
+    return Validity("accepted", "unready_flags", "valid")
+
+
+def _by_flag(graph: Graph, model: StepModel, accepted: str, name: str) -> tuple[str, NDArray[np.float64]]:
+    """Return which flags' inputs are all accepted, shape ``(n, flags)``, and the flags."""
+    every = np.array([invalid_flag(column).value for column in model.inputs], dtype=np.float64)
+    flags, place = np.unique(every, return_inverse=True)
+    if len(flags) == len(every):
+        return accepted, every
+    members = (place[:, None] == np.arange(len(flags))).astype(np.float64)
+    graph.cast(accepted, f"{name}_accepted_each", TensorProto.DOUBLE)
+    graph.add("MatMul", f"{name}_accepted_each", graph.constant(members), to=f"{name}_accepted_count")
+    count = graph.constant(members.sum(axis=0)[None])
+    return graph.add("Equal", f"{name}_accepted_count", count, to=f"{name}_accepted_by_flag"), flags
+
+
+def checked(graph: Graph, model: StepModel, rows: Rows) -> tuple[str, str]:
+    """Return flags and regime as numbers, each shape ``(n, 1)``, of rows that are ``filtered``."""
+    guard, bounds, inputs = model.guard, model.bounds, len(model.inputs)
+    frozen = _frozen(graph, model, rows)
+    _inside(graph, rows.sample, "trained", guard.trained_lower, guard.trained_upper)
+    graph.add("Concat", "trained", frozen, rows.accepted, to="troubles", axis=1)
+    graph.cast("troubles", "trouble_number", TensorProto.DOUBLE)
+    outside, any_frozen, bad = np.eye(3)
+    columns = np.stack([-outside] * inputs + [any_frozen + bad] * (len(model.pressures) + 1) + [-bad] * inputs)
+    graph.add("MatMul", "trouble_number", graph.constant(columns), to="trouble_counts")
+    limits = graph.constant([[-float(inputs), 0.0, -float(inputs)]])
+    graph.add("Greater", "trouble_counts", limits, to="outside_frozen_bad")
+    graph.add("Gather", "outside_frozen_bad", graph.indices(2), to="bad", axis=1)
+    graph.add("Concat", "bad", _new_direction(graph, bounds, rows), rows.never, to="happened", axis=1)
+    last = rows.latest(HAPPENED_AT, rows.clock, "happened")
+    graph.add("Sub", rows.clock, last, to="elapsed")
+    spans = [[guard.recovery_samples + 1.0, bounds.reversal_samples, guard.warm_up_samples + 1.0]]
+    graph.add("Less", "elapsed", graph.constant(spans), to="recent")
+    return _flags_and_regime(graph, model, rows)
+
+
+def _inside(graph: Graph, values: str, to: str, lower: tuple[float, ...], upper: tuple[float, ...]) -> str:
+    greatest = np.finfo(np.float64).max  # infinity is no reading, however wide the range
+    bounds = np.clip(np.array([[lower], [upper]]), -greatest, greatest)
+    graph.add("GreaterOrEqual", values, graph.constant(bounds[0]), to=to + "_above")
+    graph.add("LessOrEqual", values, graph.constant(bounds[1]), to=to + "_below")
+    return graph.add("And", to + "_above", to + "_below", to=to)
+
+
+def _frozen(graph: Graph, model: StepModel, rows: Rows) -> str:
+    """Return which pressure was constant over too much travel, or position too long under too much force."""
+    guard, pressures = model.guard, len(model.pressures)
+    checked_inputs = (*model.pressures, model.position)
+    accepted = rows.accepted
+    if checked_inputs != tuple(range(len(model.inputs))):
+        accepted = graph.add("Gather", accepted, graph.indices(*checked_inputs), to="accepted_checked", axis=1)
+    graph.add("Equal", "changes", graph.constant(0.0), to="unchanged")
+    graph.add("And", "unchanged", accepted, to="still")
+    graph.add("Not", "still", to="fresh")
+    graph.add("Concat", *(["positions_m"] if pressures else []), rows.clock, to="place", axis=1)
+    origin = rows.latest(CHANGED_AT, "place", "fresh")
+    graph.add("Sub", "place", origin, to="travelled_since")
+    graph.add("Abs", "travelled_since", to="travelled")
+    limits = graph.constant([[*[guard.freeze_travel_m] * pressures, float(guard.freeze_samples)]])
+    graph.add("Greater", "travelled", limits, to="over")
+    constant = rows.latched(CHANGED_AT, "over", "fresh")
+    graph.add("Abs", "base_n", to="resistance_n")
+    graph.add("Greater", "resistance_n", graph.constant(guard.freeze_force_n), to="strong")
+    graph.add("Or", "strong", graph.constant([[*[True] * pressures, False]], np.bool_), to="suspicious")
+    return graph.add("And", constant, "suspicious", to="frozen")
+
+
+def _new_direction(graph: Graph, bounds: Bounds, rows: Rows) -> str:
+    """Return whether a direction begins that was not the last step's."""
+    slow, fast = bounds.standstill_m_s, max(bounds.standstill_m_s, bounds.creep_m_s)
+    graph.add("GreaterOrEqual", "speeds_m_s", graph.constant([[slow, slow, fast, fast]]), to="faster")
+    graph.cast("faster", "faster_number", TensorProto.DOUBLE)
+    graph.add("MatMul", "faster_number", graph.constant([[1.0], [-1.0], [0.0], [0.0]]), to="direction")
+    graph.add("Sub", "direction", rows.direction_before("direction"), to="turn")
+    graph.add("Mul", "direction", "turn", to="turn_ahead")
+    graph.add("Greater", "turn_ahead", graph.constant([[0.0]]), to="new_direction")
+    return "new_direction"
+
+
+def _flags_and_regime(graph: Graph, model: StepModel, rows: Rows) -> tuple[str, str]:
+    """Weigh every bit for the flags, and for the regime: 0 standing, 1 creeping, 2 sliding, 3 or more reversing.
+
+    A bad sample is recent as well, hence a difference: recovery is what is recent but not bad.
+    """
+    accepted, invalid = _by_flag(graph, model, rows.accepted, "held")
+    graph.add("Concat", "outside_frozen_bad", "recent", accepted, "faster", to="bits", axis=1)
+    graph.cast("bits", "bit_number", TensorProto.DOUBLE)
+    troubles = [Flag.OUTSIDE, Flag.FROZEN, -Flag.RECOVERING.value]
+    flags = [*troubles, Flag.RECOVERING, 0, Flag.WARMING, *-invalid, 0, 0, 0, 0]
+    regime = [0, 0, 0, 0, REVERSAL, 0, *0 * invalid, 1, 1, 1, 1]
+    weights = graph.constant(np.array([flags, regime], dtype=np.float64).T)
+    graph.add("Gemm", "bit_number", weights, graph.constant([[invalid.sum(), 0.0]]), to="flags_and_regime")
+    graph.split("flags_and_regime", {"flag_number": 1, "regime": 1})
+    return "flag_number", "regime"

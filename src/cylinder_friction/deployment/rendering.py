@@ -1,0 +1,77 @@
+"""Text that is exported, from the templates in ``templates/``."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import fields, is_dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import numpy as np
+
+from cylinder_friction.deployment.c_export.literals import number, numbers, wrapped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.deployment.c_export.literals import Type
+
+
+def render(template: str, real: Type = "double", **values: Any) -> str:
+    """Return a template of ``templates/`` filled with values; each value it asks for must be there.
+
+    Args:
+        template: File name; values for XML and HTML are escaped.
+        real: Type that the filters ``real``, ``reals`` and ``row`` write numbers in; ``c`` names its functions.
+        values: What the template asks for.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("cylinder_friction.deployment"),
+        autoescape=jinja2.select_autoescape(["xml.j2", "html.j2"]),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {
+        "real": partial(number, kind=real),
+        "reals": partial(numbers, kind=real),
+        "row": lambda values: f"{{{', '.join(number(value, real) for value in values)}}}",
+        "double": partial(number, kind="double"),
+        "float": partial(number, kind="float"),
+        "floats": partial(numbers, kind="float"),
+        "unsigned": lambda values: wrapped(f"{value}u" for value in values),
+        "wrapped": wrapped,
+        "horner": _horner,
+        "c": lambda function: function + ("f" if real == "float" else ""),
+    }
+    return environment.get_template(template).render(real=real, **values)
+
+
+def _horner(coefficients: Sequence[np.float32]) -> str:
+    """Return a polynomial in ``square`` by Horner's scheme, lowest coefficient first in the argument."""
+    *lower, text = [number(float(value), "float") for value in coefficients]
+    for value in reversed(lower):
+        text = f"({text}) * square + {value}" if "*" in text else f"{text} * square + {value}"
+    return text
+
+
+def model_hash(model: Any) -> str:
+    """Return the SHA-256 of every number of a model of dataclasses, the same in every export and on every machine."""
+    digest = hashlib.sha256()
+    _add(digest, model)
+    return digest.hexdigest()
+
+
+def _add(digest: Any, value: Any) -> None:
+    if is_dataclass(value):
+        for field in fields(value):
+            digest.update(field.name.encode())
+            _add(digest, getattr(value, field.name))
+    elif isinstance(value, np.ndarray):
+        ordered = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
+        digest.update(f"{ordered.dtype.str}{ordered.shape}".encode())
+        digest.update(ordered.tobytes())
+    else:
+        digest.update(repr(value).encode())
