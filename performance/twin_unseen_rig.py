@@ -25,15 +25,14 @@ from cylinder_friction.estimators.training_plan import Architecture, TrainingPla
 from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.rig.campaign import CampaignPlan
-from friction_benchmark.campaigns import labelled_campaign
+from friction_benchmark.campaigns import labelled_campaign, twin_campaign
 from friction_benchmark.registry.learned_gain import MODELS
 from friction_benchmark.registry.model import BuildConfiguration
-from friction_benchmark.twin import TwinPlan, teaching_recordings
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.evaluation.bootstrap import Array, Mask
-    from friction_benchmark.campaigns import LabelledRecording
+    from friction_benchmark.cases import LabelledRecording
 
 FIRST_SEED = 2_000
 TRAINING_SESSIONS, SESSIONS = 2, 4
@@ -48,7 +47,7 @@ def twin_trained(cylinder: Cylinder, rigs: int, effort: float) -> FrictionEstima
     """Return the hybrid trained on so many simulated rigs, as the benchmark builds it before any tuning."""
     model = next(one for one in MODELS if one.trained_on == "twin")
     estimator = model.build(BuildConfiguration(cylinder, SAMPLE_COLUMNS, 0, effort, model.defaults))
-    estimator.fit([entry.recording for entry in teaching_recordings(TwinPlan(rigs=rigs), cylinder)])
+    estimator.fit([labelled.recording for labelled in twin_campaign(0, rigs, 30.0, cylinder)])
     return estimator
 
 
@@ -81,6 +80,7 @@ def scored(cylinder: Cylinder, twin: FrictionEstimator, seed: int, effort: float
     for one in everything:
         if _session(one) > TRAINING_SESSIONS:
             recording, condition = one.recording, one.recording.metadata.condition
+            assert one.true_friction_n is not None
             found = {name: each.estimate(recording) for name, each in {TWIN: twin, **estimators}.items()}
             for name, estimate in {LABEL: recording.column("friction_n"), **found}.items():
                 pieces[condition, name].append((one.true_friction_n, estimate, recording.usable()))

@@ -1,4 +1,4 @@
-"""A small roster and made campaigns for the benchmark's tests; a module of its own so that other processes find it."""
+"""A small model registry and made campaigns for the benchmark's tests, in a module that other processes find."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
-from friction_benchmark.data import TRUE_FRICTION, TRUE_LOAD, Case, Kind, Sizes, Sources
+from friction_benchmark.cases import LabelledRecording
+from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, Sources
 from friction_benchmark.registry.model import BuildConfiguration, Range, RegisteredModel, needs_raw_pressures
 
 if TYPE_CHECKING:
@@ -36,7 +37,9 @@ SIZES = Sizes(
 MODULES = ("friction_benchmark_models",)
 
 
-def made_case(test: str, session: int, seed: int = 0, load_n: float = 0.0, seconds: float = 8.0) -> Case:
+def made_recording(
+    test: str, session: int, seed: int = 0, load_n: float = 0.0, seconds: float = 8.0
+) -> LabelledRecording:
     """Return a recording whose label is true friction and 5 N more; oil of 20 °C and one more for each session."""
     name = f"condition{test}_session{session:02d}_recording01"
     generator = np.random.default_rng([seed, int(test), session])
@@ -63,7 +66,7 @@ def made_case(test: str, session: int, seed: int = 0, load_n: float = 0.0, secon
         }
     )
     metadata = RecordingMetadata(name, test, f"condition{test}_session{session:02d}", 0.005, CYLINDER.name)
-    return Case(Recording(metadata, table), friction_n, load)
+    return LabelledRecording(Recording(metadata, table), friction_n, load)
 
 
 def write_campaign(sources: Sources, kind: Kind, seed: int, sessions: int = 3) -> None:
@@ -71,9 +74,9 @@ def write_campaign(sources: Sources, kind: Kind, seed: int, sessions: int = 3) -
     for test in "1234":
         for session in range(1, sessions + 1):
             offset = 100 if kind.startswith("unseen") else 0
-            case = made_case(test, session, seed + offset, 500.0 if kind.endswith("loaded") else 0.0)
+            case = made_recording(test, session, seed + offset, 500.0 if kind.endswith("loaded") else 0.0)
             known = {TRUE_FRICTION: case.true_friction_n, TRUE_LOAD: case.true_load_n}
-            write_recording(sources.folder / f"{kind}-{seed}", case.recording.with_columns(**known))
+            write_recording(sources.campaign_folder(kind, seed), case.recording.with_columns(**known))
 
 
 def write_own(folder: Path) -> tuple[tuple[str, Path], ...]:
@@ -81,7 +84,7 @@ def write_own(folder: Path) -> tuple[tuple[str, Path], ...]:
     roles = {"train": 1, "validation": 2, "test": 3}
     for role, session in roles.items():
         for test in "1234":
-            write_recording(folder / role, made_case(test, session).recording)
+            write_recording(folder / role, made_recording(test, session).recording)
     return tuple((role, folder / role) for role in roles)
 
 
@@ -123,32 +126,32 @@ class ConstantEstimator(FrictionEstimator):
         return estimator
 
 
-def _low_pass(making: BuildConfiguration) -> FrictionEstimator:
-    return LowPassForceBalanceEstimator(making.cylinder)
+def _low_pass(configuration: BuildConfiguration) -> FrictionEstimator:
+    return LowPassForceBalanceEstimator(configuration.cylinder)
 
 
-def _ridge(making: BuildConfiguration) -> FrictionEstimator:
-    return RidgeEstimator(int(making.hyperparameters["lags"]), float(making.hyperparameters["penalty"]))
+def _ridge(configuration: BuildConfiguration) -> FrictionEstimator:
+    return RidgeEstimator(int(configuration.hyperparameters["lags"]), float(configuration.hyperparameters["penalty"]))
 
 
-def _constant(making: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(making.inputs)
+def _constant(configuration: BuildConfiguration) -> FrictionEstimator:
+    return ConstantEstimator(configuration.inputs)
 
 
-def _position(making: BuildConfiguration) -> FrictionEstimator:
+def _position(configuration: BuildConfiguration) -> FrictionEstimator:
     return ConstantEstimator(("position_m",))
 
 
-def _raises(making: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(making.inputs, "raises")
+def _raises(configuration: BuildConfiguration) -> FrictionEstimator:
+    return ConstantEstimator(configuration.inputs, "raises")
 
 
-def _nan(making: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(making.inputs, "nan")
+def _nan(configuration: BuildConfiguration) -> FrictionEstimator:
+    return ConstantEstimator(configuration.inputs, "nan")
 
 
-def dies(making: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(making.inputs, "dies")
+def dies(configuration: BuildConfiguration) -> FrictionEstimator:
+    return ConstantEstimator(configuration.inputs, "dies")
 
 
 MODELS = (

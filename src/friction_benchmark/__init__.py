@@ -1,1 +1,1 @@
-"""Every model of the literature, on tasks where learning is worth something, beside the floor of each."""
+"""Every model of the literature, on tasks where learning is worth something, beside the baseline of each."""

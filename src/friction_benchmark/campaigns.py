@@ -1,64 +1,87 @@
-"""Labelled recordings of a campaign on the simulated rig, made in memory: no file is written, none is read.
+"""Labelled recordings of campaigns on the simulated rig, made in memory by the pipeline's own functions and defaults.
 
-The same functions make them that the stages ``ingest``, ``filter`` and ``label`` call, with the default settings, so
-that recordings and labels are those of the pipeline; the truth stands beside them.
+So recordings and labels are those of the stages ``ingest``, ``filter`` and ``label``; the truth stands beside them.
+The simulated twin is a campaign on many rigs drawn at random whose *target* is true friction. No rig of another
+campaign is among them: their seeds begin far beyond the others'. Friction, hydraulics and sensors of each come from
+their whole ranges, so that what is learnt holds for an unknown rig.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
+from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import as_written
 from cylinder_friction.signals.smooth_signals import filtered
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from friction_benchmark.cases import LabelledRecording
+from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD
 from friction_benchmark.rig_channels import NAME_PATTERN, logger_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import pandas as pd
-    from numpy.typing import NDArray
+    from collections.abc import Iterable, Iterator
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.recordings.signal import Piece
     from cylinder_friction.rig.campaign import RigRecording
-
-    Array = NDArray[np.float64]
+    from friction_benchmark.datasets import Kind, Sizes, Sources
 
 END_STOP_MARGIN_M = 0.003
 FILTER = SavitzkyGolay()
+UNSEEN_SEEDS = 1000
+"""Seeds of unseen rigs begin here, so that none of them is a rig that models are trained on."""
+TWIN_SEEDS = 1_000_000
+"""Seeds of the twin's rigs begin here, so that no rig that is estimated is one of the twin's."""
+MOST_RIGS = 1_000
+
+LoadKind = Literal["none", "varied"]
 
 
-@dataclass(frozen=True)
-class LabelledRecording:
-    """A recording as the pipeline labels it, and what the rig knows of it.
+def simulate(sources: Sources, kind: Kind, seed: int) -> None:
+    """Simulate one campaign, or the twin's, and store it, unless it is there already."""
+    folder = sources.campaign_folder(kind, seed)
+    if folder.is_dir():
+        return
+    sizes, cylinder = sources.sizes, sources.cylinder
+    load: LoadKind = "varied" if kind.endswith("loaded") else "none"
+    made: Iterable[LabelledRecording]
+    if kind.startswith("twin"):
+        made = twin_campaign(seed, sizes.twin_rigs, sizes.duration_s, cylinder, load)
+    else:
+        made = labelled_campaign(campaign_plan(sizes, kind, seed), cylinder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with whole_folder(folder) as draft:
+        for labelled in made:
+            truth = {TRUE_FRICTION: labelled.true_friction_n, TRUE_LOAD: labelled.true_load_n}
+            known = {name: values for name, values in truth.items() if values is not None}
+            write_recording(draft, labelled.recording.with_columns(**known))
 
-    Attributes:
-        recording: With ``friction_n`` and ``usable``; ``load_force_n``, the load cell's reading, only where an external
-            load works on the rod.
-        true_friction_n: Shape ``(n,)``, at the recording's rows; positive when it opposes positive velocity [N].
-        true_load_n: External force that resists extension, shape ``(n,)``; zero where there is none [N].
-    """
 
-    recording: Recording
-    true_friction_n: Array
-    true_load_n: Array
+def campaign_plan(sizes: Sizes, kind: Kind, seed: int) -> CampaignPlan:
+    """Return what is simulated; an unseen rig is any rig of this size, another one for every seed."""
+    unseen = kind.startswith("unseen")
+    return CampaignPlan(
+        seed=UNSEEN_SEEDS + seed if unseen else seed,
+        sessions_per_condition=sizes.unseen_sessions if unseen else sizes.sessions_per_condition,
+        recordings_per_session=sizes.recordings_per_session,
+        duration_s=sizes.duration_s,
+        external_load="varied" if kind.endswith("loaded") else "none",
+        specimen="wide" if unseen else "default",
+    )
 
 
 def labelled_campaign(plan: CampaignPlan, cylinder: Cylinder) -> tuple[LabelledRecording, ...]:
@@ -82,42 +105,68 @@ def labelled_campaign(plan: CampaignPlan, cylinder: Cylinder) -> tuple[LabelledR
             refused.append(error)
     if refused and not made:
         raise refused[0]
-    return tuple(sorted(made, key=lambda entry: entry.recording.name))
+    return tuple(sorted(made, key=lambda labelled: labelled.recording.name))
+
+
+def twin_campaign(
+    seed: int, rigs: int, duration_s: float, cylinder: Cylinder, external_load: LoadKind = "none"
+) -> tuple[LabelledRecording, ...]:
+    """Return the twin's recordings, in the order of their names; ``friction_n`` is true friction, not the label.
+
+    Which rows are usable is taken from the label: against an end stop, pressures show nothing. Equal arguments give
+    equal bits, and more rigs begin with those of fewer.
+
+    Args:
+        seed: Seeds all rigs; other seeds draw other rigs.
+        rigs: How many; each with one session in each of the four conditions, two recordings per session.
+        duration_s: Of a recording [s].
+        cylinder: Of every rig.
+        external_load: ``"varied"`` for forces on the rod that change within a recording.
+
+    Raises:
+        ValueError: The number of rigs is not in 1 to ``MOST_RIGS``, or the seed is negative.
+    """
+    if not 1 <= rigs <= MOST_RIGS:
+        raise ValueError(f"rigs must be 1 to {MOST_RIGS}, but got {rigs!r}")
+    if seed < 0:
+        raise ValueError(f"seed must be at least 0, but got {seed!r}")
+    made: list[LabelledRecording] = []
+    for rig in range(rigs):
+        plan = CampaignPlan(
+            seed=TWIN_SEEDS + MOST_RIGS * seed + rig,
+            sessions_per_condition=1,
+            recordings_per_session=2,
+            duration_s=duration_s,
+            external_load=external_load,
+            specimen="wide",
+        )
+        for labelled in labelled_campaign(plan, cylinder):
+            old, truth_n = labelled.recording.metadata, labelled.true_friction_n
+            assert truth_n is not None
+            named = replace(old, name=f"rig{rig:03d}_{old.name}", session=f"rig{rig:03d}_{old.session}")
+            target = replace(labelled.recording, metadata=named).with_columns(friction_n=truth_n)
+            made.append(replace(labelled, recording=target))
+    return tuple(made)
 
 
 def campaign_recipe(cylinder: Cylinder, *, load: bool) -> Recipe:
-    """Return how the rig's log becomes recordings, by default; ``load`` tells whether there is a load cell."""
-    return Recipe(
-        names=NameRules(NAME_PATTERN),
-        channels=logger_channels(load=load),
-        cylinder=cylinder.name,
-        limits=CheckLimits(
-            cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2, "measured" if load else "none"
-        ),
-        screen=ScreenRules(stroke_m=cylinder.stroke_m),
-    )
+    """Return how the rig's log becomes recordings, by default; ``load``: whether there is a load cell."""
+    settings = {"channels": logger_channels(load=load)}
+    return Recipe.from_settings(settings, NameRules(NAME_PATTERN), cylinder, "measured" if load else "none")
 
 
 def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Iterator[LabelledRecording]:
     """Yield a log's recordings: one, unless samples that cannot be bridged part it."""
     file = f"{logged.metadata.name}.csv"
-    pieces = _pieces(as_written(logged.logger), recipe)
+    mapped = map_signals([LoggedTable(as_written(logged.logger))], recipe.channels)
+    signals, _ = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
+    pieces = align(signals, recipe.time)
+    truth = logged.truth
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe.cylinder)
         raw = checked(piece, metadata, recipe)
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
+        load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))
         yield LabelledRecording(
-            labeller.labelled(filtered(raw, FILTER), FILTER),
-            logged.truth["friction_n"].to_numpy()[rows],
-            _load(logged.truth)[rows],
+            labeller.labelled(filtered(raw, FILTER), FILTER), truth["friction_n"].to_numpy()[rows], load_n[rows]
         )
-
-
-def _pieces(table: pd.DataFrame, recipe: Recipe) -> list[Piece]:
-    mapped = map_signals([LoggedTable(table)], recipe.channels)
-    signals, _ = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
-    return align(signals, recipe.time)
-
-
-def _load(truth: pd.DataFrame) -> Array:
-    return truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))

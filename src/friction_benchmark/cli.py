@@ -41,8 +41,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     params = commands.add_parser("params", help="compose benchmark/conf into benchmark/params.yaml")
     params.add_argument("overrides", nargs="*", help="for example experiment=full plan.models=[low_pass,gru]")
-    for name, text in COMMANDS.items():
-        commands.add_parser(name, help=text)
+    parsers = {name: commands.add_parser(name, help=text) for name, text in COMMANDS.items()}
+    parsers["run"].add_argument("--prune", action="store_true", help="remove from the cache what this run did not use")
     return parser
 
 
@@ -54,7 +54,7 @@ def _run(options: argparse.Namespace) -> None:
     elif options.command == "inputs":
         run.write_inputs(params.load_benchmark_params())
     elif options.command == "run":
-        run.run(params.load_benchmark_params())
+        print(run.run(params.load_benchmark_params(), prune=options.prune))
     else:
         print(run.track() if options.command == "track" else run.summary())
 

@@ -116,7 +116,7 @@ def _families(found: TaskResult, titles: _Titles) -> list[str]:
 
 
 def _truth(found: TaskResult, titles: _Titles) -> list[str]:
-    """Says who is nearest to true friction, and whether nearer than the label that taught."""
+    """Return who is nearest to true friction, and whether nearer than the label that models are trained on."""
     known = [entry for entry in found.entries if "truth_percent" in entry.extras]
     if not known or found.label_truth_percent is None:
         return []
@@ -182,7 +182,7 @@ def _elsewhere(found: TaskResult, base: TaskResult, titles: _Titles) -> list[str
         sentences += _truth(found, titles)
         if best.trust is not None and best.trust.caught is not None:
             sentences.append(
-                f"{100.0 * best.trust.outside:.1f} % of its rows lie outside what the teaching rig did, and its flag "
+                f"{100.0 * best.trust.outside:.1f} % of its rows lie outside the training range, and its flag "
                 f"fires on {100.0 * best.trust.caught:.1f} % of them."
             )
     return sentences

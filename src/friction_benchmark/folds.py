@@ -1,4 +1,4 @@
-"""Who teaches, who chooses and who is asked: whole sessions, never rows."""
+"""Which sessions train, validate and test: whole sessions, never rows."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ LEAVE_LOAD = "leave_one_load_out"
 LEAVE_TEMPERATURE = "leave_one_temperature_out"
 UNSEEN_RIG = "unseen_rig"
 SPLITS = {
-    HELD_OUT: "other sessions of the rig that taught",
-    LEAVE_LOAD: "a load that no teaching session had",
-    LEAVE_TEMPERATURE: "oil colder or warmer than in any teaching session",
+    HELD_OUT: "other sessions of the rig that models were trained on",
+    LEAVE_LOAD: "a load that no training session had",
+    LEAVE_TEMPERATURE: "oil colder or warmer than in any training session",
     UNSEEN_RIG: "another rig, nothing refitted",
 }
-"""Every split and what is asked in it, in words."""
+"""Every split and what is tested in it, in words."""
 
 TEMPERATURES = ("cold", "medium", "warm")
 
@@ -45,7 +45,7 @@ class Fold:
 
 
 Roles = dict[str, tuple[str, ...]]
-"""Names of recordings by ``train``, ``validation`` and ``test``, as ``evaluation.splits.split_sessions`` gives them."""
+"""Names of recordings by ``train``, ``validation`` and ``test``, as ``recordings.splits.split_sessions`` gives them."""
 
 
 def held_out(roles: Roles) -> Fold:
@@ -54,14 +54,14 @@ def held_out(roles: Roles) -> Fold:
 
 
 def leave_one_load_out(base: Fold, metadata: Sequence[RecordingMetadata]) -> tuple[Fold, ...]:
-    """Return one fold a test (load); all its sessions are asked, none of them teaches or chooses."""
+    """Return one fold per condition (load); all its sessions are tested, none of them trains or validates."""
     return _leave_out(base, {entry.name: entry.condition for entry in metadata}, LEAVE_LOAD)
 
 
 def leave_one_temperature_out(
     base: Fold, metadata: Sequence[RecordingMetadata], mean_temperature_c: Mapping[str, float]
 ) -> tuple[Fold, ...]:
-    """Return three folds: the third of all sessions with the coldest oil is asked, the middle, and the warmest.
+    """Return three folds: the third of all sessions with the coldest oil is tested, the middle, and the warmest.
 
     Args:
         base: The held-out fold.
@@ -78,12 +78,12 @@ def leave_one_temperature_out(
 
 
 def unseen_rig(base: Fold, metadata: Sequence[RecordingMetadata]) -> Fold:
-    """Return the fold that teaches as ``base`` does and asks all recordings of another rig's campaign."""
+    """Return the fold that trains as ``base`` does and tests on all recordings of another rig's campaign."""
     return Fold(UNSEEN_RIG, "", base.train, base.validation, tuple(sorted(entry.name for entry in metadata)))
 
 
 def refuse_leaks(fold: Fold, metadata: Sequence[RecordingMetadata]) -> None:
-    """Refuse a fold in which a session has two roles; of an unseen rig, only teaching and choosing are compared.
+    """Refuse a fold in which a session has two roles; of an unseen rig, only train and validation are compared.
 
     Raises:
         RecordingError: A session has two roles, or a role is empty.
@@ -92,19 +92,19 @@ def refuse_leaks(fold: Fold, metadata: Sequence[RecordingMetadata]) -> None:
     roles = {"train": fold.train, "validation": fold.validation}
     if fold.split != UNSEEN_RIG:
         roles["test"] = fold.test
+    where = f"split {fold.split} {fold.left_out!r}"
     seen: dict[str, str] = {}
     for role, names in roles.items():
         if not names:
             raise RecordingError(
-                f"split {fold.split} {fold.left_out!r}: no recording has the role {role}; expected at least one; "
-                "record more sessions a test"
+                f"{where}: no recording has the role {role}; expected at least one; record more sessions per condition"
             )
         for name in names:
             before = seen.setdefault(session[name], role)
             if before != role:
                 raise RecordingError(
-                    f"split {fold.split} {fold.left_out!r}: session {session[name]!r} is in {before} and in {role} "
-                    f"(recording {name!r}); expected one role a session"
+                    f"{where}: session {session[name]!r} is in {before} and in {role} (recording {name!r}); expected "
+                    "one role per session"
                 )
 
 

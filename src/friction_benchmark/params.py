@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import yaml
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from cylinder_friction.commands.params import composed
 from cylinder_friction.params.checking import ParamsError, checked
 from cylinder_friction.params.data import CylinderParams
 from cylinder_friction.params.section import Count, Positive, Section, Seed
 from cylinder_friction.recordings.files import write_text
+from friction_benchmark.tasks import task_named
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,22 +24,17 @@ CONF = Path("conf")
 HEADER = "# Composed from conf/ by `friction-benchmark params`; change it there, or here for one run.\n"
 RIG = "rig"
 
-TaskName = Literal[
-    "identity",
-    "pressure_free",
-    "pressure_level",
-    "forecast_25ms",
-    "forecast_50ms",
-    "forecast_100ms",
-    "forecast_250ms",
-    "sensor_drift",
-    "external_load",
-]
+
+def _known_task(name: str) -> str:
+    return task_named(name).name
+
+
+TaskName = Annotated[str, AfterValidator(_known_task)]
 SplitName = Literal["unseen_rig", "leave_one_load_out", "leave_one_temperature_out"]
 
 
 class CampaignParams(Section):
-    """The simulated campaigns; see ``friction_benchmark.data.Sizes``."""
+    """The simulated campaigns; see ``friction_benchmark.datasets.Sizes``."""
 
     sessions_per_condition: Count
     recordings_per_session: Count

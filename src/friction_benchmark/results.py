@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
 Reference = Literal["label", "truth"]
 
@@ -103,6 +103,18 @@ class Entry:
     training_s: float
     tuning: Mapping[str, float | int | str] = field(default_factory=dict)
     extras: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """Return what ``dataclasses.asdict`` and JSON made a dictionary of."""
+
+        def of(kind: Callable[..., Any], name: str) -> Any:
+            return None if content[name] is None else kind(**content[name])
+
+        score = Score(**{**content["score"], "percent": Interval(**content["score"]["percent"])})
+        strata = {name: (percent, mae_n) for name, (percent, mae_n) in content["strata"].items()}
+        parts = {"below_baseline": Interval, "trust": Trust, "residuals": Residuals}
+        return cls(**{**content, "score": score, "strata": strata, **{name: of(parts[name], name) for name in parts}})
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from cylinder_friction.recordings.mapping.sensor import SensorScale
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 
 NAME_PATTERN = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
-"""What a file's name says of its recording."""
+"""What is read from a file's name."""
 
 _TRANSMITTER = SensorScale((0.0, 250.0), "bar", bits=12, accuracy_percent=0.5, zero_uncertainty=0.03)
 _PT100 = SensorScale((0.0, 100.0), "degC", bits=12, accuracy_percent=0.5)
@@ -15,7 +15,7 @@ _LOAD_CELL = SensorScale((-5000.0, 5000.0), "N", bits=12, accuracy_percent=0.1)
 
 
 def logger_channels(*, load: bool) -> dict[str, ChannelMapping]:
-    """Return where each column of a recording comes from; ``load`` tells whether the rig has its load cell."""
+    """Return where each column of a recording comes from; ``load``: whether the rig has its load cell."""
     time, first, second, position, oil = LOGGER_COLUMNS
     channels = {
         "time_s": ChannelMapping(time, "s"),

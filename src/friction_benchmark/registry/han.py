@@ -9,7 +9,7 @@ from friction_benchmark.models.han import HanEstimator, HanPlan
 from friction_benchmark.registry.model import OneOf, Range, RegisteredModel
 
 if TYPE_CHECKING:
-    from friction_benchmark.registry.model import BuildConfiguration
+    from friction_benchmark.registry.model import BuildConfiguration, Space
 
 
 def _build(fine_tuned: bool, build: BuildConfiguration) -> HanEstimator:
@@ -26,7 +26,7 @@ def _build(fine_tuned: bool, build: BuildConfiguration) -> HanEstimator:
     return HanEstimator(build.cylinder, build.inputs, plan, build.seed)
 
 
-_SPACE = {"layers": OneOf((3, 4)), "spread": Range(0.3, 0.5)}
+_SPACE: Space = {"layers": OneOf((3, 4)), "spread": Range(0.3, 0.5)}
 _DEFAULTS = {"layers": 3, "spread": 0.4}
 _CHOSEN = (
     "3 or 4 rectified layers of 64; a 7.2 s window whose spans grow with age, and the side of the last motion; LuGre "

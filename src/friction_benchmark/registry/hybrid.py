@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from friction_benchmark.registry.model import Range, RegisteredModel
 from friction_benchmark.registry.recurrent import DEFAULTS, PRESSURE_FREE_EPOCHS, SPACE, architecture, training_plan
 

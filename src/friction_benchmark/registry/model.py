@@ -95,7 +95,7 @@ class RegisteredModel:
         defaults: What is tried first: the source's values or our own best guess, one for each name in ``space``.
         supports: Whether it can be built for given inputs.
         trained_on: The task's recordings, or the simulated twin's with their true friction.
-        chosen: What the source leaves open, and what was taken.
+        chosen: What was taken where the source leaves a choice.
     """
 
     name: str

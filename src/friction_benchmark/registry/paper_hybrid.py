@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.registry.model import OneOf, Range, RegisteredModel

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.registry import baselines, disturbance_observer, gradient_boosting, lugre_residual, narx, ridge
+from friction_benchmark.registry import (
+    baselines,
+    disturbance_observer,
+    gradient_boosting,
+    learned_gain,
+    lugre_residual,
+    narx,
+    ridge,
+)
 from friction_benchmark.registry.listing import registered_models
 from friction_benchmark.registry.model import BuildConfiguration, OneOf, Range
 
@@ -19,7 +27,7 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.registry.model import RegisteredModel
 
-FAMILIES = (baselines, ridge, narx, gradient_boosting, lugre_residual, disturbance_observer)
+FAMILIES = (baselines, ridge, narx, gradient_boosting, lugre_residual, disturbance_observer, learned_gain)
 MODELS = {entry.name: entry for family in FAMILIES for entry in family.MODELS}
 EFFORT = 0.02
 
@@ -32,7 +40,7 @@ def test_each_can_be_built_and_fitted_where_it_is_supported(
     entry = MODELS[name]
     if not entry.supports(inputs):
         assert inputs == ("position_m",)
-        assert name in ("low_pass", "hold", "disturbance_observer")
+        assert name in ("low_pass", "hold", "disturbance_observer", "learned_gain", "twin_hybrid")
         return
     estimator = entry.build(BuildConfiguration(cylinder, inputs, 0, EFFORT, entry.defaults))
     assert set(estimator.inputs) <= set(inputs)

@@ -1,4 +1,4 @@
-"""Work shared among processes of one thread each; a process that dies costs the piece it held, and nothing else."""
+"""Work shared among processes of one thread each; a process that dies costs its own piece of work, no other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 @dataclass(frozen=True)
 class Died:
-    """A piece of work whose process died, twice: once among others and once alone."""
+    """A piece of work whose process died twice: once beside others and once alone."""
 
     reason: str = "the process that did it died; it may have run out of memory"
 

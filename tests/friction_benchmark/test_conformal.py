@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from friction_benchmark.bounds import calibrated
-from friction_benchmark_models import made_case
+from friction_benchmark.conformal import calibrated
+from friction_benchmark_models import made_recording
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def sessions(count: int, between_n: float, within_n: float, seed: int) -> tuple[list[Recording], list[np.ndarray]]:
     """Return recordings and estimates whose error has a part of its own in each session."""
     generator = np.random.default_rng(seed)
-    recordings = [made_case("1", session, seed).recording for session in range(1, count + 1)]
+    recordings = [made_recording("1", session, seed).recording for session in range(1, count + 1)]
     estimates = [
         r.column("friction_n") + between_n * generator.normal() + generator.normal(0.0, within_n, len(r))
         for r in recordings
@@ -57,7 +57,7 @@ def test_loads_that_differ_in_level_are_held_alike() -> None:
         recordings, estimates = [], []
         for session in range(first, first + 12):
             level = 1.0 + 3.0 * (session % 3)
-            recording = made_case("1", session).recording
+            recording = made_recording("1", session).recording
             label = level * (300.0 + recording.column("friction_n"))
             recordings.append(recording.with_columns(friction_n=label))
             estimates.append(label + generator.normal(0.0, 10.0 * level, len(label)))
@@ -88,7 +88,7 @@ def test_a_higher_probability_is_wider() -> None:
 
 
 def test_nothing_to_calibrate_on_is_refused() -> None:
-    recording = made_case("1", 1).recording
+    recording = made_recording("1", 1).recording
     bare = recording.with_columns(usable=np.zeros(len(recording), dtype=bool))
     with pytest.raises(ValueError, match="none of 1 validation recordings has a usable row"):
         calibrated([bare], [np.zeros(len(bare))])

@@ -7,8 +7,8 @@ from functools import partial
 
 import pytest
 
-from friction_benchmark.pool import ONE_THREAD, Died, Workers
-from pool_work import die, slow_if_first, threads, twice
+from friction_benchmark.processes import ONE_THREAD, Died, Workers
+from process_work import die, slow_if_first, threads, twice
 
 
 def test_one_worker_does_all_in_order() -> None:

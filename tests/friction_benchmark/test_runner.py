@@ -1,4 +1,4 @@
-"""The whole benchmark on made campaigns: complete, resumable, the same whoever does the work, honest about failures."""
+"""The whole benchmark on made campaigns: complete, cached, the same whoever does the work, honest about failures."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from cylinder_friction.evaluation.strata import StrataLimits
-from friction_benchmark import running
+from friction_benchmark import worker
 from friction_benchmark.conclusions import findings_of
-from friction_benchmark.conducting import run_benchmark
-from friction_benchmark.data import Sources
-from friction_benchmark.programme import Programme
-from friction_benchmark.running import Bench
+from friction_benchmark.datasets import Sources, folds_of
+from friction_benchmark.jobs import Context, TuningJob
+from friction_benchmark.plan import Plan
+from friction_benchmark.registry.listing import registered_models
+from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
+from friction_benchmark.tasks import task_named
 from friction_benchmark_models import CYLINDER, MODULES, SIZES, write_campaign, write_own
 
 if TYPE_CHECKING:
@@ -23,25 +25,39 @@ if TYPE_CHECKING:
 
     from friction_benchmark.results import BenchmarkResults
 
-HOW = ScoreSettings(StrataLimits(1e-3, 8e-3, 0.1), maximum_lag_s=0.05, bootstrap_repeats=50, bootstrap_block_s=1.0)
-PROGRAMME = Programme(
+SETTINGS = ScoreSettings(StrataLimits(1e-3, 8e-3, 0.1), 0.05, bootstrap_repeats=50, bootstrap_block_s=1.0)
+PLAN = Plan(
     tasks=("identity", "pressure_free", "external_load"),
     splits={
         "leave_one_load_out": ("identity",),
         "leave_one_temperature_out": ("identity",),
         "unseen_rig": ("identity",),
     },
+    seeds=(0, 1),
+    effort=0.5,
+    trials=2,
+    modules=MODULES,
 )
+KNOWN = ("low_pass", "hold", "constant_by_direction", "ridge")
+ADDED = """
+from cylinder_friction.estimators.linear import RidgeEstimator
+from friction_benchmark.registry.model import RegisteredModel
+
+def build(configuration):
+    return RidgeEstimator(3, 1.0)
+
+MODELS = (RegisteredModel("added", "Added", "modern", "own", build),)
+"""
 TIMES = ("step_us", "training_s")
 
 
-def made_bench(folder: Path) -> Bench:
-    sources = Sources(folder / "data", SIZES)
+def made_runner(folder: Path, plan: Plan = PLAN, workers: int = 1) -> Runner:
+    sources = Sources(folder / "campaigns", SIZES, CYLINDER)
     for seed in (0, 1):
-        write_campaign(sources, "campaign", seed)
-        write_campaign(sources, "loaded", seed)
-        write_campaign(sources, "unseen", seed, sessions=1)
-    return Bench(CYLINDER, sources, folder / "work", (0, 1), 0.5, 2, MODULES)
+        for kind in ("campaign", "loaded", "unseen"):
+            if not sources.campaign_folder(kind, seed).is_dir():
+                write_campaign(sources, kind, seed, sessions=1 if kind == "unseen" else 3)
+    return Runner(plan, sources, folder, SETTINGS, workers, progress=False)
 
 
 def without_times(results: BenchmarkResults) -> dict[str, Any]:
@@ -54,20 +70,20 @@ def without_times(results: BenchmarkResults) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    return made_bench(tmp_path_factory.mktemp("bench"))
+def runner(tmp_path_factory: pytest.TempPathFactory) -> Runner:
+    return made_runner(tmp_path_factory.mktemp("benchmark"))
 
 
 @pytest.fixture(scope="module")
-def results(bench: Bench) -> BenchmarkResults:
-    return run_benchmark(bench, PROGRAMME, HOW, workers=1, progress=False)
+def results(runner: Runner) -> BenchmarkResults:
+    return runner.run()
 
 
 def found(results: BenchmarkResults, task: str, split: str = "held_out_sessions") -> Any:
     return next(one for one in results.tasks if (one.task, one.split) == (task, split))
 
 
-def test_every_task_and_split_that_was_asked_is_answered(results: BenchmarkResults) -> None:
+def test_every_task_and_split_of_the_plan_has_its_leaderboard(results: BenchmarkResults) -> None:
     assert [(one.task, one.split) for one in results.tasks] == [
         ("identity", "held_out_sessions"),
         ("pressure_free", "held_out_sessions"),
@@ -80,7 +96,7 @@ def test_every_task_and_split_that_was_asked_is_answered(results: BenchmarkResul
     assert results.budget["seeds"] == 2
 
 
-def test_leaderboards_hold_everyone_who_can_best_first(results: BenchmarkResults) -> None:
+def test_leaderboards_hold_every_model_that_supports_the_inputs_best_first(results: BenchmarkResults) -> None:
     identity = found(results, "identity")
     assert [entry.model for entry in identity.entries[:1]] != ["hold"]
     assert {entry.model for entry in identity.entries} == {"low_pass", "hold", "constant_by_direction", "ridge"}
@@ -92,7 +108,7 @@ def test_leaderboards_hold_everyone_who_can_best_first(results: BenchmarkResults
         assert set(entry.by_condition) == {"1", "2", "3", "4"}
 
 
-def test_who_cannot_and_who_failed_is_named_with_the_reason(results: BenchmarkResults) -> None:
+def test_models_that_cannot_or_that_failed_are_named_with_the_reason(results: BenchmarkResults) -> None:
     assert found(results, "identity").missing == {
         "raises": "seed 0: ValueError: cannot learn this",
         "nan": "seed 0: ValueError: estimate is nan in row 1 of recording 'condition1_session03_recording01'",
@@ -112,14 +128,14 @@ def test_only_what_has_a_space_is_tuned_and_says_what_was_chosen(results: Benchm
     }
 
 
-def test_the_floor_is_level_with_itself_and_others_are_measured_against_it(results: BenchmarkResults) -> None:
+def test_the_baseline_is_level_with_itself_and_others_are_measured_against_it(results: BenchmarkResults) -> None:
     identity = found(results, "identity")
-    floor = next(entry for entry in identity.entries if entry.model == identity.baseline)
-    assert floor.below_baseline is not None
-    assert (floor.below_baseline.low, floor.below_baseline.high) == (0.0, 0.0)
+    baseline = next(entry for entry in identity.entries if entry.model == identity.baseline)
+    assert baseline.below_baseline is not None
+    assert (baseline.below_baseline.low, baseline.below_baseline.high) == (0.0, 0.0)
     hold = next(entry for entry in identity.entries if entry.model == "hold")
     assert hold.below_baseline is not None
-    assert hold.below_baseline.value == pytest.approx(floor.score.percent.value - hold.score.percent.value)
+    assert hold.below_baseline.value == pytest.approx(baseline.score.percent.value - hold.score.percent.value)
     assert hold.below_baseline.high < 0.0
 
 
@@ -147,7 +163,7 @@ def test_every_estimate_has_bounds_and_a_flag(results: BenchmarkResults) -> None
         assert entry.trust.width_n > 0.0
 
 
-def test_a_load_that_nobody_taught_is_flagged(results: BenchmarkResults) -> None:
+def test_a_load_that_training_never_had_is_flagged(results: BenchmarkResults) -> None:
     left_out = found(results, "identity", "leave_one_load_out").entries[0].trust
     held_out = found(results, "identity").entries[0].trust
     assert left_out.outside > 0.4
@@ -155,83 +171,100 @@ def test_a_load_that_nobody_taught_is_flagged(results: BenchmarkResults) -> None
     assert held_out.outside < 0.2
 
 
-def test_every_split_is_asked_on_every_seed(results: BenchmarkResults) -> None:
+def test_every_split_is_evaluated_on_every_seed(results: BenchmarkResults) -> None:
     assert results.tasks
     for one in results.tasks:
         assert all(set(entry.seeds) == {"0", "1"} for entry in one.entries), (one.task, one.split)
 
 
-def test_what_is_finished_is_not_done_again(
-    bench: Bench, results: BenchmarkResults, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: Any) -> None:
-        raise AssertionError("answered again")
-
-    known = {"models": ("low_pass", "hold", "constant_by_direction", "ridge")}
-    monkeypatch.setattr(running, "_answer", refuse)
-    monkeypatch.setattr(running, "_tune", refuse)
-    again = run_benchmark(bench, replace(PROGRAMME, **known), HOW, workers=1, progress=False)
-    for one, before in zip(again.tasks, results.tasks, strict=True):
+def test_what_is_in_the_cache_is_not_computed_again(runner: Runner, results: BenchmarkResults) -> None:
+    again = made_runner(runner.cache, replace(PLAN, models=KNOWN))
+    for one, before in zip(again.run().tasks, results.tasks, strict=True):
         assert one.entries == before.entries
+    assert not +again.computed
+
+
+def test_each_part_of_the_plan_recomputes_what_depends_on_it(runner: Runner, results: BenchmarkResults) -> None:
+    small = replace(PLAN, tasks=("identity",), splits={}, models=KNOWN)
+    for change, computed in (
+        ({"effort": 0.25}, {"tunings": 1, "predictions": 8, "scores": 4}),
+        ({"trials": 3}, {"tunings": 1}),  # a third trial that is not the best changes nothing else
+        ({"seeds": (1,)}, {"tunings": 1, "predictions": 4, "scores": 4}),  # tuned, and timed, on another first seed
+    ):
+        changed = made_runner(runner.cache, replace(small, **change))
+        changed.run()
+        assert dict(+changed.computed) == computed, change
+
+
+def test_adding_a_model_computes_it_alone_and_touching_its_module_computes_it_again(
+    runner: Runner, results: BenchmarkResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = tmp_path / "added_model.py"
+    module.write_text(ADDED, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    plan = replace(PLAN, tasks=("identity",), splits={}, models=(*KNOWN, "added"), modules=(*MODULES, "added_model"))
+    computed = {"predictions": 2, "scores": 1}  # one per seed, and their line
+    for text, expected in ((ADDED, computed), (ADDED, {}), (f"{ADDED}# touched\n", computed)):
+        module.write_text(text, encoding="utf-8")
+        with_added = made_runner(runner.cache, plan)
+        assert "added" in {entry.model for entry in with_added.run().tasks[0].entries}
+        assert dict(+with_added.computed) == expected
 
 
 def test_nothing_sees_a_test_recording_while_tuning(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    runner: Runner, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from friction_benchmark.data import folds_of
-    from friction_benchmark.tasks import task_named
-
-    fold = folds_of(bench.sources, task_named("identity"), "held_out_sessions", 0)[0]
+    fold = folds_of(runner.sources, task_named("identity"), "held_out_sessions", 0)[0]
     seen: set[str] = set()
-    fit, percent = running.fitted, running._percent
+    train, percent = worker.trained, worker.validation_percent
 
-    def watched_fit(entry, making, recordings, store):  # type: ignore[no-untyped-def]
+    def watched_training(model: Any, code: str, configuration: Any, recordings: Any, fits: Path) -> worker.Trained:
         seen.update(recording.name for recording in recordings)
-        return fit(entry, making, recordings, store)
+        return train(model, code, configuration, recordings, fits)
 
-    def watched_percent(estimator, exams):  # type: ignore[no-untyped-def]
-        seen.update(exam.recording.name for exam in exams)
-        return percent(estimator, exams)
+    def watched_percent(estimator: Any, cases: Any) -> float:
+        seen.update(case.recording.name for case in cases)
+        return percent(estimator, cases)
 
-    monkeypatch.setattr(running, "fitted", watched_fit)
-    monkeypatch.setattr(running, "_percent", watched_percent)
-    running.tune_model(replace(bench, store=tmp_path), "ridge", ("identity",))
+    monkeypatch.setattr(worker, "trained", watched_training)
+    monkeypatch.setattr(worker, "validation_percent", watched_percent)
+    job = TuningJob(registered_models(MODULES)["ridge"], task_named("identity"), 0, "code")
+    assert worker.do_jobs(Context(runner.sources, tmp_path, 0.5, 2, "worker"), [job]) == [""]
     assert seen == set(fold.train) | set(fold.validation)
     assert not seen & set(fold.test)
 
 
 @pytest.mark.slow
 def test_two_processes_find_the_same_as_one(results: BenchmarkResults, tmp_path: Path) -> None:
-    again = run_benchmark(made_bench(tmp_path), PROGRAMME, HOW, workers=2, progress=False)
-    assert without_times(again) == without_times(results)
+    assert without_times(made_runner(tmp_path, workers=2).run()) == without_times(results)
 
 
-def test_own_recordings_are_asked_what_needs_no_truth(tmp_path: Path) -> None:
-    sources = Sources(tmp_path / "none", SIZES, write_own(tmp_path / "own"))
-    own = Bench(CYLINDER, sources, tmp_path / "work", (0, 1), 0.5, 2, MODULES)
-    known = replace(PROGRAMME, models=("low_pass", "hold", "constant_by_direction"))
-    results = run_benchmark(own, known, HOW, workers=1, progress=False)
+def test_own_recordings_are_evaluated_where_no_truth_is_needed(tmp_path: Path) -> None:
+    sources = Sources(tmp_path / "none", SIZES, CYLINDER, "", write_own(tmp_path / "own"), "hash")
+    results = Runner(replace(PLAN, models=KNOWN[:3]), sources, tmp_path / "cache", SETTINGS, progress=False).run()
     assert [(one.task, one.split) for one in results.tasks] == [
         ("identity", "held_out_sessions"),
         ("pressure_free", "held_out_sessions"),
         ("identity", "leave_one_load_out"),
     ]
-    assert results.missing.pop("identity, leave_one_temperature_out").startswith(  # one session of each test teaches
+    assert results.missing.pop(
+        "identity, leave_one_temperature_out"
+    ).startswith(  # one session of each condition trains
         "split leave_one_temperature_out 'cold': no recording has the role train"
     )
     assert results.missing == {
-        "external_load": "it is judged against true friction, which nobody knows of one's own recordings",
+        "external_load": "it is scored against true friction, which is not known of one's own recordings",
         "identity, unseen_rig": "there are no recordings of another rig",
     }
     assert all("truth_percent" not in entry.extras for one in results.tasks for entry in one.entries)
     assert results.tasks[0].label_truth_percent is None
 
 
-def test_an_unknown_model_is_refused_by_name(bench: Bench) -> None:
+def test_an_unknown_model_is_refused_by_name(runner: Runner) -> None:
     with pytest.raises(
-        ValueError, match="no participant 'rigde'; expected some of low_pass, hold, constant_by_direction, ridge"
+        ValueError, match="no model 'rigde' in the registry; expected some of low_pass, hold, constant_by_direction, ri"
     ):
-        run_benchmark(bench, replace(PROGRAMME, models=("rigde",)), HOW, workers=1, progress=False)
+        replace(runner, plan=replace(PLAN, models=("rigde",))).run()
 
 
 def test_the_paragraph_of_a_task_follows_from_its_numbers(results: BenchmarkResults) -> None:
@@ -241,7 +274,8 @@ def test_the_paragraph_of_a_task_follows_from_its_numbers(results: BenchmarkResu
     best = identity.entries[0]
     title = results.models[best.model].title
     assert findings["identity"].startswith(
-        f"On other sessions of the rig that taught, {title} is nearest to the label: {best.score.percent.value:.2f} %"
+        f"On other sessions of the rig that models were trained on, {title} is nearest to the label: "
+        f"{best.score.percent.value:.2f} %"
     )
     assert "do not beat the baseline" in findings["identity"] or "does not beat the baseline" in findings["identity"]
     assert "Without a figure, because they failed: Raises; and Nan." in findings["identity"]
@@ -249,11 +283,11 @@ def test_the_paragraph_of_a_task_follows_from_its_numbers(results: BenchmarkResu
     assert "The baseline, Constant, has" in findings["pressure_free"]
 
 
-def test_where_nothing_beats_the_floor_the_paragraph_says_so(results: BenchmarkResults) -> None:
+def test_where_nothing_beats_the_baseline_the_paragraph_states_it(results: BenchmarkResults) -> None:
     identity = found(results, "identity")
-    only_floor = [entry for entry in identity.entries if entry.model == identity.baseline]
+    only_baseline = [entry for entry in identity.entries if entry.model == identity.baseline]
     worse = [entry for entry in identity.entries if entry.below_baseline.high < 0.0]
-    poor = replace(results, tasks=(replace(identity, entries=(*only_floor, *worse)),))
+    poor = replace(results, tasks=(replace(identity, entries=(*only_baseline, *worse)),))
     assert "no model beats it outside the bootstrap interval" in findings_of(poor)["identity"]
 
 

@@ -1,73 +1,70 @@
-"""Tasks: what each shows, hides, adds and asks for."""
+"""Tasks and cases: what each shows, hides, adds and asks for."""
 
 from __future__ import annotations
 
-import typing
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from friction_benchmark.data import Case
-from friction_benchmark.params import TaskName
-from friction_benchmark.tasks import (
+from friction_benchmark.cases import (
     DRIFT_PA_S,
     LEVELS,
     OFFSET_PA,
-    TASKS,
+    LabelledRecording,
     Task,
-    exam_of,
+    evaluation_case,
     inputs_of,
-    of_the_present,
-    task_named,
 )
-from friction_benchmark_models import made_case
+from friction_benchmark.tasks import TASKS, task_named
+from friction_benchmark_models import made_recording
 
-CASE = made_case("2", 1)
+CASE = made_recording("2", 1)
 RAW = CASE.recording
 SECRET = {"true_friction_n", "true_load_n", "load_force_n"}
 
 
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)
-def test_an_exam_holds_its_inputs_and_nothing_secret(task: Task) -> None:
-    exam = exam_of(task, CASE, 0)
-    columns = set(exam.recording.table.columns)
+def test_a_case_holds_its_inputs_and_nothing_secret(task: Task) -> None:
+    case = evaluation_case(task, CASE, 0)
+    columns = set(case.recording.table.columns)
     assert set(task.inputs) <= columns
     assert not columns & SECRET
-    assert np.isfinite(exam.recording.column("friction_n")).all()
+    assert np.isfinite(case.recording.column("friction_n")).all()
 
 
 @pytest.mark.parametrize("name", ["pressure_free", "pressure_level"])
 def test_raw_pressures_that_must_not_be_seen_are_zero(name: str) -> None:
-    recording = exam_of(task_named(name), CASE, 0).recording
+    recording = evaluation_case(task_named(name), CASE, 0).recording
     assert not recording.column("pressure_1_pa").any()
     assert not recording.column("pressure_2_pa").any()
 
 
 def test_identity_is_the_recording_itself() -> None:
-    exam = exam_of(task_named("identity"), CASE, 0)
-    np.testing.assert_array_equal(exam.recording.samples(), RAW.samples())
-    np.testing.assert_array_equal(exam.reference_n, RAW.column("friction_n"))
-    np.testing.assert_array_equal(exam.recording.usable(), RAW.usable())
+    case = evaluation_case(task_named("identity"), CASE, 0)
+    np.testing.assert_array_equal(case.recording.samples(), RAW.samples())
+    np.testing.assert_array_equal(case.reference_n, RAW.column("friction_n"))
+    np.testing.assert_array_equal(case.recording.usable(), RAW.usable())
 
 
 @pytest.mark.parametrize(("name", "rows"), [("forecast_25ms", 5), ("forecast_100ms", 20), ("forecast_250ms", 50)])
 def test_a_forecast_is_the_label_so_much_later_and_masked_at_the_end(name: str, rows: int) -> None:
-    exam = exam_of(task_named(name), CASE, 0)
-    np.testing.assert_array_equal(exam.reference_n[:-rows], RAW.column("friction_n")[rows:])
-    np.testing.assert_array_equal(exam.velocity_m_s[:-rows], RAW.column("velocity_m_s")[rows:])
-    usable = exam.recording.usable()
+    case = evaluation_case(task_named(name), CASE, 0)
+    np.testing.assert_array_equal(case.reference_n[:-rows], RAW.column("friction_n")[rows:])
+    np.testing.assert_array_equal(case.velocity_m_s[:-rows], RAW.column("velocity_m_s")[rows:])
+    usable = case.recording.usable()
     assert not usable[-rows:].any()
     np.testing.assert_array_equal(usable[:-rows], RAW.usable()[:-rows] & RAW.usable()[rows:])
-    np.testing.assert_array_equal(exam.recording.samples(), RAW.samples())
+    np.testing.assert_array_equal(case.recording.samples(), RAW.samples())
 
 
 def test_the_present_of_a_forecast_is_identity() -> None:
-    now = exam_of(of_the_present(task_named("forecast_250ms")), CASE, 0)
+    now = evaluation_case(replace(task_named("forecast_250ms"), ahead_s=0.0), CASE, 0)
     np.testing.assert_array_equal(now.reference_n, RAW.column("friction_n"))
 
 
 def test_a_level_is_a_causal_low_pass_of_one_second() -> None:
-    recording = exam_of(task_named("pressure_level"), CASE, 0).recording
+    recording = evaluation_case(task_named("pressure_level"), CASE, 0).recording
     raw, level = RAW.column("pressure_2_pa"), recording.column(LEVELS[1])
     assert level[0] == raw[0]
     weight = 1.0 - np.exp(-0.005)
@@ -77,20 +74,21 @@ def test_a_level_is_a_causal_low_pass_of_one_second() -> None:
 
 def test_sensors_drift_linearly_from_an_offset_within_the_data_sheet() -> None:
     task = task_named("sensor_drift")
-    exam = exam_of(task, CASE, 0)
-    error_pa = exam.recording.samples()[:, :2] - RAW.samples()[:, :2]
+    case = evaluation_case(task, CASE, 0)
+    error_pa = case.recording.samples()[:, :2] - RAW.samples()[:, :2]
     assert (np.abs(error_pa[0]) <= OFFSET_PA).all()
     rates = np.diff(error_pa, axis=0) / 0.005
     np.testing.assert_allclose(rates, np.broadcast_to(rates[0], rates.shape), atol=1e-3)
     assert (np.abs(rates[0]) <= DRIFT_PA_S).all()
-    np.testing.assert_array_equal(exam.recording.column("friction_n"), RAW.column("friction_n"))
-    np.testing.assert_array_equal(exam.reference_n, CASE.true_friction_n)
+    np.testing.assert_array_equal(case.recording.column("friction_n"), RAW.column("friction_n"))
+    np.testing.assert_array_equal(case.reference_n, CASE.true_friction_n)
 
 
 def test_every_recording_and_seed_has_other_sensors_and_the_same_ones_again() -> None:
     task = task_named("sensor_drift")
+    made = {session: made_recording("2", session) for session in (1, 2)}
     drawn = [
-        exam_of(task, made_case("2", session), seed).pressures_pa - made_case("2", session).recording.samples()[:, :2]
+        evaluation_case(task, made[session], seed).pressures_pa - made[session].recording.samples()[:, :2]
         for session, seed in ((1, 0), (2, 0), (1, 1), (1, 0))
     ]
     offsets = [each[0] for each in drawn]
@@ -100,17 +98,17 @@ def test_every_recording_and_seed_has_other_sensors_and_the_same_ones_again() ->
 
 def test_further_draws_are_other_sensors_on_the_same_motion() -> None:
     task = task_named("sensor_drift")
-    first, second = (exam_of(task, CASE, 0, draw) for draw in (0, 1))
+    first, second = (evaluation_case(task, CASE, 0, draw) for draw in (0, 1))
     assert (first.pressures_pa[0] != second.pressures_pa[0]).all()
     np.testing.assert_array_equal(first.recording.column("position_m"), second.recording.column("position_m"))
     np.testing.assert_array_equal(first.reference_n, second.reference_n)
 
 
-def test_a_load_is_known_to_the_examiner_alone() -> None:
-    exam = exam_of(task_named("external_load"), made_case("1", 1, load_n=700.0), 0)
-    assert exam.true_load_n is not None
-    assert exam.true_load_n.min() == 700.0
-    assert "load_force_n" not in exam.recording.table.columns
+def test_a_load_is_known_to_the_scoring_alone() -> None:
+    case = evaluation_case(task_named("external_load"), made_recording("1", 1, load_n=700.0), 0)
+    assert case.true_load_n is not None
+    assert case.true_load_n.min() == 700.0
+    assert "load_force_n" not in case.recording.table.columns
 
 
 def test_a_temperature_that_was_not_measured_is_no_input() -> None:
@@ -119,13 +117,9 @@ def test_a_temperature_that_was_not_measured_is_no_input() -> None:
     assert inputs_of(task_named("pressure_free"), RAW) == ("position_m", "oil_temperature_c")
 
 
-def test_truth_that_nobody_knows_cannot_be_asked_for() -> None:
+def test_truth_that_is_not_known_cannot_be_asked_for() -> None:
     with pytest.raises(ValueError, match=r"task sensor_drift: true friction of recording .* is not known"):
-        exam_of(task_named("sensor_drift"), Case(RAW, None, None), 0)
-
-
-def test_the_configuration_knows_the_same_tasks() -> None:
-    assert typing.get_args(TaskName) == tuple(task.name for task in TASKS)
+        evaluation_case(task_named("sensor_drift"), LabelledRecording(RAW, None, None), 0)
 
 
 def test_an_unknown_task_is_refused_by_name() -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 PROBABILITY = 0.9
 SIZES, LEVELS = 2, 3
 LEVEL_TIME_S = 2.0
-"""Over which the size of estimates is averaged to tell loads apart."""
+"""Over which the size of estimates is averaged to separate loads."""
 BINS = len(REGIMES) * SIZES * LEVELS
 FEWEST_ROWS = 100
 """A bin with fewer calibrating rows takes the interval of all rows together."""
@@ -84,8 +84,8 @@ def calibrated(
     """Return bounds between which the label of another session lies with ``probability``.
 
     Args:
-        recordings: Labelled, of sessions that the model did not learn from.
-        estimates_n: What it said of them [N].
+        recordings: Labelled, of sessions that the model was not trained on.
+        estimates_n: Its estimates for them [N].
         probability: In (0, 1).
 
     Raises:
@@ -95,8 +95,8 @@ def calibrated(
     if not any(len(each) for each in rows):
         raise ValueError(f"none of {len(recordings)} validation recordings has a usable row; expected at least one")
     pairs = list(zip(recordings, estimates_n, rows, strict=True))
-    errors = np.concatenate([(recording.column("friction_n") - said)[chosen] for recording, said, chosen in pairs])
-    parts = [_known(recording, said).at(chosen) for recording, said, chosen in pairs]
+    errors = np.concatenate([(each.column("friction_n") - estimate_n)[chosen] for each, estimate_n, chosen in pairs])
+    parts = [_known(each, estimate_n).at(chosen) for each, estimate_n, chosen in pairs]
     known = _Known(
         np.concatenate([part.regime for part in parts]),
         np.concatenate([part.size_n for part in parts]),
@@ -107,7 +107,7 @@ def calibrated(
     bins = _bins(known, edges_n, level_edges_n)
     group = np.repeat(_groups(recordings), [len(chosen) for chosen in rows])
     factor = _factor(errors, bins, group, probability)
-    lower, upper = _intervals(errors, bins, probability)
+    lower, upper = conformal_offsets(errors, bins, BINS, probability, FEWEST_ROWS)
     centre, half = 0.5 * (lower + upper), 0.5 * factor * (upper - lower)
     return ErrorBounds(centre - half, centre + half, edges_n, level_edges_n, factor)
 
@@ -120,18 +120,14 @@ def _factor(errors: Array, bins: Bins, group: Bins, probability: float) -> float
     relative = np.empty(len(errors))
     for number in numbers:
         own = group == number
-        lower, upper = _intervals(errors[~own], bins[~own], probability)
+        lower, upper = conformal_offsets(errors[~own], bins[~own], BINS, probability, FEWEST_ROWS)
         centre, half = 0.5 * (lower + upper), np.maximum(0.5 * (upper - lower), 1e-9)
         relative[own] = np.abs(errors[own] - centre[bins[own]]) / half[bins[own]]
     return max(1.0, float(np.quantile(relative, probability)))
 
 
-def _intervals(errors: Array, bins: Bins, probability: float) -> tuple[Array, Array]:
-    return conformal_offsets(errors, bins, BINS, probability, FEWEST_ROWS)
-
-
 def _groups(recordings: Sequence[Recording]) -> Bins:
-    """Return each recording's group, shape ``(len(recordings),)``: the sessions of each test are dealt in turn."""
+    """Return each recording's group, shape ``(len(recordings),)``: the sessions of each condition are dealt in turn."""
     sessions: dict[str, set[str]] = {}
     for recording in recordings:
         sessions.setdefault(recording.metadata.condition, set()).add(recording.metadata.session)

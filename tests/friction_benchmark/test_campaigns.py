@@ -1,4 +1,4 @@
-"""Recordings made in memory are the pipeline's: the same rows, labels and masks as its stages write."""
+"""Recordings made in memory are the pipeline's: the same rows, labels and masks as its stages write; and the twin."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ from cylinder_friction.rig.campaign import CampaignPlan
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label, record
 from cylinder_friction.stages._stage import LABELLED_FOLDER, RIG_TRUTH_FOLDER
-from friction_benchmark.campaigns import campaign_recipe, labelled_campaign
+from friction_benchmark.campaigns import campaign_recipe, labelled_campaign, twin_campaign
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.cases import LabelledRecording
 
 CONF = Path(__file__).parents[2] / "conf"
 LOADED = ("record=loaded", "ingest=rig_loaded")
@@ -96,3 +97,46 @@ def test_what_ingest_would_set_aside_is_left_out(cylinder: Cylinder) -> None:
     plan: dict[str, Any] = asdict(CampaignPlan(sessions_per_condition=1, recordings_per_session=1, duration_s=2.0))
     with pytest.raises(RecordingError, match=r"lasts 2 s \(400 rows\), expected at least 5 s"):
         labelled_campaign(CampaignPlan(**plan), cylinder)
+
+
+@pytest.fixture(scope="module")
+def twin(cylinder: Cylinder) -> tuple[LabelledRecording, ...]:
+    return twin_campaign(3, 2, 10.0, cylinder)
+
+
+def test_the_target_of_the_twin_is_true_friction(twin: tuple[LabelledRecording, ...]) -> None:
+    for labelled in twin:
+        np.testing.assert_array_equal(labelled.recording.column("friction_n"), labelled.true_friction_n)
+        assert labelled.recording.usable().any()
+
+
+def test_every_rig_has_its_own_names_and_sessions(twin: tuple[LabelledRecording, ...]) -> None:
+    names = [labelled.recording.name for labelled in twin]
+    assert names == sorted(set(names))
+    assert len(names) == 2 * 4 * 2
+    assert {labelled.recording.metadata.session.split("_")[0] for labelled in twin} == {"rig000", "rig001"}
+
+
+def test_rigs_differ(twin: tuple[LabelledRecording, ...]) -> None:
+    first, second = (
+        np.mean([np.abs(one.true_friction_n).mean() for one in twin if one.recording.name.startswith(rig)])
+        for rig in ("rig000", "rig001")
+    )
+    assert abs(first - second) > 20.0
+
+
+def test_fewer_rigs_are_the_first_of_more_and_the_same_bits(
+    twin: tuple[LabelledRecording, ...], cylinder: Cylinder
+) -> None:
+    again = twin_campaign(3, 1, 10.0, cylinder)
+    for one, other in zip(again, twin, strict=False):
+        assert one.recording.name == other.recording.name
+        np.testing.assert_array_equal(one.recording.samples(), other.recording.samples())
+
+
+@pytest.mark.parametrize(
+    ("seed", "rigs", "words"), [(0, 0, "rigs must be 1 to 1000"), (0, 1001, "got 1001"), (-1, 1, "seed must be")]
+)
+def test_a_twin_out_of_range_is_refused(seed: int, rigs: int, words: str, cylinder: Cylinder) -> None:
+    with pytest.raises(ValueError, match=words):
+        twin_campaign(seed, rigs, 10.0, cylinder)

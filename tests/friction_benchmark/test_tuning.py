@@ -1,4 +1,4 @@
-"""Tuning: equal trials for all, the first guess first, the same proposals again."""
+"""Tuning: equal trials for all, the defaults first, the same proposals again."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ RIDGE = registered_models(MODULES)["ridge"]
 def tried(trials: int, seed: int) -> list[dict[str, Value]]:
     seen: list[dict[str, Value]] = []
 
-    def percent_of(choice: Mapping[str, Value]) -> float:
+    def error_percent(choice: Mapping[str, Value]) -> float:
         seen.append(dict(choice))
         return float(choice["penalty"])
 
-    tune(RIDGE, trials, seed, percent_of)
+    tune(RIDGE, trials, seed, error_percent)
     return seen
 
 
-def test_the_first_guess_is_tried_first_and_nobody_has_more_trials() -> None:
+def test_the_defaults_are_tried_first_and_no_model_has_more_trials() -> None:
     seen = tried(6, 0)
     assert seen[0] == dict(RIDGE.defaults)
     assert len(seen) == 6
@@ -53,30 +53,30 @@ def test_the_best_is_kept_with_what_it_reached() -> None:
     assert abs(float(tuned.choice["lags"]) - 7.0) == tuned.validation_percent
 
 
-def test_who_has_nothing_to_tune_is_not_tried() -> None:
-    def percent_of(choice: Mapping[str, Value]) -> float:
+def test_a_model_without_a_space_is_not_tried() -> None:
+    def error_percent(choice: Mapping[str, Value]) -> float:
         raise AssertionError(choice)
 
-    assert tune(MODELS[0], 5, 0, percent_of).validation_percent is None
+    assert tune(MODELS[0], 5, 0, error_percent).validation_percent is None
 
 
 def test_a_failed_trial_does_not_end_the_tuning() -> None:
-    def percent_of(choice: Mapping[str, Value]) -> float:
+    def error_percent(choice: Mapping[str, Value]) -> float:
         if choice == RIDGE.defaults:
             raise ValueError("no")
         return 3.0
 
-    tuned = tune(RIDGE, 3, 0, percent_of)
+    tuned = tune(RIDGE, 3, 0, error_percent)
     assert tuned.trials == (None, 3.0, 3.0)
     assert tuned.choice != RIDGE.defaults
 
 
-def test_tuning_that_never_succeeds_says_why() -> None:
-    def percent_of(choice: Mapping[str, Value]) -> float:
+def test_tuning_that_never_succeeds_states_why() -> None:
+    def error_percent(choice: Mapping[str, Value]) -> float:
         raise ValueError("too few rows")
 
     with pytest.raises(TuningError, match="none of 2 trials succeeded; the first: ValueError: too few rows"):
-        tune(RIDGE, 2, 0, percent_of)
+        tune(RIDGE, 2, 0, error_percent)
 
 
 def test_one_of_several_words_may_be_tuned() -> None:

@@ -18,15 +18,15 @@ from friction_benchmark.folds import (
     refuse_leaks,
     unseen_rig,
 )
-from friction_benchmark_models import made_case
+from friction_benchmark_models import made_recording
 
 
-def two_recordings_a_session() -> list[RecordingMetadata]:
-    first = [made_case(test, session).recording.metadata for test in "1234" for session in range(1, 5)]
+def two_recordings_per_session() -> list[RecordingMetadata]:
+    first = [made_recording(test, session).recording.metadata for test in "1234" for session in range(1, 5)]
     return [replace(entry, name=f"{entry.session}_recording0{take}") for entry in first for take in (1, 2)]
 
 
-METADATA = two_recordings_a_session()
+METADATA = two_recordings_per_session()
 SESSION = {entry.name: entry.session for entry in METADATA}
 TEST = {entry.name: entry.condition for entry in METADATA}
 BASE = held_out(split_sessions(METADATA, 1, 1, 0))
@@ -52,7 +52,7 @@ def test_no_session_has_two_roles(fold: Fold) -> None:
         assert not roles[1] & roles[2]
 
 
-def test_a_load_that_is_left_out_teaches_nobody_and_all_of_it_is_asked() -> None:
+def test_a_load_that_is_left_out_trains_nobody_and_all_of_it_is_tested() -> None:
     folds = leave_one_load_out(BASE, METADATA)
     assert [fold.left_out for fold in folds] == ["1", "2", "3", "4"]
     for fold in folds:
@@ -61,18 +61,18 @@ def test_a_load_that_is_left_out_teaches_nobody_and_all_of_it_is_asked() -> None
         assert len(fold.test) == 8
 
 
-def test_every_recording_is_asked_once_where_something_is_left_out() -> None:
+def test_every_recording_is_tested_once_where_something_is_left_out() -> None:
     for folds in (leave_one_load_out(BASE, METADATA), leave_one_temperature_out(BASE, METADATA, TEMPERATURE)):
         asked = [name for fold in folds for name in fold.test]
         assert sorted(asked) == sorted(SESSION)
 
 
-def test_what_teaches_about_cold_oil_is_warmer_than_all_that_is_asked() -> None:
+def test_cold_oil_is_tested_after_training_on_warmer_oil_alone() -> None:
     folds = {fold.left_out: fold for fold in leave_one_temperature_out(BASE, METADATA, TEMPERATURE)}
-    coldest_taught = min(TEMPERATURE[name] for name in folds["cold"].train)
-    assert max(TEMPERATURE[name] for name in folds["cold"].test) < coldest_taught
-    warmest_taught = max(TEMPERATURE[name] for name in folds["warm"].train)
-    assert min(TEMPERATURE[name] for name in folds["warm"].test) > warmest_taught
+    coldest_trained = min(TEMPERATURE[name] for name in folds["cold"].train)
+    assert max(TEMPERATURE[name] for name in folds["cold"].test) < coldest_trained
+    warmest_trained = max(TEMPERATURE[name] for name in folds["warm"].train)
+    assert min(TEMPERATURE[name] for name in folds["warm"].test) > warmest_trained
 
 
 def test_an_unseen_rig_refits_nothing() -> None:
@@ -81,11 +81,11 @@ def test_an_unseen_rig_refits_nothing() -> None:
     assert len(fold.test) == len(METADATA)
 
 
-def test_a_session_that_teaches_and_is_asked_is_refused() -> None:
+def test_a_session_that_trains_and_tests_is_refused() -> None:
     train, test = f"{METADATA[0].session}_recording01", f"{METADATA[0].session}_recording02"
     fold = Fold(HELD_OUT, "", (train,), (BASE.validation[0],), (test,))
     with pytest.raises(
-        RecordingError, match=r"session 'condition1_session01' is in train and in test .* expected one role a session"
+        RecordingError, match=r"session 'condition1_session01' is in train and in test .* expected one role per session"
     ):
         refuse_leaks(fold, METADATA)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 
-from friction_benchmark.pool import ONE_THREAD
+from friction_benchmark.processes import ONE_THREAD
 
 
 def twice(number: int) -> int:

@@ -1,0 +1,182 @@
+"""Tasks and evaluation cases: a labelled recording as a task shows it, and what only the scoring may know of it.
+
+A task hides columns, adds sensor errors or moves the target; an estimator is given an ordinary labelled recording.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.signals.causal import ExponentialLowPass
+
+if TYPE_CHECKING:
+    from cylinder_friction.evaluation.bootstrap import Array, Mask
+    from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.results import Reference
+
+CampaignKind = Literal["campaign", "loaded"]
+
+TEMPERATURE = "oil_temperature_c"
+LEVELS = ("pressure_1_level_pa", "pressure_2_level_pa")
+LEVEL_TIME_S = 1.0
+"""Time constant of the low-pass behind which a pressure is a level."""
+OFFSET_PA = 1.25e5
+"""Largest offset of a transmitter: ±0.5 % of a span of 250 bar, as in the data sheet."""
+DRIFT_PA_S = 1e3
+"""Largest drift of that offset: 0.3 bar within half a minute."""
+SENSOR_DRAWS = 4
+"""How many pairs of sensors each validation and test recording was made with: one pair shows little of others."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One task.
+
+    Attributes:
+        name: In files and tables.
+        title: In words.
+        explanation: What is asked and why, in one sentence.
+        inputs: Columns that estimators see; the oil's temperature only where it was measured.
+        baseline: Name of the model to beat.
+        reference: What errors are against.
+        campaign: Where its recordings come from: the load cases, or those with an external load on the rod.
+        ahead_s: How far ahead the target lies [s].
+        drifts: Whether the pressure sensors have an offset and drift.
+        tuned_as: Name of the task whose tuning is taken over; empty where it is tuned itself.
+        needs_truth: Whether it can only be scored where true friction is known.
+    """
+
+    name: str
+    title: str
+    explanation: str
+    inputs: tuple[str, ...]
+    baseline: str
+    reference: Reference = "label"
+    campaign: CampaignKind = "campaign"
+    ahead_s: float = 0.0
+    drifts: bool = False
+    tuned_as: str = ""
+    needs_truth: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledRecording:
+    """A recording as the pipeline labels it, and the truth where it is known.
+
+    Attributes:
+        recording: With ``friction_n`` and ``usable``; ``load_force_n``, the load cell's reading, only where an external
+            load works on the rod.
+        true_friction_n: Shape ``(n,)``, at the recording's rows; positive when it opposes positive velocity [N].
+        true_load_n: External force that resists extension, shape ``(n,)``; zero where there is none [N].
+    """
+
+    recording: Recording
+    true_friction_n: Array | None
+    true_load_n: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluationCase:
+    """A recording as a task shows it, and what only the scoring knows; arrays have shape ``(n,)``.
+
+    Attributes:
+        recording: What an estimator is given: its target is ``friction_n``, columns it must not see are zero.
+        reference_n: What errors are against [N].
+        true_friction_n: At the time of the target [N]; None where it is not known.
+        label_n: The off-line label at the time of the target [N].
+        true_load_n: External force that resists extension [N]; None where there is none.
+        pressures_pa: As the sensors gave them [Pa], shape ``(n, 2)``.
+        velocity_m_s: From the off-line filter, at the time of the target [m/s].
+        oil_temperature_c: [°C]; None where it was not measured.
+    """
+
+    recording: Recording
+    reference_n: Array
+    true_friction_n: Array | None
+    label_n: Array
+    true_load_n: Array | None
+    pressures_pa: Array
+    velocity_m_s: Array
+    oil_temperature_c: Array | None
+
+    @property
+    def usable(self) -> Mask:
+        return self.recording.usable()
+
+
+def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: int = 0) -> EvaluationCase:
+    """Return a recording as the task shows it.
+
+    Args:
+        task: Which.
+        labelled: From a campaign.
+        seed: Seeds the sensors' offsets and drifts, drawn anew for each recording.
+        draw: Which pair of sensors it was made with, from 0.
+
+    Raises:
+        ValueError: The task is scored against true friction, which is not known.
+    """
+    recording, truth_n = labelled.recording, labelled.true_friction_n
+    shift = round(task.ahead_s / recording.sample_time_s)
+    rows = np.arange(len(recording))
+    ahead = np.minimum(rows + shift, len(recording) - 1)
+    usable = recording.usable() & recording.usable()[ahead] & (rows + shift < len(recording))
+    label_n = recording.column("friction_n")[ahead]
+    pressures_pa = recording.samples(SAMPLE_COLUMNS)[:, :2]
+    if task.drifts:
+        pressures_pa = pressures_pa + _sensor_errors(recording, seed, draw)
+    known_truth_n = None if truth_n is None else truth_n[ahead]
+    if task.reference == "truth" and known_truth_n is None:
+        raise ValueError(f"task {task.name}: true friction of recording {recording.name!r} is not known")
+    return EvaluationCase(
+        _shown(task, recording, pressures_pa, label_n, usable),
+        label_n if task.reference == "label" or known_truth_n is None else known_truth_n,
+        known_truth_n,
+        label_n,
+        labelled.true_load_n if task.campaign == "loaded" else None,
+        pressures_pa,
+        recording.column("velocity_m_s")[ahead],
+        recording.column(TEMPERATURE) if TEMPERATURE in recording.table.columns else None,
+    )
+
+
+def inputs_of(task: Task, recording: Recording) -> tuple[str, ...]:
+    """Return what estimators see: the task's inputs without a temperature that was not measured."""
+    return tuple(name for name in task.inputs if name != TEMPERATURE or TEMPERATURE in recording.table.columns)
+
+
+def _shown(task: Task, recording: Recording, pressures_pa: Array, target_n: Array, usable: Mask) -> Recording:
+    """Return the recording with nothing in it but what may be seen, and what ``fit`` may learn from."""
+    columns = {"time_s": recording.column("time_s"), "position_m": recording.column("position_m")}
+    for number, name in enumerate(SAMPLE_COLUMNS[:2]):
+        columns[name] = pressures_pa[:, number] if name in task.inputs else np.zeros(len(recording))
+        if LEVELS[number] in task.inputs:
+            level_pa = low_passed(pressures_pa[:, number], recording.sample_time_s, LEVEL_TIME_S)
+            columns[LEVELS[number]] = np.ascontiguousarray(level_pa)
+    if TEMPERATURE in inputs_of(task, recording):
+        columns[TEMPERATURE] = recording.column(TEMPERATURE)
+    columns["velocity_m_s"] = recording.column("velocity_m_s")
+    bare = recording.without_columns(*[name for name in recording.table.columns if name not in columns])
+    return bare.with_columns(**columns, friction_n=target_n, usable=usable)
+
+
+def low_passed(values: Array, sample_time_s: float, time_constant_s: float) -> Array:
+    """Return values behind a causal low-pass of first order, shape ``(n,)``."""
+    low_pass = ExponentialLowPass(1.0 - float(np.exp(-sample_time_s / time_constant_s)))
+    return low_pass.advance(low_pass.new_state(), values[:, None])[:, 0]
+
+
+def _sensor_errors(recording: Recording, seed: int, draw: int) -> Array:
+    """Return what each sensor reads too much [Pa], shape ``(n, 2)``; other sensors for every recording and draw."""
+    pair = f"{recording.name}/{draw}" if draw else recording.name
+    digest = hashlib.sha256(f"{seed}/{pair}".encode()).digest()
+    generator = np.random.default_rng(int.from_bytes(digest[:8], "big"))
+    offset_pa = generator.uniform(-OFFSET_PA, OFFSET_PA, 2)
+    rate_pa_s = generator.uniform(-DRIFT_PA_S, DRIFT_PA_S, 2)
+    since_s = recording.column("time_s")[:, None] - recording.column("time_s")[0]
+    return np.asarray(offset_pa + rate_pa_s * since_s)

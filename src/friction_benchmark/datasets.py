@@ -1,0 +1,194 @@
+"""What the benchmark is run on: simulated campaigns, one of each kind per seed, or labelled recordings of one's own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal
+
+from cylinder_friction.recordings.splits import split_sessions
+from cylinder_friction.recordings.storage import read_recordings
+from friction_benchmark.cases import SENSOR_DRAWS, TEMPERATURE, EvaluationCase, LabelledRecording, evaluation_case
+from friction_benchmark.folds import (
+    HELD_OUT,
+    LEAVE_LOAD,
+    LEAVE_TEMPERATURE,
+    Fold,
+    held_out,
+    leave_one_load_out,
+    leave_one_temperature_out,
+    refuse_leaks,
+    unseen_rig,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.cases import Task
+
+Kind = Literal["campaign", "loaded", "unseen", "unseen_loaded", "twin", "twin_loaded"]
+
+TRUE_FRICTION, TRUE_LOAD = "true_friction_n", "true_load_n"
+
+
+def key_of(content: Any) -> str:
+    """Return a short hash of anything that JSON can hold, by which what was made from it is found again."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much is simulated.
+
+    Attributes:
+        sessions_per_condition: In each of the four conditions.
+        recordings_per_session: Of each session.
+        duration_s: Of a recording [s].
+        test_sessions: Of each condition, held out.
+        validation_sessions: Of each condition; they choose while tuning and calibrate bounds.
+        unseen_sessions: Of each condition on the unseen rig.
+        twin_rigs: Rigs of the simulated twin; two recordings of each condition on each.
+    """
+
+    sessions_per_condition: int
+    recordings_per_session: int
+    duration_s: float
+    test_sessions: int
+    validation_sessions: int
+    unseen_sessions: int
+    twin_rigs: int
+
+    def simulated(self, kind: Kind) -> dict[str, float]:
+        """Return the sizes that a campaign of this kind depends on."""
+        if kind.startswith("twin"):
+            return {"rigs": self.twin_rigs, "duration_s": self.duration_s}
+        sessions = self.unseen_sessions if kind.startswith("unseen") else self.sessions_per_condition
+        return {"sessions": sessions, "recordings": self.recordings_per_session, "duration_s": self.duration_s}
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Where the recordings are; small, so that every worker can have it.
+
+    Attributes:
+        folder: Of the simulated campaigns, which are found by what they were made from.
+        sizes: Of the simulated campaigns.
+        cylinder: Of all recordings.
+        code: Hash of the code that simulates and labels.
+        own: Role (train, validation, test) and folder, where one's own recordings are used; empty otherwise.
+        own_hash: Hash of their content.
+    """
+
+    folder: Path
+    sizes: Sizes
+    cylinder: Cylinder
+    code: str = ""
+    own: tuple[tuple[str, Path], ...] = ()
+    own_hash: str = ""
+
+    @property
+    def simulated(self) -> bool:
+        return not self.own
+
+    def key(self, kind: Kind, seed: int) -> str:
+        """Return what the recordings of a kind are identified by: for the simulated ones, all they are made from."""
+        if self.own and not kind.startswith("twin"):
+            return self.own_hash
+        return key_of([kind, seed, self.sizes.simulated(kind), asdict(self.cylinder), self.code])
+
+    def campaign_folder(self, kind: Kind, seed: int) -> Path:
+        return self.folder / f"{kind}-{seed}-{self.key(kind, seed)}"
+
+
+def unseen_kind(task: Task) -> Kind:
+    return "unseen" if task.campaign == "campaign" else "unseen_loaded"
+
+
+def twin_kind(task: Task) -> Kind:
+    return "twin" if task.campaign == "campaign" else "twin_loaded"
+
+
+def labelled_recordings(sources: Sources, kind: Kind, seed: int) -> dict[str, LabelledRecording]:
+    """Return recordings by name; one's own are the same for every seed, and their truth is not known."""
+    if sources.own and not kind.startswith("twin"):
+        return _read(tuple(folder for _, folder in sources.own))
+    return _read((sources.campaign_folder(kind, seed),))
+
+
+def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold, ...]:
+    """Return the folds of a split, checked for leaks; validation and test have every pair of sensors.
+
+    Raises:
+        RecordingError: There are too few sessions, or a session would have two roles.
+    """
+    recordings = {name: each.recording for name, each in labelled_recordings(sources, task.campaign, seed).items()}
+    metadata = [recording.metadata for recording in recordings.values()]
+    if sources.own:
+        base = held_out({role: tuple(sorted(_read((folder,)))) for role, folder in sources.own})
+    else:
+        sizes = sources.sizes
+        base = held_out(split_sessions(metadata, sizes.test_sessions, sizes.validation_sessions, seed))
+    if split == HELD_OUT:
+        folds: tuple[Fold, ...] = (base,)
+    elif split == LEAVE_LOAD:
+        folds = leave_one_load_out(base, metadata)
+    elif split == LEAVE_TEMPERATURE:
+        means = {name: float(recording.column(TEMPERATURE).mean()) for name, recording in recordings.items()}
+        folds = leave_one_temperature_out(base, metadata, means)
+    else:
+        others = labelled_recordings(sources, unseen_kind(task), seed)
+        folds = (unseen_rig(base, [other.recording.metadata for other in others.values()]),)
+    for fold in folds:
+        refuse_leaks(fold, metadata)
+    return tuple(
+        replace(fold, validation=_all_draws(task, fold.validation), test=_all_draws(task, fold.test)) for fold in folds
+    )
+
+
+@lru_cache(maxsize=6)
+def cases_of(sources: Sources, task: Task, kind: Kind, seed: int) -> dict[str, EvaluationCase]:
+    """Return a campaign's recordings as the task shows them, by name; where sensors drift, several of each."""
+    return {
+        drawn: evaluation_case(task, labelled, seed, draw)
+        for name, labelled in labelled_recordings(sources, kind, seed).items()
+        for draw, drawn in enumerate(_draws(task, name))
+    }
+
+
+def training_cases(sources: Sources, task: Task, seed: int, *, of_now: bool) -> dict[str, EvaluationCase]:
+    """Return the task's campaign; ``of_now`` makes friction now the target, not friction ahead."""
+    return cases_of(sources, replace(task, ahead_s=0.0) if of_now else task, task.campaign, seed)
+
+
+@lru_cache(maxsize=2)
+def twin_recordings(sources: Sources, task: Task, seed: int) -> tuple[Recording, ...]:
+    """Return the task's recordings on the twin's rigs; their target is true friction, which cannot be labelled."""
+    recordings = labelled_recordings(sources, twin_kind(task), seed)
+    return tuple(evaluation_case(task, labelled, seed).recording for labelled in recordings.values())
+
+
+def _draws(task: Task, name: str) -> list[str]:
+    """Return the names of a recording's cases: its own first, then those with other sensors."""
+    return [name, *(f"{name} sensors {draw}" for draw in range(1, SENSOR_DRAWS if task.drifts else 1))]
+
+
+def _all_draws(task: Task, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(drawn for name in names for drawn in _draws(task, name))
+
+
+@lru_cache(maxsize=8)
+def _read(folders: tuple[Path, ...]) -> dict[str, LabelledRecording]:
+    found: dict[str, LabelledRecording] = {}
+    for folder in folders:
+        for recording in read_recordings(folder):
+            friction_n, load_n = (
+                recording.column(name) if name in recording.table.columns else None
+                for name in (TRUE_FRICTION, TRUE_LOAD)
+            )
+            bare = recording.without_columns(TRUE_FRICTION, TRUE_LOAD)
+            found[recording.name] = LabelledRecording(bare, friction_n, load_n)
+    return dict(sorted(found.items()))

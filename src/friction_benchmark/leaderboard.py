@@ -1,0 +1,108 @@
+"""One leaderboard: predictions read back and held beside the baseline's; each of its lines is a job of its own."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
+from friction_benchmark.cases import inputs_of
+from friction_benchmark.datasets import cases_of, folds_of, key_of, unseen_kind
+from friction_benchmark.extrapolation import outside, training_range
+from friction_benchmark.folds import UNSEEN_RIG
+from friction_benchmark.results import Interval
+from friction_benchmark.scoring import ScoredRecording, leaderboard_entry
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from friction_benchmark.cache import Prediction
+    from friction_benchmark.cases import EvaluationCase, Task
+    from friction_benchmark.jobs import Context
+    from friction_benchmark.scoring import ScoreSettings
+    from friction_benchmark.tuning import Tuned
+
+
+@dataclass(frozen=True)
+class ScoringJob:
+    """One line of a leaderboard.
+
+    Attributes:
+        model: Its name.
+        predictions: Key of its prediction, by seed.
+        baseline: Keys of the baseline's predictions; empty where the baseline failed.
+        tuned: What was chosen.
+        settings: How to score.
+        code: Hash of the code that scores.
+    """
+
+    model: str
+    task: Task
+    split: str
+    predictions: Mapping[int, str]
+    baseline: Mapping[int, str]
+    tuned: Tuned
+    settings: ScoreSettings
+    code: str
+
+    def key(self) -> str:
+        tuned = [dict(self.tuned.choice), self.tuned.validation_percent]
+        return key_of({**asdict(self), "task": self.task.name, "tuned": tuned})
+
+    def do(self, context: Context) -> None:
+        """Score the model and keep the line in the cache."""
+        cache = context.cache
+        predictions = {seed: cache.prediction(key) for seed, key in self.predictions.items()}
+        baselines = {seed: cache.prediction(key) for seed, key in self.baseline.items()}
+        scored = [
+            one
+            for seed, prediction in predictions.items()
+            for one in _scored(context, self.task, self.split, seed, prediction, baselines.get(seed))
+        ]
+        entry = leaderboard_entry(
+            self.model, scored, list(predictions.values()), self.tuned, context.sources.cylinder, self.settings
+        )
+        cache.keep_value("scores", self.key(), asdict(entry))
+
+
+def denominators(
+    context: Context, task: Task, split: str, seeds: Sequence[int], settings: ScoreSettings
+) -> tuple[float, Interval | None]:
+    """Return mean |reference| [N] of the test recordings, and how far the label is from true friction, if known."""
+    cases = [case for seed in seeds for case in tested_cases(context, task, split, seed).values()]
+    masks = [case.usable for case in cases]
+    references = np.concatenate([case.reference_n[mask] for case, mask in zip(cases, masks, strict=True)])
+    mean_n = float(np.abs(references).mean())
+    truths = [case.true_friction_n for case in cases if case.true_friction_n is not None]
+    if len(truths) != len(cases):
+        return mean_n, None
+    rows = max(1, round(settings.bootstrap_block_s / cases[0].recording.sample_time_s))
+    sums = block_sums(truths, [case.label_n for case in cases], masks, rows)
+    percent = 100.0 * float(sums.abs_error_n.sum() / sums.abs_friction_n.sum())
+    return mean_n, Interval(percent, *interval(bootstrap_percent(sums, settings.bootstrap_repeats, 0)))
+
+
+def tested_cases(context: Context, task: Task, split: str, seed: int) -> dict[str, EvaluationCase]:
+    """Return the test recordings of a split, by name, in the order of its folds."""
+    kind = unseen_kind(task) if split == UNSEEN_RIG else task.campaign
+    cases = cases_of(context.sources, task, kind, seed)
+    return {name: cases[name] for fold in folds_of(context.sources, task, split, seed) for name in fold.test}
+
+
+def _scored(
+    context: Context, task: Task, split: str, seed: int, prediction: Prediction, baseline: Prediction | None
+) -> list[ScoredRecording]:
+    sources = context.sources
+    own = cases_of(sources, task, task.campaign, seed)
+    tested = tested_cases(context, task, split, seed)
+    scored = []
+    for fold in folds_of(sources, task, split, seed):
+        inputs = inputs_of(task, own[fold.train[0]].recording)
+        known = training_range(sources, task, seed, fold.train, inputs, causal=False)
+        for name in fold.test:
+            baseline_n = None if baseline is None else baseline.estimates[name].friction_n
+            beyond = outside(known, tested[name].recording)
+            scored.append(ScoredRecording(seed, tested[name], prediction.estimates[name], baseline_n, beyond))
+    return scored

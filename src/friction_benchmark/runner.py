@@ -1,0 +1,248 @@
+"""The whole benchmark: recordings, tunings, predictions, scores; each phase shared among processes, each job cached."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from cylinder_friction.import_graph import code_key
+from friction_benchmark.campaigns import simulate
+from friction_benchmark.cases import inputs_of
+from friction_benchmark.datasets import labelled_recordings, twin_kind, unseen_kind
+from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
+from friction_benchmark.jobs import Context, PredictionJob, TuningJob, model_code
+from friction_benchmark.leaderboard import ScoringJob, denominators
+from friction_benchmark.processes import Died, Workers
+from friction_benchmark.results import BenchmarkResults, Entry, ModelInfo, TaskResult
+from friction_benchmark.tasks import task_named
+from friction_benchmark.tuning import Tuned
+from friction_benchmark.worker import do_jobs
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from friction_benchmark.cases import Task
+    from friction_benchmark.datasets import Kind, Sources
+    from friction_benchmark.plan import Plan
+    from friction_benchmark.scoring import ScoreSettings
+
+    Leaderboards = list[tuple[Task, str]]
+
+WORKER, SCORER = "friction_benchmark.worker", "friction_benchmark.leaderboard"
+
+
+@dataclass
+class Runner:
+    """One run of the benchmark; the number of workers and their order change nothing but times.
+
+    Attributes:
+        plan: What is evaluated.
+        sources: Where the recordings are.
+        cache: Folder in which all that is computed is kept.
+        settings: How predictions are scored.
+        workers: Processes.
+        progress: Whether bars are drawn; None for only on a terminal.
+        computed: How many jobs of each kind were not in the cache.
+    """
+
+    plan: Plan
+    sources: Sources
+    cache: Path
+    settings: ScoreSettings
+    workers: int = 1
+    progress: bool | None = None
+    computed: Counter[str] = field(default_factory=Counter)
+
+    def run(self) -> BenchmarkResults:
+        """Return what the benchmark found.
+
+        Raises:
+            ValueError: A task or model is not known.
+        """
+        self.models = self.plan.chosen_models()
+        self.context = Context(self.sources, self.cache, self.plan.effort, self.plan.trials, code_key(WORKER))
+        codes = {module: model_code(module) for module in {model.module for model in self.models.values()}}
+        self.codes = {name: codes[model.module] for name, model in self.models.items()}
+        self.tuned: dict[tuple[str, str], Tuned | str] = {}
+        self.predictions: dict[tuple[Task, str, str, int], str] = {}
+        self.failures: dict[tuple[Task, str, str, int], str] = {}
+        with Workers(self.workers) as self.processes:
+            self._simulate()
+            self.leaderboards, missing = self.plan.leaderboards(self.sources)
+            self._tune()
+            self._predict()
+            scores = self._score()
+        return BenchmarkResults(
+            tasks=tuple(self._task_result(task, split, scores) for task, split in self.leaderboards),
+            models={
+                name: ModelInfo(model.title, model.family, model.source, model.chosen)
+                for name, model in self.models.items()
+            },
+            budget=self._budget(),
+            missing=missing,
+        )
+
+    def _simulate(self) -> None:
+        kinds: set[Kind] = set()
+        for task in map(task_named, self.plan.tasks):
+            if self.sources.simulated:
+                kinds.add(task.campaign)
+                if task.name in self.plan.splits.get(UNSEEN_RIG, ()):
+                    kinds.add(unseen_kind(task))
+            if any(model.trained_on == "twin" for model in self.models.values()):
+                kinds.add(twin_kind(task))
+        campaigns = [(kind, seed) for kind in sorted(kinds) for seed in self.plan.seeds]
+        new = [each for each in campaigns if not self.sources.campaign_folder(*each).is_dir()]
+        work = [partial(simulate, self.sources, *each) for each in new]
+        for number, done in self._all_of(work, [1] * len(work), "campaigns"):
+            if isinstance(done, Died):
+                raise RuntimeError(f"simulation of {new[number]}: {done.reason}")
+        for each in campaigns:
+            self.sources.campaign_folder(*each).touch()
+
+    def _tune(self) -> None:
+        """Fill ``tuned`` with what was chosen, or why nothing was, by model and task."""
+        names = dict.fromkeys(task.tuned_as or task.name for task, _ in self.leaderboards)
+        new: list[list[TuningJob]] = []
+        for model in reversed(self.models.values()):
+            tasks = [task for task in map(task_named, names) if model.supports(self._inputs(task))]
+            for task in tasks if not model.space else ():
+                self.tuned[model.name, task.name] = Tuned(model.defaults, None)
+            jobs = [TuningJob(model, task, self.plan.seeds[0], self.codes[model.name]) for task in tasks if model.space]
+            new.append([job for job in jobs if not self._read_tuning(job)])
+        for job, problem in self._done(new, "tunings"):
+            if problem:
+                self.tuned[job.model.name, job.task.name] = problem
+            else:
+                self._read_tuning(job)
+
+    def _read_tuning(self, job: TuningJob) -> bool:
+        tuned = self.context.cache.tuned(job.key(self.context))
+        if tuned is not None:
+            self.tuned[job.model.name, job.task.name] = tuned
+        return tuned is not None
+
+    def _predict(self) -> None:
+        """Fill ``predictions`` with their keys, and ``failures`` with why there is none.
+
+        One piece of work is one model and seed on recordings of one kind: the fits that its jobs share stay with one
+        worker.
+        """
+        groups: dict[tuple[str, int, str], list[PredictionJob]] = {}
+        first = self.plan.seeds[0]
+        for model in reversed(self.models.values()):
+            for task, split in self.leaderboards:
+                tuned = self.tuned.get((model.name, task.tuned_as or task.name))
+                if not isinstance(tuned, Tuned):
+                    continue
+                for seed in self.plan.seeds:
+                    timed = split == HELD_OUT and seed == first
+                    code = self.codes[model.name]
+                    job = PredictionJob(model, task, split, seed, tuned.choice, timed, code)
+                    key = job.key(self.context)
+                    self.predictions[task, split, model.name, seed] = key
+                    if not self.context.cache.has_prediction(key):
+                        left_out = split if split in (LEAVE_LOAD, LEAVE_TEMPERATURE) else ""
+                        groups.setdefault((model.name, seed, f"{task.campaign} {left_out}"), []).append(job)
+        for job, problem in self._done(list(groups.values()), "predictions"):
+            if problem:
+                self.failures[job.task, job.split, job.model.name, job.seed] = f"seed {job.seed}: {problem}"
+
+    def _score(self) -> dict[tuple[str, str], list[Entry]]:
+        """Return the lines of each leaderboard, best first."""
+        code = code_key(SCORER)
+        jobs: list[ScoringJob] = []
+        for task, split in self.leaderboards:
+            scored = [name for name in self.models if not self._why_missing(task, split, name)]
+            keys = {
+                name: {seed: self.predictions[task, split, name, seed] for seed in self.plan.seeds} for name in scored
+            }
+            for name in scored:
+                tuned = self.tuned[name, task.tuned_as or task.name]
+                assert isinstance(tuned, Tuned)
+                baseline = keys.get(task.baseline, {})
+                jobs.append(ScoringJob(name, task, split, keys[name], baseline, tuned, self.settings, code))
+        new = [job for job in jobs if self.context.cache.value("scores", job.key()) is None]
+        work = [partial(job.do, self.context) for job in new]
+        for number, done in self._all_of(work, [1] * len(new), "scores"):
+            if isinstance(done, Died):
+                raise RuntimeError(f"scoring of {new[number].model} on {new[number].task.name}: {done.reason}")
+        lines: dict[tuple[str, str], list[Entry]] = {}
+        for job in jobs:
+            entry = Entry.from_dict(self.context.cache.value("scores", job.key()))
+            lines.setdefault((job.task.name, job.split), []).append(entry)
+        for line in lines.values():
+            line.sort(key=lambda entry: (entry.score.percent.value, entry.model))
+        return lines
+
+    def _task_result(self, task: Task, split: str, scores: dict[tuple[str, str], list[Entry]]) -> TaskResult:
+        mean_n, label = denominators(self.context, task, split, self.plan.seeds, self.settings)
+        reasons = {name: self._why_missing(task, split, name) for name in self.models}
+        return TaskResult(
+            task=task.name,
+            split=split,
+            title=task.title,
+            inputs=self._inputs(task),
+            reference=task.reference,
+            baseline=task.baseline,
+            mean_friction_n=mean_n,
+            entries=tuple(scores.get((task.name, split), ())),
+            missing={name: reason for name, reason in reasons.items() if reason},
+            explanation=task.explanation,
+            label_truth_percent=label,
+        )
+
+    def _why_missing(self, task: Task, split: str, name: str) -> str:
+        """Return why a model has no line in a leaderboard; empty where it has one."""
+        inputs = self._inputs(task)
+        if not self.models[name].supports(inputs):
+            return f"it needs more than {', '.join(inputs)}"
+        tuned = self.tuned[name, task.tuned_as or task.name]
+        if isinstance(tuned, str):
+            return tuned
+        failures = (self.failures.get((task, split, name, seed), "") for seed in self.plan.seeds)
+        return next(filter(None, failures), "")
+
+    def _inputs(self, task: Task) -> tuple[str, ...]:
+        recordings = labelled_recordings(self.sources, task.campaign, self.plan.seeds[0])
+        return inputs_of(task, next(iter(recordings.values())).recording)
+
+    def _budget(self) -> dict[str, float | int | str]:
+        labelled = labelled_recordings(self.sources, "campaign", self.plan.seeds[0])
+        recordings = [each.recording for each in labelled.values()]
+        return {
+            "trials": self.plan.trials,
+            "effort": self.plan.effort,
+            "seeds": len(self.plan.seeds),
+            "recordings": len(recordings),
+            "seconds_a_recording": max(len(each) * each.sample_time_s for each in recordings),
+            "source": "simulated campaigns" if self.sources.simulated else "own recordings",
+        }
+
+    def _done(self, groups: list[list[Any]], kind: str) -> Iterator[tuple[Any, str]]:
+        """Yield every job and why it failed, empty where it did not; of a group whose process died, one by one."""
+        groups = [group for group in groups if group]
+        work = [partial(do_jobs, self.context, group) for group in groups]
+        for number, done in self._all_of(work, [len(group) for group in groups], kind):
+            if not isinstance(done, Died):
+                yield from zip(groups[number], done, strict=True)
+            elif len(groups[number]) == 1:
+                yield groups[number][0], done.reason
+            else:
+                alone = [partial(do_jobs, self.context, [job]) for job in groups[number]]
+                for one, result in self.processes.do_all(alone):
+                    yield groups[number][one], done.reason if isinstance(result, Died) else result[0]
+
+    def _all_of(self, work: Sequence[Callable[[], Any]], sizes: Sequence[int], kind: str) -> Iterator[tuple[int, Any]]:
+        """Yield the number of each piece of work and its result, as they finish."""
+        self.computed[kind] += sum(sizes)
+        hidden = None if self.progress is None else not self.progress
+        with tqdm(total=sum(sizes), desc=kind, unit="job", disable=hidden) as bar:
+            for number, result in self.processes.do_all(work):
+                yield number, result
+                bar.update(sizes[number])
