@@ -177,9 +177,9 @@ class LugreInNumpy:
 
     def __init__(self, estimator: LugreEstimator) -> None:
         assert estimator.parameters is not None
-        assert estimator.sense is not None
+        assert estimator.causal_velocity is not None
         assert estimator.sample_time_s is not None
-        self._law, self._motion, self._time_s = estimator.parameters, estimator.sense, estimator.sample_time_s
+        self._law, self._motion, self._time_s = estimator.parameters, estimator.causal_velocity, estimator.sample_time_s
         self._scaled = estimator.pressure_scaled
         window, order = self._motion.window, self._motion.order
         rows = [one_sided_savitzky_golay_taps(window, order, derivative, self._time_s) for derivative in (0, 1)]

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 import yaml
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval

@@ -13,7 +13,8 @@ import pytest
 import yaml
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata

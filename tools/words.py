@@ -32,7 +32,7 @@ WORDS: dict[str, str] = {
     r"(?-i:Of) (weights|everything|all|the|a|dropout|order|rows|noise)\b(?=[^.]{0,80}(seed|random|order|bootstrap))":
         "Seeds weights, dropout and batch order",
     r"conducting|conducted": "runner",
-    r"told|tells?|says?|said": "given, determines, states",
+    r"(?<!study\.)(told|tells?|says?|said)": "given, determines, states",
 }
 """Pattern, whole words only, and what to write instead."""
 

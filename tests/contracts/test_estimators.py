@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.forest import ForestEstimator
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import KINDS
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator

@@ -104,10 +104,10 @@ def test_saving_and_loading_changes_no_bit_and_keeps_units_and_intervals(
     assert isinstance(loaded, AnalyticalEstimator)
     assert loaded.model.name == name
     np.testing.assert_array_equal(loaded.estimate(labelled_recordings[0]), estimator.estimate(labelled_recordings[0]))
-    assert (loaded.parameters, loaded.intervals, loaded.sense) == (
+    assert (loaded.parameters, loaded.intervals, loaded.causal_velocity) == (
         estimator.parameters,
         estimator.intervals,
-        estimator.sense,
+        estimator.causal_velocity,
     )
     content = json.loads((tmp_path / "estimator.json").read_text())["parameters"]["model"]
     assert {key: entry["unit"] for key, entry in content.items()} == {
@@ -197,5 +197,5 @@ def test_missing_inputs_are_refused(cylinder: Cylinder) -> None:
 
 def test_cost_is_the_model_s_and_the_velocity_filter_s(fitted: dict[str, AnalyticalEstimator]) -> None:
     for name, estimator in fitted.items():
-        assert estimator.sense is not None
-        assert estimator.multiply_adds() == model_named(name).multiply_adds + 2 * estimator.sense.window
+        assert estimator.causal_velocity is not None
+        assert estimator.multiply_adds() == model_named(name).multiply_adds + 2 * estimator.causal_velocity.window

@@ -89,11 +89,11 @@ def test_lugre_in_numpy_is_lugre(lugre: LugreEstimator, samples: np.ndarray) -> 
 
 def test_it_scales_with_pressure_where_the_model_does(lugre: LugreEstimator, samples: np.ndarray) -> None:
     assert lugre.parameters is not None
-    assert lugre.sense is not None
+    assert lugre.causal_velocity is not None
     scaled = PressureLugreEstimator(lugre.cylinder)
     parameters = replace(lugre.parameters, pressure_slope_n_pa=1e-5, retract_ratio=1.2)
     scaled.sample_time_s = lugre.sample_time_s
-    scaled._use(parameters, replace(lugre.sense, backlash_m=0.0, dead_band_m_s=1e-3))
+    scaled._use(parameters, replace(lugre.causal_velocity, backlash_m=0.0, dead_band_m_s=1e-3))
     stream = LugreInNumpy(scaled)
     newtons = [stream.step(*sample) for sample in samples.tolist()]
     np.testing.assert_allclose(newtons, scaled.advance(scaled.new_state(), samples), rtol=1e-9, atol=1e-9)

@@ -62,7 +62,7 @@ class AnalyticalEstimator(FrictionEstimator):
     Attributes:
         parameters: The model's numbers; None before ``fit``.
         intervals: Confidence interval of every number that was searched.
-        sense: How velocity is made from position; None before ``fit``.
+        causal_velocity: How velocity is made from position; None before ``fit``.
         identification: All that ``fit`` found; None for a loaded estimator.
 
     Raises:
@@ -91,7 +91,7 @@ class AnalyticalEstimator(FrictionEstimator):
         self.confidence = confidence
         self.parameters: ModelParameters | None = None
         self.intervals: dict[str, tuple[float, float]] = {}
-        self.sense: CausalVelocity | None = None
+        self.causal_velocity: CausalVelocity | None = None
         self.identification: Identification | None = None
         self._position, self._pressures = _columns_of(model, self.inputs)
         self._motion: VelocityBlock | None = None
@@ -112,7 +112,7 @@ class AnalyticalEstimator(FrictionEstimator):
         self._begin_fit(chosen)
         found = self._identify(chosen, self.effort)
         self.intervals, self.identification = found.intervals, found
-        self._use(found.parameters, self._senses()[found.velocity])
+        self._use(found.parameters, self._velocities()[found.velocity])
         return self
 
     def best_possible(self, recordings: Sequence[Recording], effort: SearchEffort) -> Identification:
@@ -139,7 +139,7 @@ class AnalyticalEstimator(FrictionEstimator):
         return self.model.simulate(self._values, velocity, self.sample_time_s, state.friction, pressure)
 
     def multiply_adds(self) -> int:
-        return self.model.multiply_adds + (0 if self.sense is None else 2 * self.sense.window)
+        return self.model.multiply_adds + (0 if self.causal_velocity is None else 2 * self.causal_velocity.window)
 
     def _identify(
         self, recordings: Sequence[Recording], effort: SearchEffort, also_from: Sequence[ModelParameters] = ()
@@ -147,7 +147,7 @@ class AnalyticalEstimator(FrictionEstimator):
         return identify(
             self.model,
             recordings,
-            {name: _velocity_by(sense) for name, sense in self._senses().items()},
+            {name: _velocity_by(velocity) for name, velocity in self._velocities().items()},
             None if self._pressures is None else self._scaling_pressure,
             effort,
             mass_kg=self.cylinder.moving_mass_kg,
@@ -162,28 +162,28 @@ class AnalyticalEstimator(FrictionEstimator):
         samples = recording.samples(tuple(self.inputs[column] for column in self._pressures))
         return np.ascontiguousarray(samples[:, 0] + samples[:, 1])
 
-    def _senses(self) -> dict[str, CausalVelocity]:
-        senses = [
+    def _velocities(self) -> dict[str, CausalVelocity]:
+        velocities = [
             CausalVelocity(window, order, backlash_m, 0.0 if backlash_m else self.velocity_dead_band_m_s)
             for window, order in VELOCITY_FILTERS
             for backlash_m in BACKLASHES_M
         ]
-        return {repr(sense): sense for sense in senses}
+        return {repr(velocity): velocity for velocity in velocities}
 
-    def _use(self, parameters: ModelParameters, sense: CausalVelocity) -> None:
+    def _use(self, parameters: ModelParameters, velocity: CausalVelocity) -> None:
         assert self.sample_time_s is not None
         self.parameters, self._values = parameters, parameters.packed()
-        self.sense, self._motion = sense, sense.block(self.sample_time_s)
+        self.causal_velocity, self._motion = velocity, velocity.block(self.sample_time_s)
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
         assert self.parameters is not None
-        assert self.sense is not None
+        assert self.causal_velocity is not None
         return {
             "cylinder": asdict(self.cylinder),
             "friction_model": self.model.name,
             "condition": self.condition,
             "sample_time_s": self.sample_time_s,
-            "velocity": asdict(self.sense),
+            "velocity": asdict(self.causal_velocity),
             "least_velocity_dead_band_m_s": self.velocity_dead_band_m_s,
             "damping_ratio": self.damping_ratio,
             "confidence": self.confidence,
@@ -260,9 +260,9 @@ def _columns_of(model: FrictionModel, inputs: tuple[str, ...]) -> tuple[int, tup
     )
 
 
-def _velocity_by(sense: CausalVelocity) -> Callable[[Recording], Array]:
-    def velocity(recording: Recording) -> Array:
-        block = sense.block(recording.sample_time_s)
+def _velocity_by(velocity: CausalVelocity) -> Callable[[Recording], Array]:
+    def of(recording: Recording) -> Array:
+        block = velocity.block(recording.sample_time_s)
         return block.advance(block.new_state(), recording.samples(("position_m",)))
 
-    return velocity
+    return of

@@ -23,7 +23,7 @@ def baselines(
     Args:
         cylinder: Its areas and moving mass.
         inputs: Columns of a sample; both raw pressures and the position must be among them.
-        forest_plan: Of the random forest; None for its defaults.
+        forest_plan: The random forest; None for its defaults.
         seed: Seeds the random forest.
     """
     return {

@@ -121,7 +121,7 @@ def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan:
     Args:
         features: Shape ``(n, k)``, float32, as at run time.
         target: Shape ``(n,)``.
-        plan: Of the forest; more rows than it allows are thinned out at random.
+        plan: Trees, depth and leaf; more rows than it allows are thinned out at random.
         seed: Seeds the rows, the bootstrap and the features tried at each split (a third of them).
     """
     from sklearn.ensemble import RandomForestRegressor  # training alone needs scikit-learn

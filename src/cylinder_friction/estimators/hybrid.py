@@ -290,7 +290,7 @@ def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recordi
 
     Where there is one session alone, both are all of it.
 
-    Held out is the last session, by name, of each condition, so that every load counts: one session of one load tells
+    Held out is the last session, by name, of each condition, so that every load counts: one session of one load holds
     little about the others. Where a condition would be left with fewer than ``KEPT_SESSIONS`` others, it is the last
     session alone. No session is on both sides, even if several conditions share it.
     """

@@ -81,9 +81,9 @@ class LugreEstimator(AnalyticalEstimator):
             self.condition = condition_of_smallest_friction(recordings)
         return super().fit(recordings)
 
-    def _use(self, parameters: ModelParameters, sense: CausalVelocity) -> None:
+    def _use(self, parameters: ModelParameters, velocity: CausalVelocity) -> None:
         assert isinstance(parameters, LugreParameters)
-        super()._use(parameters, sense)
+        super()._use(parameters, velocity)
 
     def _write(self, folder: Path) -> dict[str, Any]:
         content = super()._write(folder)

@@ -19,8 +19,8 @@ class Forest:
     Attributes:
         feature: Feature that each node asks for, shape ``(nodes,)``; -1 in a leaf.
         threshold: Shape ``(nodes,)``, single precision, as ONNX Runtime compares.
-        left: Index of the node where the answer is yes, shape ``(nodes,)``.
-        right: Index of the node where it is no, shape ``(nodes,)``.
+        left: Index of the next node where it does, shape ``(nodes,)``.
+        right: Index of the next node where it does not, shape ``(nodes,)``.
         value: What a leaf adds, already divided by the number of trees, shape ``(nodes,)``.
         roots: Index of each tree's first node, shape ``(trees,)``.
         depth: Longest way from a root to a leaf.

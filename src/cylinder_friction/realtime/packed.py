@@ -139,8 +139,8 @@ class PackedState:
     """What the compiled step changes.
 
     Attributes:
-        ring: Each input's last samples, written twice, ``lags`` apart, so that from the newest on they always lie in
-            a row, newest first, shape ``(inputs, 2 lags)``.
+        ring: Each input's last samples, written twice, ``lags`` places from each other, so that from the newest on they
+            always lie in a row, newest first, shape ``(inputs, 2 lags)``.
         samples: One number per input in each row, see the rows above: this sample as it counts, the last one, the
             position at which the input last changed [m], whether the input is invalid.
         motion: Memory of the motion, see ``history.new_history``.

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import torch
 from pydantic import BaseModel
 
-from cylinder_friction.estimators.hybrid import ForestPlan, HybridEstimator
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.import_graph import code_key
 

@@ -49,7 +49,7 @@ def run(params: Params) -> RunRecord:
         params=flat(params.lugre),
         metrics=metrics,
         curves=curves,
-        tags={f"{estimator.kind}.velocity": repr(estimator.sense) for estimator in estimators},
+        tags={f"{estimator.kind}.velocity": repr(estimator.causal_velocity) for estimator in estimators},
         artifacts=artifacts(LUGRE_FOLDER),
         datasets={"train": hashlib.sha256("".join(hash_of(path) for path in paths).encode()).hexdigest()},
     )

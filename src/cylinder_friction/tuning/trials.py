@@ -1,4 +1,4 @@
-"""Trials with Optuna that a kill cannot spoil: finished ones are kept in a journal, and what follows is the same.
+"""Trials with Optuna that survive a kill: finished ones are kept in a journal, and what follows is the same.
 
 Each proposal depends only on the seed and on the trials finished before it, so a tuning that is resumed from its
 journal ends bit for bit where an undisturbed one does. A trial that a kill left running is tried again.

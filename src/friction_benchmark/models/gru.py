@@ -22,7 +22,7 @@ from cylinder_friction.estimators.onnx_files import IR_VERSION, OPSET
 from cylinder_friction.estimators.training_plan import Architecture
 from cylinder_friction.realtime.activation import sigmoid, tanh
 from cylinder_friction.realtime.lstm import TINY, ZERO, add_product, head_of
-from friction_benchmark.models.sequence_estimator import SequenceEstimator
+from friction_benchmark.models.sequence_estimator import SequenceEstimator, plain
 
 if TYPE_CHECKING:
     import torch
@@ -36,7 +36,7 @@ class GruWeights:
     """Weights of a stack of GRU layers of equal width, and of the linear head on its last hidden state.
 
     Attributes:
-        input: One a layer, shape ``(inputs of the layer, 3 · nodes)``.
+        input: One per layer, shape ``(inputs of the layer, 3 · nodes)``.
         recurrent: Shape ``(layers, nodes, 3 · nodes)``.
         input_bias: Shape ``(layers, 3 · nodes)``.
         recurrent_bias: Shape ``(layers, 3 · nodes)``.
@@ -132,6 +132,23 @@ def _cell_step(given: Single, kept: Single, hidden: Single) -> None:
         hidden[node] = value if abs(value) >= TINY else ZERO
 
 
+def gru_weights_of(network: Any) -> GruWeights:
+    """Return a network's weights as plain arrays, gates reordered from PyTorch's r, z, n to ONNX's z, r, h."""
+    gru, nodes, layers = network.gru, network.gru.hidden_size, network.gru.num_layers
+    order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (1, 0, 2)])
+    parts = {name: plain(value) for name, value in gru.named_parameters()}
+    kernels = [parts[f"weight_ih_l{layer}"][order].T for layer in range(layers)]
+    recurrent = [np.ascontiguousarray(parts[f"weight_hh_l{layer}"][order].T) for layer in range(layers)]
+    return GruWeights(
+        tuple(np.ascontiguousarray(kernel) for kernel in kernels),
+        np.stack(recurrent),
+        np.stack([parts[f"bias_ih_l{layer}"][order] for layer in range(layers)]),
+        np.stack([parts[f"bias_hh_l{layer}"][order] for layer in range(layers)]),
+        plain(network.head.weight)[0].copy(),
+        float(plain(network.head.bias)[0]),
+    )
+
+
 def gru_to_onnx(weights: GruWeights) -> onnx.ModelProto:
     """Return the checked graph: ``features`` (time, batch, k) and ``hidden_in`` (layers, batch, nodes) to ``hidden``
     (time, batch, nodes), ``head`` (time, batch, 1) and ``hidden_out``; all float32."""
@@ -214,8 +231,6 @@ class GruEstimator(SequenceEstimator):
         return GruNetwork(self.architecture, inputs)
 
     def to_onnx(self, network: Any) -> onnx.ModelProto:
-        from friction_benchmark.models.sequence_networks import gru_weights_of
-
         return gru_to_onnx(gru_weights_of(network))
 
     def from_onnx(self, model: onnx.ModelProto) -> Gru:

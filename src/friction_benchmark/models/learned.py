@@ -41,7 +41,7 @@ class LearnedEstimator(FrictionEstimator):
     Args:
         cylinder: Its areas.
         inputs: Columns that it sees; ``position_m`` must be one; raw pressures come first.
-        seed: Of everything random.
+        seed: Seeds everything random.
     """
 
     def __init__(self, cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS, seed: int = 0) -> None:

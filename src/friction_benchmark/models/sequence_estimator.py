@@ -51,7 +51,7 @@ class SteppedNetwork(Protocol):
 
 @dataclass
 class HeldMemory:
-    """State of the network, what it said last, and samples since then (0: the next sample is a step)."""
+    """State of the network, its last output, and samples since then (0: the next sample is a step)."""
 
     network: Any
     hidden: Single
@@ -153,3 +153,8 @@ class SequenceEstimator(LearnedEstimator):
 
     def _set_network(self, model: onnx.ModelProto) -> None:
         self.model, self.network = model, self.from_onnx(model)
+
+
+def plain(value: torch.Tensor) -> Single:
+    """Return a weight as a plain array."""
+    return np.asarray(value.detach().cpu().numpy(), dtype=np.float32)

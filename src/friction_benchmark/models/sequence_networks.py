@@ -1,23 +1,16 @@
-"""The networks that are trained in PyTorch, and their weights as plain arrays. Only training imports this."""
+"""The networks that are trained in PyTorch; only training imports this."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
 from torch import nn
 from torch.nn.functional import conv1d, relu
 from torch.nn.utils.parametrizations import weight_norm
 
-from friction_benchmark.models.gru import GruWeights
-from friction_benchmark.models.tcn import TcnWeights
-
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from cylinder_friction.estimators.training_plan import Architecture
-    from friction_benchmark.models.tcn import TcnArchitecture
 
 
 class GruNetwork(nn.Module):
@@ -59,15 +52,14 @@ class CausalConvolution(nn.Module):
 class TcnNetwork(nn.Module):
     """Residual blocks of two causal convolutions each, dilation doubling, and a linear head that starts at zero."""
 
-    def __init__(self, architecture: TcnArchitecture, inputs: int) -> None:
+    def __init__(self, inputs: int, levels: int, channels: int, kernel: int, dropout: float) -> None:
         super().__init__()
-        channels, self.levels = architecture.channels, architecture.levels
-        widths = [inputs] + [channels] * (2 * architecture.levels - 1)
+        self.levels = levels
+        widths = [inputs] + [channels] * (2 * levels - 1)
         self.convolutions = nn.ModuleList(
-            CausalConvolution(width, channels, architecture.kernel, 2 ** (number // 2))
-            for number, width in enumerate(widths)
+            CausalConvolution(width, channels, kernel, 2 ** (number // 2)) for number, width in enumerate(widths)
         )
-        self.dropout = nn.Dropout1d(architecture.dropout)
+        self.dropout = nn.Dropout1d(dropout)
         self.shortcut = nn.Linear(inputs, channels)
         self.head = _zero_head(channels)
 
@@ -86,43 +78,8 @@ class TcnNetwork(nn.Module):
         return self.head(signal.permute(2, 0, 1)).squeeze(-1), tuple(tails)
 
 
-def gru_weights_of(network: GruNetwork) -> GruWeights:
-    """Return a network's weights as plain arrays, gates reordered from PyTorch's r, z, n to ONNX's z, r, h."""
-    gru, nodes, layers = network.gru, network.gru.hidden_size, network.gru.num_layers
-    order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (1, 0, 2)])
-    parts = {name: _array(value) for name, value in gru.named_parameters()}
-    kernels = [parts[f"weight_ih_l{layer}"][order].T for layer in range(layers)]
-    recurrent = [np.ascontiguousarray(parts[f"weight_hh_l{layer}"][order].T) for layer in range(layers)]
-    return GruWeights(
-        tuple(np.ascontiguousarray(kernel) for kernel in kernels),
-        np.stack(recurrent),
-        np.stack([parts[f"bias_ih_l{layer}"][order] for layer in range(layers)]),
-        np.stack([parts[f"bias_hh_l{layer}"][order] for layer in range(layers)]),
-        _array(network.head.weight)[0].copy(),
-        float(_array(network.head.bias)[0]),
-    )
-
-
-def tcn_weights_of(network: TcnNetwork) -> TcnWeights:
-    """Return a network's weights as plain arrays, the newest sample's tap first, weight normalisation worked in."""
-    convolutions = [module.convolution for module in network.convolutions]
-    kernels = [np.ascontiguousarray(_array(each.weight)[:, :, ::-1].transpose(2, 1, 0)) for each in convolutions]  # type: ignore[union-attr, arg-type]
-    return TcnWeights(
-        tuple(kernels),
-        np.stack([_array(each.bias) for each in convolutions]),  # type: ignore[union-attr, arg-type]
-        np.ascontiguousarray(_array(network.shortcut.weight).T),
-        _array(network.shortcut.bias),
-        _array(network.head.weight)[0].copy(),
-        float(_array(network.head.bias)[0]),
-    )
-
-
 def _zero_head(nodes: int) -> nn.Linear:
     head = nn.Linear(nodes, 1)
     nn.init.zeros_(head.weight)
     nn.init.zeros_(head.bias)
     return head
-
-
-def _array(value: torch.Tensor) -> NDArray[np.float32]:
-    return np.asarray(value.detach().cpu().numpy(), dtype=np.float32)

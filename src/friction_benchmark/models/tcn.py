@@ -18,7 +18,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from cylinder_friction.estimators.onnx_files import IR_VERSION, OPSET
 from cylinder_friction.realtime.lstm import ZERO, add_product, head_of
-from friction_benchmark.models.sequence_estimator import SequenceEstimator
+from friction_benchmark.models.sequence_estimator import SequenceEstimator, plain
 
 if TYPE_CHECKING:
     import torch
@@ -167,6 +167,20 @@ def _convolve(kernel: Single, bias: Single, ring: Single, place: int, level: int
         result[channel] = max(result[channel], ZERO)
 
 
+def tcn_weights_of(network: Any) -> TcnWeights:
+    """Return a network's weights as plain arrays, the newest sample's tap first, weight normalisation worked in."""
+    convolutions = [module.convolution for module in network.convolutions]
+    kernels = [np.ascontiguousarray(plain(each.weight)[:, :, ::-1].transpose(2, 1, 0)) for each in convolutions]
+    return TcnWeights(
+        tuple(kernels),
+        np.stack([plain(each.bias) for each in convolutions]),
+        np.ascontiguousarray(plain(network.shortcut.weight).T),
+        plain(network.shortcut.bias),
+        plain(network.head.weight)[0].copy(),
+        float(plain(network.head.bias)[0]),
+    )
+
+
 def tcn_to_onnx(weights: TcnWeights) -> onnx.ModelProto:
     """Return the checked graph over a whole sequence from its start: ``features`` (batch, k, time) to ``hidden``
     (batch, channels, time) and ``head`` (batch, 1, time); all float32."""
@@ -247,11 +261,10 @@ class TcnEstimator(SequenceEstimator):
     def make_network(self, inputs: int) -> torch.nn.Module:
         from friction_benchmark.models.sequence_networks import TcnNetwork  # PyTorch: training alone waits for it
 
-        return TcnNetwork(self.architecture, inputs)
+        size = self.architecture
+        return TcnNetwork(inputs, size.levels, size.channels, size.kernel, size.dropout)
 
     def to_onnx(self, network: Any) -> onnx.ModelProto:
-        from friction_benchmark.models.sequence_networks import tcn_weights_of
-
         return tcn_to_onnx(tcn_weights_of(network))
 
     def from_onnx(self, model: onnx.ModelProto) -> Tcn:

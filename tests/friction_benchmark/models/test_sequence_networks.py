@@ -13,10 +13,10 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training import train_network
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.gru import Gru, GruEstimator, gru_from_onnx, gru_to_onnx
+from friction_benchmark.models.gru import Gru, GruEstimator, gru_from_onnx, gru_to_onnx, gru_weights_of
 from friction_benchmark.models.sequence_estimator import HeldMemory, SequenceEstimator
-from friction_benchmark.models.sequence_networks import GruNetwork, TcnNetwork, gru_weights_of, tcn_weights_of
-from friction_benchmark.models.tcn import Tcn, TcnArchitecture, TcnEstimator, tcn_from_onnx, tcn_to_onnx
+from friction_benchmark.models.sequence_networks import GruNetwork, TcnNetwork
+from friction_benchmark.models.tcn import Tcn, TcnArchitecture, TcnEstimator, tcn_from_onnx, tcn_to_onnx, tcn_weights_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +41,8 @@ def random_network(architecture: Architecture | TcnArchitecture) -> tuple[Any, A
     torch.manual_seed(3)
     network: Any
     if isinstance(architecture, TcnArchitecture):
-        network = TcnNetwork(architecture, FEATURES).eval()
+        size = architecture
+        network = TcnNetwork(FEATURES, size.levels, size.channels, size.kernel, size.dropout).eval()
     else:
         network = GruNetwork(architecture, FEATURES).eval()
     for parameter in network.parameters():
@@ -142,7 +143,7 @@ def gru_of(inputs: int) -> torch.nn.Module:
 
 
 def tcn_of(inputs: int) -> torch.nn.Module:
-    return TcnNetwork(TcnArchitecture(2, 12, 3, 0.0, 1e-2), inputs)
+    return TcnNetwork(inputs, levels=2, channels=12, kernel=3, dropout=0.0)
 
 
 @pytest.mark.parametrize("make", [gru_of, tcn_of])

@@ -44,8 +44,8 @@ def lugre_model(estimator: LugreEstimator) -> LugreModel:
     if estimator.sample_time_s is None or estimator.training_range is None:
         raise NotFittedError(f"{estimator.kind}: not fitted yet; call fit or load first")
     assert estimator.parameters is not None
-    assert estimator.sense is not None
-    time_s, velocity = estimator.sample_time_s, estimator.sense
+    assert estimator.causal_velocity is not None
+    time_s, velocity = estimator.sample_time_s, estimator.causal_velocity
     taps = np.zeros((2, 3, velocity.window))
     for derivative in (0, 1):
         taps[derivative, POSITION] = one_sided_savitzky_golay_taps(velocity.window, velocity.order, derivative, time_s)
