@@ -46,7 +46,7 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
     names = _checked_names(rows)
     memory = max(1, round(MEMORY_S / model.sample_time_s))
     lower, upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
-    inside = ((samples >= lower) & (samples <= upper)).all(axis=1)
+    inside = np.asarray(((samples >= lower) & (samples <= upper)).all(axis=1))
     newtons, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.int64)
     in_range = np.empty(len(samples), dtype=np.bool_)
     stream = RealTimeStream(model)
