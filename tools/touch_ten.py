@@ -15,7 +15,7 @@ from pathlib import Path
 
 MODULES = (
     "src/friction_benchmark/models/machado.py",
-    "src/cylinder_friction/deployment/fmu/exporting.py",
+    "src/cylinder_friction/deployment/fmu/export.py",
     "src/cylinder_friction/commands/latency.py",
     "src/cylinder_friction/tracking/log_run.py",
     "src/cylinder_friction/reporting/inspection/page.py",
