@@ -1,6 +1,6 @@
-"""Draws the pictures of docs/ from the simulated bench itself: ``python docs/pictures.py``.
+"""Draw the pictures of docs/ from the simulated rig itself: ``python docs/pictures.py``.
 
-Equal code gives equal bytes, so a picture changes only when the bench does.
+Equal code gives equal bytes, so a picture changes only when the rig does.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def one_recording(recording: RigRecording) -> Figure:
 
 
 def friction_against_velocity(recordings: list[RigRecording]) -> Figure:
-    """Return true friction against true velocity in Tests 1 and 4, every row in motion one point."""
+    """Return true friction against true velocity in conditions 1 and 4, every row in motion one point."""
     figure, axes = panels(1, 2, 9.5, 4.0)
     for axis, condition, words in zip(axes, ("1", "4"), ("no load", "heaviest load"), strict=True):
         _points(axis, [recording.truth for recording in recordings if recording.metadata.condition == condition])

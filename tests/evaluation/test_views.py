@@ -33,5 +33,5 @@ def test_a_learning_curve_that_is_not_one_is_refused():
     assert LearningCurve.from_dict(good, "models/hybrid").best_epoch == 2
     with pytest.raises(ValueError, match="models/hybrid: 'train_mae_n' is missing; got"):
         LearningCurve.from_dict({"epoch": [1]}, "models/hybrid")
-    with pytest.raises(ValueError, match="expected one value an epoch in every list, but got lengths"):
+    with pytest.raises(ValueError, match="expected one value per epoch in every list, but got lengths"):
         LearningCurve.from_dict({**good, "epoch": [1]}, "models/hybrid")

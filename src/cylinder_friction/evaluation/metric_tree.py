@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.comparison import Comparison, Score
 
 MetricTree = dict[str, dict[str, dict[str, float]]]
-"""By estimator, then by test, then by name of the number."""
+"""By estimator, then by condition, then by name of the number."""
 
 
 def metric_tree(comparison: Comparison) -> MetricTree:

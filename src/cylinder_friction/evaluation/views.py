@@ -41,7 +41,7 @@ class LearningCurve:
             columns[key] = list(content[key])
         lengths = {key: len(values) for key, values in columns.items()}
         if len(set(lengths.values())) != 1 or not columns["epoch"]:
-            raise ValueError(f"{where}: expected one value an epoch in every list, but got lengths {lengths}")
+            raise ValueError(f"{where}: expected one value per epoch in every list, but got lengths {lengths}")
         return cls(
             tuple(map(int, columns["epoch"])),
             tuple(map(float, columns["train_mae_n"])),
@@ -66,7 +66,7 @@ class Excerpt:
 
 
 def excerpt(comparison: Comparison, condition: str, shown: Sequence[str], duration_s: float) -> Excerpt:
-    """Return the first stretch of a test's recordings with the most usable rows in motion.
+    """Return the first stretch of a condition's recordings with the most usable rows in motion.
 
     Its lines are ``label``, ``truth`` where it is known, and the estimators in ``shown``.
     """
@@ -130,7 +130,7 @@ class Agreement:
 
 
 def agreement(comparison: Comparison, estimator: str, condition: str) -> Agreement:
-    """Return a test's points; slope and intercept of the least-squares line, R² of the line y = x."""
+    """Return a condition's points; slope and intercept of the least-squares line, R² of the line y = x."""
     traces = comparison.of_condition(condition)
     label = np.concatenate([trace.label_n[trace.usable] for trace in traces])
     estimate = np.concatenate([trace.estimates_n[estimator][trace.usable] for trace in traces])
@@ -154,7 +154,7 @@ class VelocityProfile:
 
 
 def velocity_profile(comparison: Comparison, condition: str, shown: Sequence[str]) -> VelocityProfile:
-    """Return the Stribeck map of a test: bins of equal width that hold at least 20 usable rows."""
+    """Return the Stribeck map of a condition: bins of equal width that hold at least 20 usable rows."""
     traces = comparison.of_condition(condition)
     velocity = np.concatenate([trace.velocity_m_s[trace.usable] for trace in traces])
     lines = {"label": np.concatenate([trace.label_n[trace.usable] for trace in traces])}

@@ -96,7 +96,7 @@ def _plot(recording: Recording, estimate: Array | BoundedEstimate | None, truth_
     if estimate is not None:
         lines["estimate"] = getattr(estimate, "friction_n", estimate)
     figure, (axis,) = panels(1, 1, 9.5, 3.6)
-    if hasattr(estimate, "lower_n"):
+    if estimate is not None and not isinstance(estimate, np.ndarray):
         lower_n, upper_n = estimate.lower_n, estimate.upper_n
         axis.fill_between(time_s, lower_n, upper_n, color=BLUE, alpha=0.18, linewidth=0, label="bounds")
     for name, values in lines.items():
@@ -174,8 +174,8 @@ def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str,
             axis.plot(score.interval_percent, [place, place], color=shade, linewidth=1.6, alpha=0.55)
             axis.plot(score.errors.percent, place, marker, color=shade, markersize=4.2, markeredgewidth=0)
         low, high = (end(score.errors.percent for score in found) for end in (min, max))
-        strong = {"fontweight": "bold"} if name == main else {}
-        where = {"transform": axis.get_yaxis_transform(), "va": "center", "fontsize": 8.5}
+        strong: dict[str, Any] = {"fontweight": "bold"} if name == main else {}
+        where: dict[str, Any] = {"transform": axis.get_yaxis_transform(), "va": "center", "fontsize": 8.5}
         axis.text(0.0, row - 0.32, title(name), ha="left", **where, **strong)
         axis.text(1.0, row - 0.32, f"{low:.2f} – {high:.2f} %", ha="right", **where, **strong)
         axis.axhline(row - 0.5, color=PALE, linewidth=0.4)
@@ -241,7 +241,7 @@ def friction_against_velocity(profiles: Mapping[str, VelocityProfile]) -> Figure
     figure, axes = grid_of(len(profiles), *PANEL)
     for axis, (condition, profile) in zip(axes, profiles.items(), strict=True):
         velocity = 1e3 * profile.velocity_m_s
-        band = {"color": PALE, "alpha": 0.4, "linewidth": 0, "label": "label, middle half"}
+        band: dict[str, Any] = {"color": PALE, "alpha": 0.4, "linewidth": 0, "label": "label, middle half"}
         axis.fill_between(velocity, profile.label_lower_n, profile.label_upper_n, **band)
         for name, values in profile.medians_n.items():
             width, marker = LINE_WIDTHS.get(name, ESTIMATE_WIDTH), "" if name in LINE_WIDTHS else "o"

@@ -123,7 +123,7 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
     def svg(figure: Figure, words: str) -> Markup:
         return Markup(svg_text(figure, f"figure{next(numbers)}", words))  # noqa: S704 - drawn by Matplotlib, which escapes
 
-    loaders = [jinja2.PackageLoader(each) for each in dict.fromkeys((package, __package__))]
+    loaders = [jinja2.PackageLoader(each, "templates") for each in dict.fromkeys((package, __package__))]
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )

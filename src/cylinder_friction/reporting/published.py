@@ -8,7 +8,7 @@ PERCENT_BY_TEST = {
     "3": {"lugre": 19.86, "hybrid": 8.84},
     "4": {"lugre": 28.5, "hybrid": 5.57},
 }
-"""Table II: mean absolute error [%] by test; the paper does not say what 100 % is."""
+"""Table II: mean absolute error [%] by test; the paper does not state what 100 % is."""
 
 STEP_SECONDS = {"lugre": 8.71e-5, "hybrid": 1.51e-3}
 """Table III: seconds an estimate takes."""

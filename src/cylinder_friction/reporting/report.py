@@ -100,7 +100,7 @@ def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Fig
     """Return by reference: Table II, every measure by condition, and the chart unless the page opens with it."""
     comparison, truth = analysis.comparison, analysis.comparison.truth
     conditions = list(comparison.conditions)
-    found = {
+    found: dict[str, tuple[Table, dict[str, Table], Figure | None]] = {
         "label": (
             tables.error_table(comparison.label, conditions, "label", published=True),
             _details(comparison.label, conditions),

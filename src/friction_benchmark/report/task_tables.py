@@ -170,7 +170,7 @@ def _correlation(value: float) -> Cell:
 
 def tuning_table(result: TaskResult, titles: ModelTitles) -> Table | None:
     """Return the tuned choices of every model and the validation error reached; None where nothing was tuned."""
-    rows = [
+    rows: list[list[str | Cell]] = [
         [
             model_cell(entry, result, titles),
             ", ".join(f"{plain(name)} {_value(value)}" for name, value in sorted(entry.tuning.items())),

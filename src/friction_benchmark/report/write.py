@@ -110,7 +110,7 @@ def _any(result: TaskResult, name: str) -> bool:
 
 
 def _models(results: BenchmarkResults, titles: ModelTitles) -> Table:
-    rows = []
+    rows: list[list[str | Cell]] = []
     for model in titles.by_family(sorted(results.models)):
         info = results.models[model]
         rows.append([Cell(info.title, small=model), info.family, info.source, info.chosen])

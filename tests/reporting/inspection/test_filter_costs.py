@@ -59,8 +59,8 @@ def test_what_is_called_causal_never_answers_before_the_pulse(strokes: Recording
 def test_noise_at_standstill_is_that_of_white_noise_through_the_taps(strokes: Recording, filters: Filters) -> None:
     costs, _ = filter_costs(filters, strokes)
     for cost in costs:
-        assert cost.velocity_noise_m_s == pytest.approx(cost.velocity_noise_from_floor_m_s, rel=0.35), cost.name
-    by_name = {cost.name: cost.velocity_noise_from_floor_m_s for cost in costs}
+        assert cost.velocity_noise_m_s == pytest.approx(cost.velocity_noise_from_sensor_m_s, rel=0.35), cost.name
+    by_name = {cost.name: cost.velocity_noise_from_sensor_m_s for cost in costs}
     _, taps, _ = pulse_responses(filters["savitzky_golay"], strokes)
     assert by_name["savitzky_golay"] == pytest.approx(2e-5 * np.sqrt(np.sum(taps**2)), rel=0.05)
 
@@ -69,7 +69,7 @@ def test_without_standstill_noise_is_not_a_number(strokes: Recording, filters: F
     moving = Recording(strokes.metadata, strokes.table.iloc[700:].reset_index(drop=True))
     costs, _ = filter_costs(filters, moving)
     assert all(np.isnan(cost.velocity_noise_m_s) for cost in costs)
-    assert all(np.isfinite(cost.velocity_noise_from_floor_m_s) for cost in costs)
+    assert all(np.isfinite(cost.velocity_noise_from_sensor_m_s) for cost in costs)
 
 
 def test_a_filter_longer_than_the_recording_is_left_out_with_the_reason(strokes: Recording) -> None:

@@ -44,7 +44,7 @@ def test_files_outcomes_reasons_and_figures_are_on_it(
         "Stribeck velocity",
         "N·s/m",
         "no load (the recording has no load force)",
-        "noise floor",
+        "noise level",
         "savitzky_golay, one-sided",
         "rts, Kalman filter",
     ):

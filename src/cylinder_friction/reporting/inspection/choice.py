@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from cylinder_friction.reporting.inspection.subject import Inspected
 
 PLOTTED = 12
-"""How many files a page shows with figures; the others stand in the table."""
+"""How many files are drawn on one page; the others stand in the table."""
 
 PIECES = 48
-"""And how many recordings at most, where files come apart into pieces."""
+"""And how many recordings at most, where gaps split files into pieces."""
 
 
 def held(subjects: Iterable[Inspected], plotted: int = PLOTTED) -> list[Inspected]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
-    """Yield what was found in each file, in their order; a file that comes apart gives one entry a piece.
+    """Yield what was found in each file, in their order; a file that a gap splits gives one entry per piece.
 
     Args:
         files: By the name that is shown, which is the path below the source where that is known.
@@ -40,7 +40,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
 
 
 def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
-    """Return what was found in one file. A path that tells no session is noted, for it may lie elsewhere later.
+    """Return what was found in one file. A path without a session is noted, for it may lie elsewhere later.
 
     What is refused has its recording all the same wherever the signals can be read.
     """
@@ -84,6 +84,6 @@ def _inspected(
     findings += inspect_recording(table, recipe.limits, piece.sample_time_s)
     try:
         recording = Recording(replace(metadata, sample_time_s=piece.sample_time_s), table)
-    except RecordingError:  # the findings say so already
+    except RecordingError:  # which the findings state already
         return Inspected(name, findings, None, piece.repairs)
     return Inspected(name, findings, recording, piece.repairs)

@@ -50,7 +50,7 @@ class FilterCost:
         velocity_delay_in_motion_s: How late velocity comes out at ``MOTION_HZ``, brisk motion of a hand or valve [s].
         pressure_bandwidth_hz, velocity_bandwidth_hz: Where half the power is left [Hz]; infinite if that is never.
         velocity_noise_m_s: Root mean square of the velocity at this recording's standstill [m/s]; NaN without one.
-        velocity_noise_from_floor_m_s: What the position sensor's noise floor, taken as white, would make of it [m/s].
+        velocity_noise_from_sensor_m_s: What the position sensor's noise, taken as white, would make of it [m/s].
         frequency_hz: Where the response was taken, shape ``(k,)`` [Hz].
         velocity_gain: Velocity out over velocity in, shape ``(k,)``.
         velocity_lag_s: Its phase delay, shape ``(k,)`` [s]; NaN from where less than ``LEAST_GAIN`` is left.
@@ -65,7 +65,7 @@ class FilterCost:
     pressure_bandwidth_hz: float
     velocity_bandwidth_hz: float
     velocity_noise_m_s: float
-    velocity_noise_from_floor_m_s: float
+    velocity_noise_from_sensor_m_s: float
     frequency_hz: Array
     velocity_gain: Array
     velocity_lag_s: Array
@@ -97,7 +97,7 @@ def filter_costs(filters: Mapping[str, SignalFilter], recording: Recording) -> t
 def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -> FilterCost:
     sample_time_s, position_m = recording.sample_time_s, recording.column("position_m")
     velocity_m_s, _ = method.motion(position_m, sample_time_s)
-    position_noise_m = spectrum(position_m, sample_time_s).floor * math.sqrt(0.5 / sample_time_s)
+    position_noise_m = spectrum(position_m, sample_time_s).noise * math.sqrt(0.5 / sample_time_s)
     pressure, velocity, acceleration = pulse_responses(method, recording)
     frequency_hz = np.geomspace(0.05, 0.5 / sample_time_s, FREQUENCIES)
     pressure_gain = np.abs(_response(pressure, 0, frequency_hz, sample_time_s))
@@ -115,7 +115,7 @@ def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -
         pressure_bandwidth_hz=_bandwidth_hz(frequency_hz, pressure_gain),
         velocity_bandwidth_hz=_bandwidth_hz(frequency_hz, gain),
         velocity_noise_m_s=_standstill_noise(velocity_m_s, position_m, method.support(sample_time_s), sample_time_s),
-        velocity_noise_from_floor_m_s=position_noise_m * float(np.sqrt(np.sum(velocity**2))),
+        velocity_noise_from_sensor_m_s=position_noise_m * float(np.sqrt(np.sum(velocity**2))),
         frequency_hz=frequency_hz,
         velocity_gain=gain,
         velocity_lag_s=lag_s,

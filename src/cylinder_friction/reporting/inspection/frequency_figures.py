@@ -1,4 +1,4 @@
-"""Spectra of the signals with their noise floors, and what the filters do at each frequency."""
+"""Spectra of the signals with their noise levels, and what the filters do at each frequency."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -
             False,
         ),
     ]
-    for column, (axis, signals, has_floor) in enumerate(panels, start=1):
+    for column, (axis, signals, has_noise) in enumerate(panels, start=1):
         cut_off_hz = math.inf
         if cost is not None:
             cut_off_hz = cost.pressure_bandwidth_hz if column == 1 else cost.velocity_bandwidth_hz
-        _panel(figure, column, signals, recording.sample_time_s, has_floor, cut_off_hz)
+        _panel(figure, column, signals, recording.sample_time_s, has_noise, cut_off_hz)
         figure.update_yaxes(title_text=axis, type="log", exponentformat="power", dtick=1, row=1, col=column)
         figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, row=1, col=column)
     return interactive(figure, 430, legend_rows=2)
@@ -78,7 +78,7 @@ def _panel(
     column: int,
     signals: Sequence[tuple[str, str, Array]],
     sample_time_s: float,
-    has_floor: bool,
+    has_noise: bool,
     cut_off_hz: float,
 ) -> None:
     lowest, highest = math.inf, 0.0
@@ -89,11 +89,11 @@ def _panel(
         lowest, highest = min(lowest, float(np.min(density))), max(highest, float(np.max(density)))
         _add(figure, column, name, frequency, density, {"color": colour, "width": 1.3})
         ends = frequency[[0, -1]]
-        if has_floor and found.floor > 0.0:
-            floor = np.full(2, found.floor)
-            _add(figure, column, "sensor's noise floor", ends, floor, {"color": colour, "dash": "dash"})
-        if has_floor and math.isfinite(found.converter_floor):
-            step = np.full(2, found.converter_floor)
+        if has_noise and found.noise > 0.0:
+            noise = np.full(2, found.noise)
+            _add(figure, column, "sensor's noise", ends, noise, {"color": colour, "dash": "dash"})
+        if has_noise and math.isfinite(found.converter_noise):
+            step = np.full(2, found.converter_noise)
             _add(figure, column, "converter's step alone", ends, step, {"color": colour, "dash": "dot"})
     if math.isfinite(cut_off_hz):
         _add(

@@ -42,7 +42,7 @@ MEASURED_FORCE = "drive force"
 
 @dataclass(frozen=True)
 class FrictionView:
-    """What one recording says about friction.
+    """Friction of one recording.
 
     Attributes:
         signals: Smooth signals that it comes from.
@@ -52,7 +52,7 @@ class FrictionView:
         usable: Rows away from end stops and from the recording's edges, shape ``(n,)``.
         slowest_m_s: Slower rows count as standstill [m/s].
         points: Steady sliding by speed and direction.
-        curve: Fitted to them; None where they do not tell one, and then ``no_curve`` says why.
+        curve: Fitted to them; None where they do not determine one, and ``no_curve`` states why.
         load_n: Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN where
             the piston does not pass the same positions in both directions.
         half_difference_n: Half the difference there: friction whatever the load is [N].

@@ -1,4 +1,4 @@
-"""A Stribeck curve where the points of steady sliding tell one, and the reason where they do not."""
+"""A Stribeck curve where the points of steady sliding determine one, and the reason where they do not."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _narrow(points: Sequence[SteadyPoint]) -> str:
         return ""
     return (
         f"speeds of steady sliding run from {1e3 * min(speeds):.2g} to {1e3 * max(speeds):.2g} mm/s, a factor of "
-        f"{span:.2g}; Coulomb and viscous friction are told apart from a factor of {LEAST_SPAN:.2g}; record slower and "
+        f"{span:.2g}; Coulomb and viscous friction can be separated from a factor of {LEAST_SPAN:.2g}; record slower and "
         "faster strokes"
     )
 

@@ -102,7 +102,7 @@ def _lead(subjects: Sequence[Inspected], shown: int) -> str:
 
 def _files(subjects: Sequence[Inspected], named: Sequence[str], panes: Mapping[int, Pane]) -> Table:
     """Return one row per file or piece: its outcome, the reason, its friction and its extent."""
-    rows = []
+    rows: list[list[str | Cell]] = []
     for place, (title, subject) in enumerate(zip(named, subjects, strict=True)):
         reasons = subject.reasons() or ([] if subject.seen is not None else ["became no recording"])
         friction_n = panes[place].friction_n if place in panes else subject.friction_n
@@ -122,8 +122,8 @@ def _files(subjects: Sequence[Inspected], named: Sequence[str], panes: Mapping[i
                 *numbers,
             ]
         )
-    head = ["file", "outcome", Cell("friction [N]", tip="half of extending less retracting at equal position"), "why"]
-    head += ["duration [s]", "rate [Hz]", "travel [mm]"]
+    friction = Cell("friction [N]", tip="half of extending less retracting at equal position")
+    head: list[str | Cell] = ["file", "outcome", friction, "why", "duration [s]", "rate [Hz]", "travel [mm]"]
     outcomes = [subject.outcome for subject in subjects]
     return Table(head, rows, words=(1, 3), sortable=True, outcomes=outcomes)
 

@@ -53,7 +53,7 @@ class Pane:
         facts: Name and value.
         checks: Every finding, the worst first.
         time_figure: Every signal over time.
-        view: Its friction; None where it could not be calculated, and then ``problem`` says why.
+        view: Its friction; None where it could not be calculated, and then ``problem`` states why.
         friction_n: Half of extending less retracting [N]; NaN where unknown.
         velocity_figure, position_figure, spectra, filter_figure: Further figures.
         curve, points: The Stribeck curve's parameters, or the points of steady sliding where none are stated.
@@ -267,7 +267,7 @@ def _add_filters(pane: Pane, costs: Sequence[FilterCost], left_out: Sequence[str
                 ),
                 *(
                     "–" if math.isnan(noise) else f"{MM_PER_M * noise:.2g}"
-                    for noise in (cost.velocity_noise_m_s, cost.velocity_noise_from_floor_m_s)
+                    for noise in (cost.velocity_noise_m_s, cost.velocity_noise_from_sensor_m_s)
                 ),
             )
         )

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 SEGMENT_S = 8.0
 """Length of a Welch segment: motion slower than this is not of interest."""
 
-FLOOR_SHARE = 0.6
-"""The noise floor is read above this share of half the sample rate, where hardly any motion is left."""
+NOISE_SHARE = 0.6
+"""The noise level is read above this share of half the sample rate, where hardly any motion is left."""
 
 REAL_STEP = 1e-5
 """A smallest step below this share of the span is no converter's, but that of computed numbers."""
@@ -33,14 +33,14 @@ class Spectrum:
     Attributes:
         frequency_hz: Shape ``(k,)`` [Hz], without zero.
         density: Shape ``(k,)``, in the signal's unit over the root of a hertz.
-        floor: What the sensor's noise is at, in the same unit: the median of the highest frequencies.
-        converter_floor: What rounding to the converter's step alone would be at; NaN where no step shows.
+        noise: What the sensor's noise is at, in the same unit: the median of the highest frequencies.
+        converter_noise: What rounding to the converter's step alone would be at; NaN where no step shows.
     """
 
     frequency_hz: Array
     density: Array
-    floor: float
-    converter_floor: float
+    noise: float
+    converter_noise: float
 
 
 def spectrum(values: Array, sample_time_s: float) -> Spectrum:
@@ -49,13 +49,13 @@ def spectrum(values: Array, sample_time_s: float) -> Spectrum:
     segment = min(len(values), 1 << math.ceil(math.log2(SEGMENT_S * rate_hz)))
     frequency_hz, power = welch(values, rate_hz, nperseg=segment, detrend=detrend)
     density = np.sqrt(power)
-    high = frequency_hz >= FLOOR_SHARE * 0.5 * rate_hz
+    high = frequency_hz >= NOISE_SHARE * 0.5 * rate_hz
     step = quantisation_step(values)
     real = step > REAL_STEP * float(np.ptp(values))
     return Spectrum(
         frequency_hz=frequency_hz[1:],
         density=density[1:],
-        floor=float(np.median(density[high])),
+        noise=float(np.median(density[high])),
         # Rounding has a variance of step²/12, spread evenly up to half the sample rate.
-        converter_floor=step / math.sqrt(6.0 * rate_hz) if real else math.nan,
+        converter_noise=step / math.sqrt(6.0 * rate_hz) if real else math.nan,
     )

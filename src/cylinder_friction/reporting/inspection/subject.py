@@ -51,7 +51,7 @@ class Inspected:
         file: Its path, as the user should see it.
         findings: What every check found.
         recording: What it holds, wherever that can be read, so that also what is refused can be looked at.
-        repairs: What was done to the file besides what the findings say, one sentence each.
+        repairs: What was done to the file besides what the findings state, one sentence each.
         extent: Of a recording that is no longer held.
         friction_n: Half of extending less retracting at equal position [N]; NaN where it was not calculated.
     """
@@ -74,25 +74,25 @@ class Inspected:
 
     @property
     def outcome(self) -> str:
-        """The worst outcome of any check; a file without a recording is refused whatever the checks say."""
+        """The worst outcome of any check; a file without a recording is refused whatever the checks find."""
         if self.recording is None and self.extent is None:
             return "refused"
         return worst([*(finding.outcome for finding in self.findings), *("repaired" for _ in self.all_repairs())])
 
     def all_repairs(self) -> tuple[str, ...]:
-        """Return every sentence about a repair that no finding says already."""
-        told = {finding.text for finding in self.findings}
+        """Return every sentence about a repair that no finding states already."""
+        stated = {finding.text for finding in self.findings}
         seen = self.seen
         of_recording = seen.repairs if seen is not None else ()
-        return tuple(dict.fromkeys(text for text in (*self.repairs, *of_recording) if text not in told))
+        return tuple(dict.fromkeys(text for text in (*self.repairs, *of_recording) if text not in stated))
 
     def reasons(self) -> list[str]:
         """Return, worst outcome first, the texts of the checks that did not simply pass, and the repairs."""
-        told = sorted(
+        stated = sorted(
             (finding for finding in self.findings if finding.outcome != "ok"),
             key=lambda finding: -OUTCOMES.index(finding.outcome),
         )
-        return [finding.text for finding in told] + list(self.all_repairs())
+        return [finding.text for finding in stated] + list(self.all_repairs())
 
 
 def worst(outcomes: Iterable[str]) -> str:

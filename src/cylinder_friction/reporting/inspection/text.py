@@ -24,12 +24,12 @@ def _block(title: str, subject: Inspected) -> str:
     if subject.seen is None and all(outcome != "refused" for outcome, _, _ in lines):
         lines.append(("refused", "file", "became no recording"))
     width = max((len(check) for _, check, _ in lines), default=0)
-    told = [f"  {outcome:<8}  {check:<{width}}  {text}".rstrip() for outcome, check, text in lines]
-    return "\n".join([f"{title}: {subject.outcome}", *told])
+    shown = [f"  {outcome:<8}  {check:<{width}}  {text}".rstrip() for outcome, check, text in lines]
+    return "\n".join([f"{title}: {subject.outcome}", *shown])
 
 
 def _summary(subjects: Sequence[Inspected]) -> str:
     counts = count_outcomes(subjects)
     total = sum(counts.values())
-    told = ", ".join(f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome])
-    return f"{total} {'file' if total == 1 else 'files'}" + (f": {told}" if told else "")
+    shown = ", ".join(f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome])
+    return f"{total} {'file' if total == 1 else 'files'}" + (f": {shown}" if shown else "")
