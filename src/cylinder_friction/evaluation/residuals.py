@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,10 +53,6 @@ class ResidualFigures:
     ljung_box: float
     ljung_box_p: float
     effective_rows: float
-
-    def to_dict(self) -> dict[str, float]:
-        """Return the defined figures; those that are NaN are left out."""
-        return {key: value for key, value in asdict(self).items() if math.isfinite(value)}
 
 
 def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:

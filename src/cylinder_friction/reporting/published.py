@@ -22,8 +22,3 @@ HYPERPARAMETERS = {
     "forest_depth": ("10 to 50", "10"),
 }
 """Table I: the range searched and the value found."""
-
-
-def best_percent() -> float:
-    """Return the lowest published error of the hybrid [%]."""
-    return min(row["hybrid"] for row in PERCENT_BY_TEST.values())

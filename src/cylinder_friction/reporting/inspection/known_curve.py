@@ -62,8 +62,8 @@ def _narrow(points: Sequence[SteadyPoint]) -> str:
         return ""
     return (
         f"speeds of steady sliding run from {1e3 * min(speeds):.2g} to {1e3 * max(speeds):.2g} mm/s, a factor of "
-        f"{span:.2g}; Coulomb and viscous friction can be separated from a factor of {LEAST_SPAN:.2g}; record slower and "
-        "faster strokes"
+        f"{span:.2g}; Coulomb and viscous friction can be separated from a factor of {LEAST_SPAN:.2g}; record "
+        "slower and faster strokes"
     )
 
 

@@ -45,41 +45,30 @@ COLUMNS = (
 
 @dataclass
 class Pane:
-    """One recording's part of the page; what does not apply is None or empty.
+    """One recording's part of the page.
 
     Attributes:
         name: Its anchor.
         title, outcome, warnings: Of the recording.
         facts: Name and value.
-        checks: Every finding, the worst first.
-        time_figure: Every signal over time.
         view: Its friction; None where it could not be calculated, and then ``problem`` states why.
         friction_n: Half of extending less retracting [N]; NaN where unknown.
-        velocity_figure, position_figure, spectra, filter_figure: Further figures.
-        curve, points: The Stribeck curve's parameters, or the points of steady sliding where none are stated.
-        filters, filter_notes: The cost of every filter, and what is left out.
+        figures: ``time``, and as far as they apply ``velocity``, ``position``, ``spectra`` and ``filters``.
+        tables: ``checks`` and, as far as they apply, ``curve``, ``points`` and ``filters``.
+        seen, filter_notes: Sentences about steady sliding, and about what the filters' figures leave out.
     """
 
     name: str
     title: str
     outcome: str
+    warnings: list[str]
     facts: list[tuple[str, str]]
-    checks: Table
-    time_figure: go.Figure
-    warnings: list[str] = field(default_factory=list)
-    view: FrictionView | None = None
-    problem: str = ""
+    view: FrictionView | None
+    problem: str
+    figures: dict[str, go.Figure]
+    tables: dict[str, Table]
     friction_n: float = math.nan
-    velocity_figure: go.Figure | None = None
-    position_figure: go.Figure | None = None
-    spectra: go.Figure | None = None
-    curve: Table | None = None
-    points: Table | None = None
-    point_sentences: list[str] = field(default_factory=list)
-    speeds: str = ""
-    breakaway_known: bool = False
-    filters: Table | None = None
-    filter_figure: go.Figure | None = None
+    seen: list[str] = field(default_factory=list)
     filter_notes: list[str] = field(default_factory=list)
 
 
@@ -113,22 +102,22 @@ def recording_pane(
     refused = subject.outcome == "refused"
     panels = measured_panels(recording) + (calculated_panels(view) if view is not None else [])
     time_s, points = recording.column("time_s"), max(200, round(detail * LINE_POINTS))
-    pane = Pane(
-        name, title, subject.outcome, _facts(recording), _checks(subject), over_time(time_s, panels, 2, points),
-        warnings=subject.reasons(), view=view, problem=problem,
-    )  # fmt: skip
+    figures = {"time": over_time(time_s, panels, 2, points)}
+    tables = {"checks": _checks(subject)}
+    reasons, facts = subject.reasons(), _facts(recording)
+    pane = Pane(name, title, subject.outcome, reasons, facts, view, problem, figures, tables)
     if view is None:
         return pane
     if math.isfinite(view.half_difference_n) and not refused:
         pane.friction_n = view.half_difference_n
         pane.facts.insert(0, ("friction: half of extending less retracting", f"{four_digits(pane.friction_n)} N"))
-    pane.velocity_figure = against_velocity(view, detail)
+    figures["velocity"] = against_velocity(view, detail)
     _add_stribeck(pane, view)
     if np.any(view.usable & (np.abs(view.signals.velocity_m_s) > view.slowest_m_s)):
-        pane.position_figure = against_position(view, recording.column("position_m"), detail)
+        figures["position"] = against_position(view, recording.column("position_m"), detail)
     # What filters make of broken signals states nothing about filters.
     costs, left_out = ([], []) if refused else filter_costs(filters, recording)
-    pane.spectra = spectra(recording, view, next((cost for cost in costs if cost.name == method), None))
+    figures["spectra"] = spectra(recording, view, next((cost for cost in costs if cost.name == method), None))
     if not refused:
         _add_filters(pane, costs, left_out)
     return pane
@@ -203,8 +192,13 @@ def _add_stribeck(pane: Pane, view: FrictionView) -> None:
     points, curve = view.points, view.curve
     if curve is not None:
         speeds = [MM_PER_M * abs(point.velocity_m_s) for point in points]
-        pane.speeds = f"{min(speeds):.2g} to {max(speeds):.3g} mm/s"
-        known = pane.breakaway_known = is_breakaway_known(curve, points)
+        known = is_breakaway_known(curve, points)
+        pane.seen.append(
+            f"Fitted to {len(points)} points of steady sliding, {min(speeds):.2g} to {max(speeds):.3g} mm/s, and drawn "
+            "no further."
+        )
+        if not known:
+            pane.seen.append("Not seen: friction that rises towards standstill, for which slower sliding is needed.")
         slow = (curve.static_n, MM_PER_M * curve.stribeck_velocity_m_s, curve.stribeck_exponent)
         static, velocity, exponent = (four_digits(value) if known else "not seen" for value in slow)
         rows = [
@@ -216,14 +210,14 @@ def _add_stribeck(pane: Pane, view: FrictionView) -> None:
             ("viscous coefficient", "s2", four_digits(curve.viscous_n_s_m), "N·s/m"),
             ("retracting over extending", "ratio", four_digits(curve.retract_ratio), "–"),
         ]
-        pane.curve = Table(("parameter", "symbol", "value", "unit"), rows, words=(1, 3))
+        pane.tables["curve"] = Table(("parameter", "symbol", "value", "unit"), rows, words=(1, 3))
         return
     for way, words in ((1.0, "Extending"), (-1.0, "Retracting")):
         seen = [point for point in points if way * point.velocity_m_s > 0.0]
         if seen:
             forces = [way * point.friction_n for point in seen]
             speeds = [MM_PER_M * way * point.velocity_m_s for point in seen]
-            pane.point_sentences.append(
+            pane.seen.append(
                 f"{words}: {four_digits(min(forces))} to {four_digits(max(forces))} N against the motion, at "
                 f"{min(speeds):.2g} to {max(speeds):.2g} mm/s."
             )
@@ -237,7 +231,7 @@ def _add_stribeck(pane: Pane, view: FrictionView) -> None:
             )
             for point in points
         ]
-        pane.points = Table(head, rows_of_points)
+        pane.tables["points"] = Table(head, rows_of_points)
 
 
 def _add_filters(pane: Pane, costs: Sequence[FilterCost], left_out: Sequence[str]) -> None:
@@ -272,5 +266,5 @@ def _add_filters(pane: Pane, costs: Sequence[FilterCost], left_out: Sequence[str
             )
         )
     groups = (("", 2), ("late by [ms]", 4), ("-3 dB at [Hz]", 2), ("velocity noise [mm/s]", 2))
-    pane.filters = Table(head, rows, words=(1,), groups=groups)
-    pane.filter_figure = filter_figure(costs)
+    pane.tables["filters"] = Table(head, rows, words=(1,), groups=groups)
+    pane.figures["filters"] = filter_figure(costs)
