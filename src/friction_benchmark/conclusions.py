@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from friction_benchmark.results import BenchmarkResults, Entry, ModelInfo, TaskResult
 
 AIM = (0.87, 0.93)
-"""Between these the coverage of a 90 % interval should lie in every test."""
+"""Between these the coverage of a 90 % interval should lie in every condition."""
 MOST_NAMES = 6
 WORTH_COMPARING = 1.5
 """A model that is farther from truth than the label by more than this is not in its league."""
@@ -157,8 +157,8 @@ def _coverage(found: TaskResult, titles: _Titles) -> list[str]:
     )
     sentences = [
         f"The 90 % bounds of {titles(best.model)} hold {100.0 * min(tests):.1f} to {100.0 * max(tests):.1f} % of the "
-        f"labels by test and {100.0 * trust.coverage_after_reversal:.1f} % just after reversals; "
-        f"{_count(good)} of {len(trusted)} models keep to 87 to 93 % in every test."
+        f"labels by condition and {100.0 * trust.coverage_after_reversal:.1f} % just after reversals; "
+        f"{_count(good)} of {len(trusted)} models keep to 87 to 93 % in every condition."
     ]
     if found.reference == "truth" and trust.coverage_of_truth is not None:
         sentences.append(f"Of true friction they hold {100.0 * trust.coverage_of_truth:.1f} %.")
