@@ -58,7 +58,8 @@ def main(paths: list[str]) -> int:
     """Print every place; return 1 if there is one."""
     roots = [Path(path) for path in paths or PLACES if Path(path).exists()]
     files = [file for root in roots for file in ([root] if root.is_file() else sorted(root.rglob("*")))]
-    places = [place for file in files if file.suffix in SUFFIXES and ".min" not in file.suffixes for place in found(file)]
+    own = [file for file in files if file.suffix in SUFFIXES and ".min" not in file.suffixes]
+    places = [place for file in own for place in found(file)]
     sys.stdout.write("".join(f"{place}\n" for place in places) + f"{len(places)} places\n")
     return 1 if places else 0
 
