@@ -33,16 +33,8 @@ if TYPE_CHECKING:
 class Recipe:
     """How a logger's file becomes recordings.
 
-    Attributes:
-        names: Where a recording's name, condition and session come from.
-        channels: Column to the logger's channel.
-        cylinder: Name of the cylinder whose recordings they are.
-        limits: What a recording must be.
-        file_format: One of ``formats.FORMATS``, or ``auto``, which looks into the file.
-        csv: How text files are cut into numbers.
-        screen: How single bad samples are found.
-        time: How stamps become one constant rate.
-        zero: How the pressure sensors' zeros are found.
+    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.FORMATS``, or ``auto``,
+    which looks into the file.
     """
 
     names: NameRules
@@ -59,12 +51,8 @@ class Recipe:
     def from_settings(cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode) -> Recipe:
         """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
 
-        Args:
-            settings: ``channels``, and where they differ from the defaults ``format``, ``csv``, ``time``, ``screen``,
-                ``zero`` and ``checks``.
-            names: Where name, condition and session come from.
-            cylinder: Its stroke and areas are what recordings are checked against.
-            load: What the cylinder carries.
+        ``settings`` holds ``channels``, and where they differ from the defaults ``format``, ``csv``, ``time``,
+        ``screen``, ``zero`` and ``checks``. Recordings are checked against the cylinder's stroke and areas.
         """
         channels = {
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
@@ -120,11 +108,7 @@ def zeroed(
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
     """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that record it.
 
-    Args:
-        piece: Of a file.
-        metadata: Who and when.
-        recipe: How zeros are found.
-        session: The zeros that the recording's session shows, for a piece that shows none itself.
+    The zeros of its ``session`` are for a piece that shows none itself.
 
     Raises:
         RecordingError: The chambers were not vented in the stated window.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter, defaultdict
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -12,7 +11,7 @@ from tqdm import tqdm
 
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
 from cylinder_friction.recordings.conversion import checked, metadata_of, pieces_of
-from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
@@ -29,13 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Source:
-    """Where logged files lie and what they mean.
-
-    Attributes:
-        folder: The folder that is searched.
-        pattern: Glob of the files in it, ``**`` for folders below.
-        recipe: How one of them becomes recordings.
-    """
+    """Where logged files lie (``pattern`` is a glob, with ``**`` for folders below) and what they mean."""
 
     folder: Path
     pattern: str
@@ -44,13 +37,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A file, or a piece of one, that did not become a recording, and why.
-
-    Attributes:
-        file: Its path below the source's folder.
-        reason: What is wrong, where, and what to do.
-        piece: Which stretch of the file, where it was split; empty for the whole file.
-    """
+    """A file, by its path below the source, or a ``piece`` of one, that did not become a recording, and why."""
 
     file: str
     reason: str
@@ -67,7 +54,6 @@ class Ingested:
     quarantined: list[Quarantined] = field(default_factory=list)
 
     def repaired(self) -> list[RecordingMetadata]:
-        """Return the recordings that had to be repaired."""
         return [metadata for metadata, _ in self.recordings if metadata.repairs]
 
     def summary(self) -> str:
@@ -131,7 +117,7 @@ def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recordi
 
     Args:
         files: By their paths below the source, with ``/``, from which condition and session are taken.
-        recipe: How a file becomes recordings; ``check_mapping`` has passed its channels.
+        recipe: Its channels have passed ``check_mapping``.
     """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
     digests: dict[str, str] = {}
@@ -139,7 +125,10 @@ def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recordi
     duplicates = DuplicateDetection()
     for relative, path in tqdm(files.items(), desc="ingest", unit="file", disable=None):
         try:
-            digest = _new_digest(path, relative, digests)
+            digest = hash_of(path)
+            if digest in digests:
+                raise RecordingError(f"holds the same bytes as {digests[digest]}; a copy would be counted twice")
+            digests[digest] = relative
             names = recipe.names.names(relative)
             pieces = pieces_of(path, recipe)
         except (RecordingError, OSError) as error:
@@ -198,16 +187,6 @@ def _not_read(source: Source, matching: list[Path]) -> list[str]:
     first = left_out[0].relative_to(source.folder).as_posix()
     files = "1 file" if len(left_out) == 1 else f"{len(left_out)} files"
     return [f"{files} not read, for {source.pattern!r} does not match (first: {first}); see ingest.pattern"]
-
-
-def _new_digest(path: Path, relative: str, seen: dict[str, str]) -> str:
-    """Return the SHA-256 of a file's bytes and remembers it; raises ``RecordingError`` for bytes already seen."""
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    if digest in seen:
-        raise RecordingError(f"holds the same bytes as {seen[digest]}; a copy would be counted twice")
-    seen[digest] = relative
-    return digest
 
 
 def session_zeros(files: Mapping[str, Path], recipe: Recipe) -> dict[str, ZeroReading | NoZero]:

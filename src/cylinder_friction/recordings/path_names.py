@@ -77,11 +77,22 @@ class NameRules:
         """
         if self._compiled is not None:
             return names_from_path(relative_path, self._compiled)
+        name = name_of(relative_path)
         if self.condition is not None:
-            name = name_of(relative_path)
             return PathNames(name, self.condition, name, "")
-        line = self._line_of(relative_path)
-        return PathNames(name_of(relative_path), line.condition, line.session, line.load)
+        fitting = [line for line in self._lines if line.name == relative_path]
+        fitting = fitting or [line for line in self._lines if line.fits(relative_path)]
+        if not fitting:
+            raise RecordingError(
+                f"path {relative_path!r} has no line in the table of names; add one with its condition, session"
+            )
+        if len(fitting) > 1:
+            numbers = ", ".join(str(line.number) for line in fitting)
+            raise RecordingError(
+                f"path {relative_path!r} fits lines {numbers} of the table of names; expected one line per file; write "
+                "the path out, or make the globs narrower"
+            )
+        return PathNames(name, fitting[0].condition, fitting[0].session, fitting[0].load)
 
     def lines_without_file(self, relative_paths: Iterable[str]) -> list[str]:
         """Return a sentence for each line of the table that no file fits; none where names come from a pattern."""
@@ -93,28 +104,9 @@ class NameRules:
             if not any(map(line.fits, paths))
         ]
 
-    def _line_of(self, path: str) -> TableLine:
-        fitting = [line for line in self._lines if line.name == path] or [
-            line for line in self._lines if line.fits(path)
-        ]
-        if len(fitting) == 1:
-            return fitting[0]
-        if fitting:
-            raise RecordingError(
-                f"path {path!r} fits lines {', '.join(str(line.number) for line in fitting)} of the table of names; "
-                "expected one line per file; write the path out, or make the globs narrower"
-            )
-        raise RecordingError(
-            f"path {path!r} has no line in the table of names; add one with its {', '.join(_REQUIRED[1:])}"
-        )
-
 
 def compile_name_pattern(pattern: str) -> re.Pattern[str]:
-    """Return the compiled pattern of file paths.
-
-    Raises:
-        RecordingError: It is not a regular expression, or lacks one of the named groups ``condition`` and ``session``.
-    """
+    """Return a pattern of file paths compiled; raise ``RecordingError`` if it is none or lacks a named group."""
     try:
         compiled = re.compile(pattern)
     except re.error as error:

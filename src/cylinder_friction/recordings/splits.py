@@ -25,12 +25,6 @@ def split_sessions(
     ``test_sessions`` are held out for the comparison, the next ``validation_sessions`` for choosing, the rest is for
     training. Nothing but these names decides, so that another recording of a session moves no other one.
 
-    Args:
-        metadata: Of every recording, in any order.
-        test_sessions: Sessions held out in each condition, at least 1.
-        validation_sessions: Sessions for validation in each condition; may be 0.
-        seed: Another seed draws other sessions.
-
     Raises:
         RecordingError: There is no recording, a name occurs twice, a session spans two conditions, or a condition has
             too few sessions.
@@ -51,10 +45,8 @@ def split_sessions(
                 "split.test_sessions, or make ingest.name_pattern distinguish sessions"
             )
         drawn = sorted(names, key=lambda session: (_draw(seed, condition, session), session))
-        for place, session in enumerate(drawn):
-            held_out = place < test_sessions
-            validates = place < test_sessions + validation_sessions
-            roles[session] = "test" if held_out else "validation" if validates else "train"
+        kinds = ["test"] * test_sessions + ["validation"] * validation_sessions + ["train"] * len(drawn)
+        roles |= zip(drawn, kinds, strict=False)
     return {role: tuple(sorted(entry.name for entry in metadata if roles[entry.session] == role)) for role in ROLES}
 
 
@@ -63,13 +55,7 @@ def split(
 ) -> tuple[list[Recording], list[Recording]]:
     """Return the recordings for training and those held out, in the given order; no session is in both.
 
-    Args:
-        recordings: Of at least two sessions in every condition.
-        test_sessions: Sessions held out in each condition.
-        seed: Another seed holds out other sessions.
-
-    Raises:
-        RecordingError: As ``split_sessions``.
+    Of each condition, ``test_sessions`` are held out, and another seed holds out others; refuses as ``split_sessions``.
     """
     held_out = set(split_sessions([recording.metadata for recording in recordings], test_sessions, 0, seed)["test"])
     train = [recording for recording in recordings if recording.name not in held_out]

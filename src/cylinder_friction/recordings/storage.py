@@ -72,20 +72,12 @@ def link_recording(source: Path, name: str, folder: Path) -> None:
 
 
 def read_metadata(path: Path) -> RecordingMetadata:
-    """Return the metadata of one file without reading its rows.
-
-    Raises:
-        RecordingError: The file was not written by ``write_recording``.
-    """
+    """Return the metadata of one file without reading its rows; refuse one not written by ``write_recording``."""
     return _metadata(path, pq.read_schema(path))
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one file that ``write_recording`` wrote; its values are read-only, so copy the table to change them.
-
-    Raises:
-        RecordingError: As ``read_metadata``.
-    """
+    """Read one file that ``write_recording`` wrote; its values are read-only, so copy the table to change them."""
     with pq.ParquetFile(path) as file:
         metadata = _metadata(path, file.schema_arrow)
         # Each column stays where Parquet was unpacked to.

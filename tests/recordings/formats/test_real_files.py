@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cylinder_friction.recordings.formats.detect import detect_format
+from cylinder_friction.recordings.formats.detect import format_of
 from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.formats.source import read_head
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 
@@ -22,7 +23,7 @@ def real(name: str) -> Path:
 
 def test_positioning_system_in_matlab(tmp_path: Path) -> None:
     path = real("emps/DATA_EMPS.mat")
-    assert detect_format(path) == "matlab"
+    assert format_of(read_head(path)) == "matlab"
     (table,) = read_logged_file(path)
     assert list(table.channels.columns) == ["qg", "qm", "t", "vir"]
     assert len(table.channels) == 24841

@@ -65,7 +65,7 @@ class DuplicateDetection:
     def __init__(self) -> None:
         self._names: list[str] = []
         self._counts: list[dict[int, int]] = []
-        self._levels: list[tuple[Hashes, NDArray[np.int32]]] = []
+        self._hashes, self._owners = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int32)
 
     def add(self, name: str, table: pd.DataFrame) -> Match | None:
         """Return the earlier recording that ``table`` repeats; else remember it under ``name`` and return None.
@@ -74,19 +74,19 @@ class DuplicateDetection:
 
         Args:
             name: Unique name.
-            table: ``position_m`` and both pressures or ``drive_force_n``, in SI units, without NaN, as logged: before
-                a zero offset is subtracted, which may differ between two exports.
+            table: ``position_m`` and both pressures or ``drive_force_n``, as logged: a zero offset that is subtracted
+                may differ between two exports.
         """
         hashed = window_hashes(table)
         match = self._best_match(hashed)
-        if match is not None:
-            return match
-        owner = len(self._names)
-        self._names.append(name)
-        self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
-        hashes = np.sort(np.concatenate(list(hashed.values())))
-        self._append(hashes, np.full(len(hashes), owner, dtype=np.int32))
-        return None
+        if match is None:
+            hashes = np.sort(np.concatenate(list(hashed.values())))
+            places = np.searchsorted(self._hashes, hashes)
+            self._hashes = np.insert(self._hashes, places, hashes)
+            self._owners = np.insert(self._owners, places, len(self._names))
+            self._names.append(name)
+            self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
+        return match
 
     def _best_match(self, hashed: dict[int, Hashes]) -> Match | None:
         best: Match | None = None
@@ -101,23 +101,9 @@ class DuplicateDetection:
 
     def _in_common(self, hashes: Hashes) -> NDArray[np.int64]:
         """Return how many of these hashes each earlier recording has."""
-        in_common = np.zeros(len(self._names), dtype=np.int64)
-        for known, owners in self._levels:
-            begin = np.searchsorted(known, hashes, side="left")
-            count = np.searchsorted(known, hashes, side="right") - begin
-            found = np.flatnonzero(count)
-            first = np.repeat(begin[found] - np.cumsum(count[found]) + count[found], count[found])
-            in_common += np.bincount(owners[first + np.arange(len(first))], minlength=len(self._names))
-        return in_common
-
-    def _append(self, hashes: Hashes, owners: NDArray[np.int32]) -> None:
-        """Add a sorted array and merge arrays of similar size, so that there are only few to search."""
-        while self._levels and len(self._levels[-1][0]) <= 2 * len(hashes):
-            known, known_owners = self._levels.pop()
-            hashes, owners = np.concatenate([known, hashes]), np.concatenate([known_owners, owners])
-            order = np.argsort(hashes, kind="stable")
-            hashes, owners = hashes[order], owners[order]
-        self._levels.append((hashes, owners))
+        begin, end = (np.searchsorted(self._hashes, hashes, side=side) for side in ("left", "right"))
+        owners = [self._owners[a:b] for a, b in zip(begin, end, strict=True) if b > a]
+        return np.bincount(np.concatenate([*owners, self._owners[:0]]), minlength=len(self._names))
 
 
 def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:

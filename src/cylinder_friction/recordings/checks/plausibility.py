@@ -93,10 +93,6 @@ class Balance:
         """The smaller of the two mean forces against the motion [N]."""
         return min(self.extending_n, self.retracting_n)
 
-    def turned(self) -> Balance:
-        """Return the balance with the direction of motion inverted."""
-        return Balance(-self.friction_n, self.residual_n, -self.retracting_n, -self.extending_n, self.sure_n)
-
 
 def check_friction(
     table: pd.DataFrame,
@@ -114,8 +110,7 @@ def check_friction(
         table: A uniformly sampled recording in SI units, without NaN.
         sample_time_s: Its sample time [s].
         stroke_m: Length of travel [m].
-        areas_m2: Piston area A1 and annulus area A2 [m²]; None where unknown: then only a recording with a
-            ``drive_force_n`` can be checked.
+        areas_m2: A1 and A2 [m²]; without them only a recording with a ``drive_force_n`` can be checked.
         load: What the cylinder carries.
     """
     motion = clear_motion(table["position_m"].to_numpy(dtype=np.float64), sample_time_s, stroke_m)
@@ -220,14 +215,14 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
     clearly_wrong = as_is.drives or (load != "position" and as_is.weaker_n < -as_is.sure_n)
     ratio = as_is.residual_n / max(swapped.residual_n, 1e-12)
     if ratio > (BETTER if clearly_wrong else BETTER + 1.0) and (swapped.dissipates or swapped.drives):
-        right, also = (swapped, "") if swapped.dissipates else (swapped.turned(), " and position_m is inverted")
+        also = "" if swapped.dissipates else " and position_m is inverted"
         return Finding(
             "direction",
             "refused",
             f"the pressures are swapped{also}: as they stand, {_against(as_is)} and {as_is.residual_n:.3g} N of the "
-            f"force are explained by nothing; the other way round, friction is {right.friction_n:.3g} N and "
-            f"{right.residual_n:.3g} N are left; exchange the channels of pressure_1_pa (piston side) and pressure_2_pa"
-            + (", and change the sign of position_m" if also else ""),
+            f"force are explained by nothing; the other way round, friction is {abs(swapped.friction_n):.3g} N and "
+            f"{swapped.residual_n:.3g} N are left; exchange the channels of pressure_1_pa (piston side) and "
+            "pressure_2_pa" + (", and change the sign of position_m" if also else ""),
         )
     if as_is.drives and 1.0 / ratio > BETTER:
         return Finding(
@@ -236,9 +231,8 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
             f"position_m is inverted: {_against(as_is)}, so friction would drive the piston; expected it to oppose the "
             "motion; change the sign of position_m in the mapping (it must grow while the rod extends)",
         )
-    return _opposing(
-        as_is, load, "either position_m is inverted or the pressures are swapped; check both in the mapping"
-    )
+    remedy = "either position_m is inverted or the pressures are swapped; check both in the mapping"
+    return _opposing(as_is, load, remedy)
 
 
 def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
@@ -247,18 +241,16 @@ def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
         text = f"friction would drive the piston: {_against(as_is)}; expected it to oppose the motion; {remedy}"
         return Finding("direction", "refused", text)
     if not as_is.dissipates:
-        doubt = (
-            f"friction of {as_is.friction_n:.3g} N cannot be distinguished from zero ({as_is.residual_n:.3g} N are "
-            "unexplained)"
-        )
-        return Finding("direction", "noted", doubt)
+        unexplained = f"({as_is.residual_n:.3g} N are unexplained)"
+        text = f"friction of {as_is.friction_n:.3g} N cannot be distinguished from zero {unexplained}"
+        return Finding("direction", "noted", text)
     if load != "position" and as_is.weaker_n < 0.0:
-        another = "another" if load == "measured" else "a"
-        remedy = "check unit and zero of load_force_n" if load == "measured" else "state the load"
+        measured = load == "measured"
         load_n = 0.5 * (as_is.extending_n - as_is.retracting_n)
         text = (
-            f"{_against(as_is)}: one of them drives the motion, so there is {another} load of about {load_n:.3g} N, "
-            f"or a pressure sensor's zero is off; {remedy}, or zero the sensors"
+            f"{_against(as_is)}: one of them drives the motion, so there is {'another' if measured else 'a'} load of "
+            f"about {load_n:.3g} N, or a pressure sensor's zero is off; "
+            f"{'check unit and zero of load_force_n' if measured else 'state the load'}, or zero the sensors"
         )
         return Finding("direction", "noted", text)
     return Finding("direction", "ok", f"friction opposes the motion, with {as_is.friction_n:.3g} N on average")

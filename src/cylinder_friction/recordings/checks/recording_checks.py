@@ -42,7 +42,7 @@ def check_recording(
 
     Args:
         metadata: Who and when; its sample time is replaced.
-        table: Uniformly sampled columns in SI units, at least ``REQUIRED_COLUMNS``, or a drive force for the pressures.
+        table: Uniformly sampled columns in SI units.
         limits: What is plausible.
         sample_time_s: Constant time between two rows [s].
 
@@ -98,8 +98,7 @@ def _survey(values: Array, position_m: Array) -> _Survey:
     starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
     travel_m = np.maximum.reduceat(position_m, starts) - np.minimum.reduceat(position_m, starts)
     stuck = int(np.argmax(travel_m))
-    first = int(starts[stuck])
-    end = int(starts[stuck + 1]) if stuck + 1 < len(starts) else len(values)
+    first, end = (int(row) for row in np.append(starts, len(values))[stuck : stuck + 2])
     low, high = int(np.argmin(values)), int(np.argmax(values))
     return _Survey(
         float(values[low]), float(values[high]), low, high, first, end, float(values[first]), float(travel_m[stuck])
@@ -120,10 +119,16 @@ def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) ->
         yield Finding("length", "refused", f"has {len(table)} rows, expected at least 3")
         return
     columns = {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}
-    finite = _finite(columns)
-    yield finite
-    if finite.outcome == "refused":
-        return
+    for name, values in columns.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            text = (
+                f"{name} is {values[bad[0]]} in row {bad[0] + 1} "
+                f"({len(bad)} such rows in all); expected finite numbers; repair or cut the log"
+            )
+            yield Finding("finite", "refused", text)
+            return
+    yield Finding("finite", "ok", "every value is a finite number")
     yield _length(len(table), sample_time_s, limits)
     yield _rate(sample_time_s, limits)
     valid = True
@@ -155,18 +160,6 @@ def _of_signals(columns: dict[str, Array], limits: CheckLimits, sample_time_s: f
         yield _unit_plausible(seen, limits)
     if limits.load == "measured" and "load_force_n" in columns:
         yield _load_alive(seen["load_force_n"])
-
-
-def _finite(columns: dict[str, Array]) -> Finding:
-    for name, values in columns.items():
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            text = (
-                f"{name} is {values[bad[0]]} in row {bad[0] + 1} "
-                f"({len(bad)} such rows in all); expected finite numbers; repair or cut the log"
-            )
-            return Finding("finite", "refused", text)
-    return Finding("finite", "ok", "every value is a finite number")
 
 
 def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:

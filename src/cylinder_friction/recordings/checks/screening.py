@@ -29,6 +29,13 @@ if TYPE_CHECKING:
 OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4
 """What a sample is marked as; 0 is valid."""
 
+REMEDIES = {
+    OUT_OF_RANGE: "check wire, range and unit of the sensor in the mapping",
+    AT_ITS_END: "use a sensor with a wider range, or correct the range in the mapping",
+    SPIKE: "check wire, shielding and supply of the sensor",
+    INFINITE: "check the channel and how it was exported",
+}
+
 BESIDE = 5
 """Samples on either side of a sample that it is compared with; a spike is the odd one out among all of them."""
 
@@ -88,11 +95,7 @@ def screen_signals(
     """Return the signals with their bad samples missing, and a sentence for each kind of bad sample in each.
 
     A signal without a bad sample is returned as it came, the same object. Samples that are missing already stay so.
-
-    Args:
-        signals: By column.
-        limits: What each sensor can read, by column, where it is known; without it only spikes and infinities show.
-        rules: When a sample is bad.
+    Of a sensor without ``limits`` only spikes and infinities show.
 
     Raises:
         RecordingError: A sensor reads what it cannot, or rests at the end of its range, or jumps, for too many rows or
@@ -108,52 +111,34 @@ def screen_signals(
 
 
 def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[Array, list[str]]:
-    """Ignore missing samples: a channel slower than its table has a value every tenth row, and spikes too."""
+    """Return values without bad samples; the missing ones of a channel slower than its table are not looked at."""
     rows = np.flatnonzero(~np.isnan(values))
-    if len(rows) == len(values):
-        return _screen(column, values, sensor, rules, None)
-    logged = values[rows]
-    screened, notes = _screen(column, logged, sensor, rules, rows)
-    if screened is logged:
-        return values, notes
-    values = values.copy()
-    values[rows] = screened
-    return values, notes
-
-
-def _screen(
-    column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules, rows: NDArray[np.int64] | None
-) -> tuple[Array, list[str]]:
-    """``rows`` are the table's in which ``values``, without a NaN, stand; None for all of them."""
-    low, high = _readable(sensor, rules)
-    bottom, top = _ends(column, sensor, rules)
-    height = _spike_height(values, low, high, sensor.step if sensor else None, rules)
-    marks = np.zeros(len(values), dtype=np.uint8)
-    counts, longest, first = _mark(values, low, high, bottom, top, height, marks)
+    logged = values if len(rows) == len(values) else values[rows]
+    low, high = -math.inf, math.inf
+    if sensor is not None:
+        beyond = rules.overrange * (sensor.high - sensor.low)
+        low, high = sensor.low - beyond, sensor.high + beyond
+    height = _spike_height(logged, low, high, sensor.step if sensor else None, rules)
+    marks = np.zeros(len(logged), dtype=np.uint8)
+    counts, longest, first = _mark(logged, low, high, *_ends(column, sensor, rules), height, marks)
     if not counts[1:].any():
         return values, []
-    few = max(rules.few_rows, math.floor(rules.most_bad * len(values)))
+    few = max(rules.few_rows, math.floor(rules.most_bad * len(logged)))
     notes = []
-    for kind in (OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE):
+    for kind, remedy in REMEDIES.items():
         if counts[kind] == 0:
             continue
-        at = int(first[kind])
-        what = _described(kind, column, values[at], sensor, at if rows is None else int(rows[at]), int(counts[kind]))
+        row = int(rows[first[kind]])
+        what = _described(kind, column, values[row], sensor, row, int(counts[kind]))
         if counts[kind] > few or longest[kind] > rules.longest_bad:
             raise RecordingError(
                 f"{what}, at most {int(longest[kind])} in a row; expected at most {few}, and {rules.longest_bad} in a "
-                f"row; {_remedy(kind)}"
+                f"row; {remedy}"
             )
         notes.append(f"{what}; taken as missing")
-    return np.where(marks > 0, np.nan, values), notes
-
-
-def _readable(sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
-    """Return the lowest and the highest value that the sensor can give."""
-    if sensor is None:
-        return -math.inf, math.inf
-    beyond = rules.overrange * (sensor.high - sensor.low)
-    return sensor.low - beyond, sensor.high + beyond
+    screened = values.copy()
+    screened[rows[marks > 0]] = np.nan
+    return screened, notes
 
 
 def _ends(column: str, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
@@ -162,20 +147,15 @@ def _ends(column: str, sensor: SensorLimits | None, rules: ScreenRules) -> tuple
     The low end of a sensor that starts at zero is no saturation: a vented chamber reads it. Nor is the end of a
     position sensor that reaches the end of the stroke.
     """
-    if sensor is None:
+    if sensor is None or (column == "position_m" and rules.stroke_m is None):
         return -math.inf, math.inf
     span = sensor.high - sensor.low
     near = max(0.5 * (sensor.step or 0.0), 5e-4 * span)
-    low_end, high_end = sensor.low + near, sensor.high - near
-    if column == "position_m":
-        if rules.stroke_m is None:
-            return -math.inf, math.inf
+    has_low, has_high = sensor.low < -0.01 * span, True
+    if column == "position_m" and rules.stroke_m is not None:
         slack_m = 0.01 * rules.stroke_m
-        return (
-            low_end if sensor.low > slack_m else -math.inf,
-            high_end if sensor.high < rules.stroke_m - slack_m else math.inf,
-        )
-    return (low_end if sensor.low < -0.01 * span else -math.inf), high_end
+        has_low, has_high = sensor.low > slack_m, sensor.high < rules.stroke_m - slack_m
+    return sensor.low + near if has_low else -math.inf, sensor.high - near if has_high else math.inf
 
 
 def _spike_height(values: Array, low: float, high: float, step: float | None, rules: ScreenRules) -> float:
@@ -288,12 +268,3 @@ def _described(kind: int, column: str, value: float, sensor: SensorLimits | None
     if kind == AT_ITS_END:
         return f"{reads}, the end of its sensor's range of {sensor.described}: the sensor is saturated"
     return f"{reads}, which a sensor of {sensor.described} cannot read"
-
-
-def _remedy(kind: int) -> str:
-    return {
-        OUT_OF_RANGE: "check wire, range and unit of the sensor in the mapping",
-        AT_ITS_END: "use a sensor with a wider range, or correct the range in the mapping",
-        SPIKE: "check wire, shielding and supply of the sensor",
-        INFINITE: "check the channel and how it was exported",
-    }[kind]

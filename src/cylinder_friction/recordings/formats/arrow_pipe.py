@@ -63,9 +63,7 @@ def _table(table: Any) -> LoggedTable:
     described = json.loads(table.schema.metadata[b"table"])
     # Copied, for Arrow's memory is read-only.
     columns = {int(number): np.array(table[number].to_numpy()) for number in table.column_names}
-    for number, cells in described["text"].items():
-        columns[int(number)] = np.empty(described["rows"], dtype=object)
-        columns[int(number)][:] = cells
+    columns |= {int(number): np.array(cells, dtype=object) for number, cells in described["text"].items()}
     channels = pd.DataFrame(dict(sorted(columns.items())), index=pd.RangeIndex(described["rows"]), copy=False)
     channels.columns = pd.Index(described["names"], dtype=object)
     about = described["about"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -46,18 +46,21 @@ class Found:
     others: list[str] = field(default_factory=list)
 
 
-def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, tuple[int, int] | None]]:
-    """Return the channels that an array of this shape holds: a name each, and axis and index of it within a matrix.
+def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any]]:
+    """Return the channels that an array of this shape holds: name, length, and index of the channel's values in it.
 
-    A vector, standing or lying, is one channel (None in place of axis and index). A matrix is one per column, name_1,
-    name_2, ...; its longer side is time. What has fewer than two values or more than two axes is none.
+    A vector, standing or lying, is one channel. A matrix is one per column, name_1, name_2, ...; its longer side is
+    time. What has fewer than two values or more than two axes is none.
     """
     if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
-        return [(name, None)] if max(shape) > 1 else []
+        return [(name, max(shape), ())] if max(shape) > 1 else []
     if len(shape) != 2 or 0 in shape:
         return []
-    axis = 1 if shape[0] >= shape[1] else 0
-    return [(f"{name}_{index + 1}", (axis, index)) for index in range(shape[axis])]
+    every = slice(None)
+    across = shape[0] >= shape[1]
+    return [
+        (f"{name}_{index + 1}", max(shape), (every, index) if across else (index, every)) for index in range(min(shape))
+    ]
 
 
 def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
@@ -76,16 +79,16 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
             f"holds no channels{got}; expected vectors of numbers (save MATLAB's timeseries and table objects as "
             "plain arrays)"
         )
-    timed = {channel.length for channel in found.channels if _is_time(channel.name, separator)}
+    timed = {each.length for each in found.channels if each.name.rsplit(separator, 1)[-1].casefold() in TIME_NAMES}
     groups: dict[tuple[int, float | None], list[Channel]] = {}
     for channel in found.channels:
         step = None if channel.length in timed else channel.sample_time_s
         groups.setdefault((channel.length, step), []).append(channel)
-    tables = []
-    for position, ((length, sample_time_s), channels) in enumerate(groups.items()):
-        name = "" if len(groups) == 1 else _shared_group(channels, separator) or f"{length} rows"
-        others = found.others if position == 0 else []
-        tables.append(table_of(channels, wanted, name, sample_time_s, others))
+    tables: list[LoggedTable] = []
+    for (length, sample_time_s), channels in groups.items():
+        shared = {channel.name.rpartition(separator)[0] for channel in channels}
+        name = "" if len(groups) == 1 else (len(shared) == 1 and shared.pop()) or f"{length} rows"
+        tables.append(table_of(channels, wanted, name, sample_time_s, () if tables else found.others))
     return tables
 
 
@@ -102,8 +105,7 @@ def table_of(
         channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
     loaded = [channel for channel in channels if wanted is None or channel.name in wanted]
     unread = [channel.name for channel in channels if wanted is not None and channel.name not in wanted]
-    table = pd.DataFrame({index: channel.read() for index, channel in enumerate(loaded)}, copy=False)
-    table.columns = pd.Index([channel.name for channel in loaded], dtype=object)
+    table = named_columns([(channel.name, channel.read()) for channel in loaded])
     units = {channel.name: channel.unit for channel in channels if channel.unit}
     return LoggedTable(table, units, name, (*unread, *others))
 
@@ -115,12 +117,3 @@ def numeric(values: NDArray[Any]) -> NDArray[Any]:
     if values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):
         return values.astype(np.float32 if values.dtype.itemsize == 2 else np.float64)
     return values.astype(values.dtype.newbyteorder("="), copy=False)
-
-
-def _shared_group(channels: Sequence[Channel], separator: str) -> str:
-    groups = {channel.name.rpartition(separator)[0] for channel in channels}
-    return groups.pop() if len(groups) == 1 else ""
-
-
-def _is_time(name: str, separator: str) -> bool:
-    return name.rsplit(separator, 1)[-1].casefold() in TIME_NAMES

@@ -23,29 +23,18 @@ def plain_values(column: Any) -> NDArray[Any] | None:
     kind = column.type
     if pa.types.is_null(kind):
         return np.full(len(column), np.nan)
-    if pa.types.is_temporal(kind) and not pa.types.is_duration(kind):
-        return _temporal(column)
-    if pa.types.is_duration(kind):
-        return pc.divide(column.cast(pa.duration("ns")).cast(pa.int64()).cast(pa.float64()), 1e9).to_numpy()
-    if pa.types.is_boolean(kind):
+    if pa.types.is_time(kind) or pa.types.is_duration(kind):
+        nanoseconds = column.cast(pa.duration("ns") if pa.types.is_duration(kind) else pa.time64("ns"))
+        return pc.divide(nanoseconds.cast(pa.int64()).cast(pa.float64()), 1e9).to_numpy()
+    if pa.types.is_temporal(kind):
+        column = column.cast(pa.timestamp("ns"))
+    elif pa.types.is_boolean(kind):
         column = column.cast(pa.uint8())
     elif pa.types.is_decimal(kind):
         column = column.cast(pa.float64())
     elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
         return None
-    values: NDArray[Any] = column.to_numpy()
-    return values
-
-
-def _temporal(column: Any) -> NDArray[Any]:
-    if pa.types.is_time(column.type):
-        unit = "ns" if pa.types.is_time64(column.type) else "ms"
-        wide = column.cast(pa.time64("ns") if unit == "ns" else pa.time32("ms"))
-        ticks = wide.cast(pa.int64() if unit == "ns" else pa.int32()).cast(pa.float64())
-        seconds: NDArray[Any] = pc.divide(ticks, 1e9 if unit == "ns" else 1e3).to_numpy()
-        return seconds
-    stamps: NDArray[Any] = column.cast(pa.timestamp("ns")).to_numpy()
-    return stamps
+    return np.asarray(column.to_numpy())
 
 
 def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], bool]:
@@ -60,22 +49,17 @@ def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], boo
 
     Returns:
         The values, and whether they are seconds since midnight.
-
-    Raises:
-        RecordingError: They are dates whose day and month are ambiguous.
     """
     text = pc.utf8_trim_whitespace(column.cast(pa.string()))
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
     number = pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$")
+    if text.null_count == len(text):
+        return np.full(len(text), np.nan), False
     if not pc.any(number).as_py():
-        if text.null_count < len(text):
-            seconds = clock_seconds(text)
-            if seconds is not None:
-                return seconds, True
-            stamps = date_stamps(text, name)
-            if stamps is not None:
-                return stamps, False
-        return _objects(text, text.null_count == len(text)), False
+        if (seconds := clock_seconds(text)) is not None:
+            return seconds, True
+        stamps = date_stamps(text, name)
+        return text_objects(text) if stamps is None else stamps, False
     plain = pc.if_else(number, text, None)
     plain = pc.replace_substring(plain, ",", ".") if decimal == "," else plain
     numbers = pc.utf8_ltrim(plain, characters="+").cast(pa.float64()).to_numpy()
@@ -93,9 +77,8 @@ def holds_decimal_commas(column: Any) -> bool:
     return bool(pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py())
 
 
-def _objects(text: Any, nothing: bool) -> NDArray[Any]:
-    if nothing:
-        return np.full(len(text), np.nan)
+def text_objects(text: Any) -> NDArray[Any]:
+    """Return a column of text as Python strings; a null is NaN."""
     cells = np.array(text.to_pylist(), dtype=object)
     cells[~text.is_valid().to_numpy()] = np.nan
     return cells

@@ -13,7 +13,7 @@ import pyarrow.csv as pa_csv
 from cylinder_friction.recordings.formats.cells import MISSING, split_cells
 from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
 from cylinder_friction.recordings.formats.layout import Layout, find_layout
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
 from cylinder_friction.recordings.formats.source import HEAD_SIZE
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
 from cylinder_friction.recordings.recording import RecordingError
@@ -21,7 +21,6 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings.formats.options import CsvOptions
@@ -32,17 +31,14 @@ _LARGEST_HEAD = 64 * HEAD_SIZE
 
 
 def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[str] | None) -> LoggedTable:
-    """Return the table of a text file.
-
-    The layout is found out from its first lines; Arrow reads the rest in one pass.
+    """Return the table of a text file: the layout shows in its first lines, Arrow reads the rest in one pass.
 
     Raises:
         RecordingError: The file is no such table: another encoding, no rows of numbers, a line with more or fewer
             values than the others, a header that comes again, or dates with two readings.
     """
     try:
-        text = open_text(source, options.encoding)
-        return _read(text, options, wanted)
+        return _read(open_text(source, options.encoding), options, wanted)
     except UnicodeDecodeError as error:
         if options.encoding != "auto":
             raise RecordingError(
@@ -62,26 +58,18 @@ def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> Lo
         return LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)
     rows = _Rows(text, layout, text.start + sum(map(len, lines[: layout.first_row])))
     table, decimal = rows.parsed(loaded)
-    columns: list[NDArray[Any]] = []
+    columns: list[tuple[str, NDArray[Any]]] = []
     units = dict(layout.units)
-    for position, index in enumerate(loaded):
-        column = table.column(position)
-        values = plain_values(column)
-        clock = pa.types.is_time(column.type)
+    for index, column in zip(loaded, table.columns, strict=True):
+        values, clock = plain_values(column), pa.types.is_time(column.type)
         if values is None:
             rows.refuse_second_header(column, names[index])
             values, clock = text_values(column, decimal, names[index])
         if clock:
             units[names[index]] = "s"
-        columns.append(values)
-    kept = [position for position, index in enumerate(loaded) if names[index] or not _is_empty(columns[position])]
-    channels = pd.DataFrame({number: columns[position] for number, position in enumerate(kept)}, copy=False)
-    channels.columns = pd.Index([names[loaded[position]] or f"column_{loaded[position] + 1}" for position in kept])
-    return LoggedTable(channels, units, unread=unread, notes=text.notes)
-
-
-def _is_empty(values: NDArray[np.generic]) -> bool:
-    return bool(pd.isna(values).all())
+        if names[index] or not pd.isna(values).all():
+            columns.append((names[index] or f"column_{index + 1}", values))
+    return LoggedTable(named_columns(columns), units, unread=unread, notes=text.notes)
 
 
 def _first_lines(text: Text) -> list[bytes]:
@@ -98,18 +86,10 @@ def _first_lines(text: Text) -> list[bytes]:
 
 
 class _Rows:
-    """The rows of a text table, and how to name the line of one that is wrong.
-
-    Args:
-        text: The whole.
-        layout: Of the table.
-        begin: Where the first row begins [bytes].
-    """
+    """The rows of a text table from the byte ``begin`` on, and how to name the line of one that is wrong."""
 
     def __init__(self, text: Text, layout: Layout, begin: int) -> None:
-        self.text = text
-        self.layout = layout
-        self.begin = begin
+        self.text, self.layout, self.begin = text, layout, begin
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
         """Return the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
@@ -166,8 +146,7 @@ class _Rows:
     def _refuse_ragged_line(self) -> None:
         width = len(self.layout.names)
         for number, line in self._lines():
-            count = len(split_cells(line, self.layout.delimiter))
-            if count != width:
+            if (count := len(split_cells(line, self.layout.delimiter))) != width:
                 raise RecordingError(
                     f"line {number} holds {count} values: {line[:80]!r}; expected {width} as in the lines above it; "
                     "correct the line, or cut the file there if it holds two logs"

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import codecs
-from typing import TYPE_CHECKING
 
-from cylinder_friction.recordings.formats.source import GZIP, read_head
+from cylinder_friction.recordings.formats.source import GZIP
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FORMATS = ("csv", "matlab", "mdf", "tdms", "hdf5", "parquet")
 """Every format by the name it goes by in the configuration; ``csv`` is any text table."""
@@ -43,15 +39,6 @@ _OTHERS = {
     b"<html": "a web page: export the table as CSV",
     b"<!DOCTYPE": "a web page: export the table as CSV",
 }
-
-
-def detect_format(path: Path) -> str:
-    """Return which of ``FORMATS`` a file has, gzipped or not; its ending is ignored.
-
-    Raises:
-        RecordingError: The file cannot be opened, is empty, or is none of them.
-    """
-    return format_of(read_head(path))
 
 
 def format_of(head: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from cylinder_friction.recordings.formats.libraries import optional_library
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Collection
 
     from numpy.typing import NDArray
 
@@ -79,21 +80,16 @@ def _add(path: str, node: Any, found: Found, source: FileSource, h5py: Any) -> N
         return
     refuse_absurd_size(node, source)
     unit, sample_time_s = _unit(node.attrs), _sample_time_s(node)
-    for name, place in arrays:
-        length = max(shape) if place is None else shape[1 - place[0]]
-        found.channels.append(Channel(name, length, _reader(node, place, text), unit, sample_time_s))
+    read = partial(_text, node) if text else partial(_numbers, node)
+    found.channels += [Channel(name, length, partial(read, at), unit, sample_time_s) for name, length, at in arrays]
 
 
-def _reader(node: Any, place: tuple[int, int] | None, text: bool) -> Callable[[], NDArray[Any]]:
-    def read() -> NDArray[Any]:
-        if text:
-            cells: NDArray[Any] = node.asstr(errors="replace")[()].reshape(-1)
-            return cells
-        if place is None:
-            return numeric(node[()].reshape(-1))
-        return numeric(np.ascontiguousarray(node[place[1]] if place[0] == 0 else node[:, place[1]]))
+def _text(node: Any, at: Any) -> NDArray[Any]:
+    return np.asarray(node.asstr(errors="replace")[at]).reshape(-1)
 
-    return read
+
+def _numbers(node: Any, at: Any) -> NDArray[Any]:
+    return numeric(np.ascontiguousarray(node[at].reshape(-1)))
 
 
 def _fields(node: Any) -> list[Channel]:
@@ -106,16 +102,13 @@ def _fields(node: Any) -> list[Channel]:
             continue
         for index in range(shape[0] if shape else 1):
             path = f"{name}_{index + 1}" if shape else name
-            channels.append(Channel(path, node.shape[0], _field_reader(node, name, index if shape else None)))
+            read = partial(_field, node, name, (slice(None), index) if shape else ())
+            channels.append(Channel(path, node.shape[0], read))
     return channels
 
 
-def _field_reader(node: Any, name: str, index: int | None) -> Callable[[], NDArray[Any]]:
-    def read() -> NDArray[Any]:
-        values = node.fields(name)[()]
-        return numeric(np.ascontiguousarray(values if index is None else values[:, index]))
-
-    return read
+def _field(node: Any, name: str, at: Any) -> NDArray[Any]:
+    return numeric(np.ascontiguousarray(node.fields(name)[()][at]))
 
 
 def _unit(attributes: Any) -> str:

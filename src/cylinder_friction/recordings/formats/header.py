@@ -25,9 +25,7 @@ _KNOWN = frozenset(
 """Units in use, in small letters."""
 
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\]$")
-
 _PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\(\s*(?P<unit>[^()]*?)\s*\)$")
-
 _DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) )(?P<unit>\S+)$")
 
 _DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
@@ -85,12 +83,9 @@ class Header:
 
 
 def read_header(above: list[str], delimiter: str, width: int, trailing: bool, mode: str) -> Header:
-    """Return the header that the lines above the first row make.
+    """Return the header that the lines above the first row make, which has ``width`` cells.
 
     Args:
-        above: The lines.
-        delimiter: Between two cells.
-        width: Cells in a row.
         trailing: Every row ends in a delimiter, so that its last cell is no channel, unless it has a name.
         mode: ``CsvOptions.header``.
 
@@ -137,21 +132,18 @@ def _fits(cells: list[str], width: int, trailing: bool) -> bool:
 
 def _refuse_other_width(above: list[str], delimiter: str, width: int, always: bool) -> None:
     """Names that are too few or too many are no banner: the columns could not be identified."""
-    for number in range(len(above), 0, -1):
-        line = above[number - 1]
-        if not line.strip():
-            continue
-        cells = split_cells(line, delimiter)
-        plain = not line.lstrip().startswith(_COMMENT) and ":" not in line and "=" not in line
-        names = (
-            plain and len(cells) > 1 and len(cells) > width // 2 and not any(is_number(cell, None) for cell in cells)
-        )
-        if names or always:
-            raise RecordingError(
-                f"line {number} names {len(cells)} channels, but the line below holds {width} values; "
-                "expected a name for each value"
-            )
+    number = max((index for index, line in enumerate(above, start=1) if line.strip()), default=0)
+    if not number:
         return
+    line = above[number - 1]
+    cells = split_cells(line, delimiter)
+    plain = not line.lstrip().startswith(_COMMENT) and ":" not in line and "=" not in line
+    names = plain and len(cells) > max(1, width // 2) and not any(is_number(cell, None) for cell in cells)
+    if names or always:
+        raise RecordingError(
+            f"line {number} names {len(cells)} channels, but the line below holds {width} values; "
+            "expected a name for each value"
+        )
 
 
 def _names_of_pairs(block: list[list[str]]) -> list[str] | None:

@@ -72,11 +72,6 @@ _BARE = {
 def read_isolated(path: Path, kind: str, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return a file's tables, read in a process that is started for the first file and kept for the next ones.
 
-    Args:
-        path: The file, gzipped or not.
-        kind: One of ``LIBRARIES``.
-        wanted: Names of the channels to load; None for all.
-
     Raises:
         RecordingError: The library is not installed; the file is damaged; reading it crashed the library or took too
             long.
@@ -130,11 +125,8 @@ class _Reader:
     def close(self) -> None:
         """End the process; it holds nothing that would be lost."""
         process, self._process = self._process, None
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        _close_pipes(process)
+        if process is not None:
+            _end(process)
 
     def forget(self) -> None:
         """Leave the process to the one that started it: for a fork, which has copies of its pipes."""
@@ -142,7 +134,7 @@ class _Reader:
         self._lock = threading.Lock()
         if process is not None:
             process.returncode = 0
-            _close_pipes(process)
+            _end(process)
 
 
 def _started() -> subprocess.Popen[bytes]:
@@ -152,9 +144,7 @@ def _started() -> subprocess.Popen[bytes]:
     try:
         read_message(process.stdout)
     except BaseException as error:
-        process.kill()
-        process.wait()
-        _close_pipes(process)
+        _end(process)
         if isinstance(error, EOFError):
             raise RuntimeError("the process that reads binary files does not start; why stands above") from None
         raise
@@ -169,12 +159,11 @@ def _exchange(process: subprocess.Popen[bytes], request: Any) -> tuple[str | Non
     return refusal, [] if refusal is not None else read_tables(process.stdout)
 
 
-def _close_pipes(process: subprocess.Popen[bytes]) -> None:
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            # What was not sent to a dead process is flushed here, in vain.
-            with suppress(OSError):
-                pipe.close()
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process (one with a return code is left alone) and close its pipes."""
+    process.kill()
+    with suppress(OSError), process:  # what was not sent to a dead process is flushed here, in vain
+        pass
 
 
 def _death(code: int, too_long: bool, limit_s: float, kind: str) -> RecordingError:

@@ -26,8 +26,7 @@ class Layout:
     Attributes:
         delimiter: One character or ``whitespace``.
         decimal: ``.`` or ``,``; None where the rows looked at hold whole numbers only.
-        names: Of the columns; '' for a last one that is there only because every row ends in a delimiter.
-        units: By channel, where the header states them.
+        names, units: As in ``Header``.
         first_row: Lines above the first row.
     """
 
@@ -59,15 +58,10 @@ class _Grid:
 
 
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
-    """Return the layout of the table whose first lines these are, each whole.
-
-    Raises:
-        RecordingError: No rows of numbers are among them, the header fits no row, or the commas of its numbers have
-            two readings.
-    """
+    """Return the layout of the table whose first lines these are, each whole; refuse what has none, or two."""
     content = [index for index, line in enumerate(lines) if line.strip()]
-    wanted = DELIMITERS if options.delimiter == "auto" else (" " if options.delimiter == " " else options.delimiter,)
-    delimiters = ["whitespace" if delimiter == " " else delimiter for delimiter in wanted]
+    stated = "whitespace" if options.delimiter == " " else options.delimiter
+    delimiters = DELIMITERS if stated == "auto" else (stated,)
     decimal = None if options.decimal == "auto" else options.decimal
     grids = [grid for delimiter in delimiters if (grid := _grid(lines, content, delimiter, decimal)) is not None]
     if not grids:
@@ -96,16 +90,13 @@ def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | N
     full = [row for row in rows if len(row) == width]
     # A short file is half header.
     lower = full[len(full) // 2 :]
-    numeric, cells = [], 0
-    for index in range(width):
-        values = sum(is_value(row[index], decimal) for row in lower)
-        missing = sum(is_missing(row[index]) for row in lower)
-        cells += values + missing
-        if values and 2 * (values + missing) >= len(lower):
-            numeric.append(index)
-    if not numeric:
-        return None
-    return _Grid(delimiter, decimal, rows, width, numeric, cells / width / len(lower) * len(full) / len(rows))
+    values = [sum(is_value(cell, decimal) for cell in column) for column in zip(*lower, strict=True)]
+    filled = [
+        count + sum(map(is_missing, column)) for count, column in zip(values, zip(*lower, strict=True), strict=True)
+    ]
+    numeric = [index for index in range(width) if values[index] and 2 * filled[index] >= len(lower)]
+    score = sum(filled) / width / len(lower) * len(full) / len(rows)
+    return _Grid(delimiter, decimal, rows, width, numeric, score) if numeric else None
 
 
 def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
@@ -157,11 +148,7 @@ def _first_row_found(grid: _Grid, lines: list[str], content: list[int]) -> int:
 
 
 def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
-    """Return the decimal sign that these rows show.
-
-    Raises:
-        RecordingError: The delimiter is a comma, and so quoted numbers with commas have two readings.
-    """
+    """Return the decimal sign that these rows show; between commas, quoted numbers with commas have two readings."""
     cells = [row[index] for row in rows if len(row) == grid.width for index in grid.numeric]
     points = [cell for cell in cells if "." in cell and is_number(cell, ".")]
     commas = [cell for cell in cells if "," in cell and is_number(cell, ",")]

@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 
 
 def optional_library(name: str, what: str, extra: str, package: str = "") -> Any:
-    """Return a module that only some formats need; ``package`` is what it is installed as, if not by its name.
-
-    Raises:
-        RecordingError: It is not installed; the message names the extra that brings it.
-    """
+    """Return a module that only some formats need, or raise ``missing_library``."""
     try:
         return importlib.import_module(name)
     except ImportError:
@@ -29,7 +25,7 @@ def optional_library(name: str, what: str, extra: str, package: str = "") -> Any
 
 
 def missing_library(name: str, what: str, extra: str, package: str = "") -> RecordingError:
-    """Return the error for a module that is not installed; arguments as for ``optional_library``."""
+    """Return the error for a module that is not installed; ``package`` brings it, if not named as the module."""
     return RecordingError(
         f"reading {what} needs {package or name}, which is not installed; pip install 'cylinder-friction[{extra}]'"
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    import pandas as pd
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -29,3 +31,10 @@ class LoggedTable:
     name: str = ""
     unread: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+def named_columns(columns: Sequence[tuple[str, NDArray[Any]]]) -> pd.DataFrame:
+    """Return columns as a table, not copied; a name may occur twice."""
+    table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
+    table.columns = pd.Index([name for name, _ in columns], dtype=object)
+    return table

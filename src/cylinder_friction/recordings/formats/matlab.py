@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,7 +41,7 @@ def walk(name: str, value: Any, found: Found, unit: str = "", depth: int = 0) ->
         name: Of the variable, or the path to the field: ``log.P1``; ``log_2.P1`` within an array of structs.
         value: A ``Leaf``, a mapping (struct), a list (array of structs, cell array), or anything else (no channel).
         found: Is added to.
-        unit: Stated for the value by the struct that holds it.
+        unit: Stated by the struct that holds the value.
         depth: Of structs within structs.
     """
     if depth > _DEEPEST:
@@ -102,18 +103,11 @@ def _walk_leaf(name: str, leaf: Leaf, found: Found, unit: str) -> None:
     arrays = column_arrays(name, leaf.shape) if leaf.kind in "biuf" else []
     if not arrays:
         found.others.append(name)
-    for path, place in arrays:
-        length = max(leaf.shape) if place is None else leaf.shape[1 - place[0]]
-        found.channels.append(Channel(path, length, _reader(leaf, place), unit))
+    found.channels += [Channel(path, length, partial(_values, leaf, at), unit) for path, length, at in arrays]
 
 
-def _reader(leaf: Leaf, place: tuple[int, int] | None) -> Callable[[], NDArray[Any]]:
-    def read() -> NDArray[Any]:
-        values = leaf.read()
-        picked = values.reshape(-1) if place is None else np.take(values, place[1], axis=place[0])
-        return np.ascontiguousarray(numeric(picked))
-
-    return read
+def _values(leaf: Leaf, at: Any) -> NDArray[Any]:
+    return np.ascontiguousarray(numeric(leaf.read()[at].reshape(-1)))
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -164,11 +158,7 @@ def _tree(value: Any) -> Any:
 
 
 def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return a file's channels as ``read_matlab`` does.
-
-    Raises:
-        RecordingError: h5py is not installed.
-    """
+    """Return a file's channels as ``read_matlab`` does."""
     h5py = optional_library("h5py", "MATLAB 7.3", "hdf5")
     with h5py.File(source.handle(), "r") as file:
         found = Found()

@@ -6,11 +6,10 @@ import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from cylinder_friction.recordings.formats.channels import numeric
 from cylinder_friction.recordings.formats.libraries import optional_library
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError
 
 _MOST_UNPACKED = 1100
@@ -51,8 +50,7 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
     group = file.groups[index]
     master = file.masters_db.get(index)
     order = sorted(range(len(group.channels)), key=lambda number: number != master)
-    columns: list[NDArray[Any]] = []
-    names: list[str] = []
+    columns: list[tuple[str, NDArray[Any]]] = []
     units: dict[str, str] = {}
     unread: list[str] = []
     for number in order:
@@ -65,22 +63,16 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
         if values is None:
             unread.append(name)
             continue
-        unit = str(signal.unit or "").strip()
-        wide = (
-            [(name, values)]
-            if values.ndim == 1
-            else [(f"{name}_{k + 1}", values[:, k]) for k in range(values.shape[1])]
-        )
-        for path, column in wide:
-            names.append(path)
-            columns.append(column)
-            units |= {path: unit} if unit else {}
+        wide = [(name, values)] if values.ndim == 1 else [(f"{name}_{k}", row) for k, row in enumerate(values.T, 1)]
+        columns += wide
+        if unit := str(signal.unit or "").strip():
+            units |= {path: unit for path, _ in wide}
     samples = group.channel_group.cycles_nr
-    short = [len(column) for column in columns if len(column) < samples]
-    notes = (f"the file is cut off: {min(short)} of {samples} samples are there",) if short else ()
-    table = pd.DataFrame(dict(enumerate(columns)), copy=False)
-    table.columns = pd.Index(names, dtype=object)
-    return LoggedTable(table, units, _group_name(group, index), tuple(unread), notes)
+    shortest = min((len(column) for _, column in columns), default=samples)
+    notes = (f"the file is cut off: {shortest} of {samples} samples are there",) if shortest < samples else ()
+    about = group.channel_group
+    title = str(getattr(about, "acq_name", "") or getattr(about, "comment", "") or "").strip() or f"group {index + 1}"
+    return LoggedTable(named_columns(columns), units, title, tuple(unread), notes)
 
 
 def _refuse_absurd_records(group: Any, size: int) -> None:
@@ -122,8 +114,3 @@ def _values(signal: Any) -> NDArray[Any] | None:
         values = values.astype(object if values.dtype == object else np.float64)
         values[np.asarray(invalid, dtype=bool)] = np.nan
     return values
-
-
-def _group_name(group: Any, index: int) -> str:
-    name = getattr(group.channel_group, "acq_name", "") or getattr(group.channel_group, "comment", "")
-    return str(name or "").strip() or f"group {index + 1}"

@@ -40,7 +40,5 @@ class CsvOptions:
             try:
                 codecs.lookup(self.encoding)
             except LookupError:
-                raise ValueError(
-                    f"encoding: expected one that Python knows, such as utf-8 or cp1252, or 'auto', "
-                    f"but got {self.encoding!r}"
-                ) from None
+                expected = "expected one that Python knows, such as utf-8 or cp1252, or 'auto'"
+                raise ValueError(f"encoding: {expected}, but got {self.encoding!r}") from None

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.recordings.formats.columns import plain_values
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.columns import plain_values, text_objects
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -36,13 +34,8 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[Log
     if rows == 0:
         raise RecordingError("holds no rows; expected one row per sample")
     units = {_name(field): unit for field in simple if (unit := _unit(field))}
-    unread = tuple(_name(field) for field in others)
-    if not loaded:
-        return [LoggedTable(pd.DataFrame(), units, unread=unread)]
-    columns = [_values(column) for column in table.columns]
-    channels = pd.DataFrame(dict(enumerate(columns)), copy=False)
-    channels.columns = pd.Index([_name(field) for field in table.schema])
-    return [LoggedTable(channels, units, unread=unread)]
+    columns = [(_name(field), _values(column)) for field, column in zip(table.schema, table.columns, strict=True)]
+    return [LoggedTable(named_columns(columns if loaded else []), units, unread=tuple(map(_name, others)))]
 
 
 def _is_row_number(field: Any) -> bool:
@@ -63,8 +56,4 @@ def _values(column: Any) -> Any:
     if pa.types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
     values = plain_values(column)
-    if values is not None:
-        return values
-    cells = np.array(column.cast(pa.string()).to_pylist(), dtype=object)
-    cells[~column.is_valid().to_numpy()] = np.nan
-    return cells
+    return text_objects(column.cast(pa.string())) if values is None else values

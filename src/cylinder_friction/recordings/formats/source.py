@@ -21,10 +21,9 @@ GZIP = b"\x1f\x8b"
 
 @dataclass(frozen=True)
 class FileSource:
-    """Where a reader finds its bytes: in the file itself, or in memory where the file is gzipped.
+    """Where a reader finds its bytes: the path, or the unpacked bytes of a gzipped file.
 
     Attributes:
-        origin: The path, or the unpacked bytes.
         head: The first ``HEAD_SIZE`` bytes.
         size: Of the whole [bytes].
     """
@@ -71,11 +70,7 @@ def read_head(path: Path) -> bytes:
 
 
 def open_source(path: Path) -> FileSource:
-    """Return the file's source; a gzipped file is unpacked whole.
-
-    Raises:
-        RecordingError: As ``read_head``.
-    """
+    """Return the file's source; a gzipped file is unpacked whole; refused as by ``read_head``."""
     head = read_head(path)
     try:
         with path.open("rb") as file:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from cylinder_friction.recordings.formats.libraries import optional_library
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Collection, Mapping
 
     from numpy.typing import NDArray
 
@@ -31,10 +32,8 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     """
     nptdms = optional_library("nptdms", "TDMS", "tdms", "npTDMS")
     with source.opened() as opened, nptdms.TdmsFile.open(opened) as file:
-        starts = [
-            start for group in file.groups() for channel in group.channels() if (start := _start(channel)) is not None
-        ]
-        first = min(starts, default=None)
+        starts = [_start(channel) for group in file.groups() for channel in group.channels()]
+        first = min((start for start in starts if start is not None), default=None)
         tables = [table for group in file.groups() for table in _tables(group, wanted, first, source.size)]
         cut = _cut_off(file)
     return [replace(table, notes=(*table.notes, *cut)) for table in tables]
@@ -69,13 +68,17 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
             )
         unit = str(channel.properties.get("unit_string", "") or channel.properties.get("Unit", "")).strip()
         key = (len(channel), *_clock(channel, first))
-        alike.setdefault(key, []).append(Channel(name, len(channel), _reader(channel), unit))
+        alike.setdefault(key, []).append(Channel(name, len(channel), partial(_values, channel), unit))
     if any(channel.name.casefold() == "time" for channels in alike.values() for channel in channels):
-        alike = _by_length(alike)
+        # A group that has a time channel goes by length alone.
+        merged: dict[tuple[int, float | None, float], list[Channel]] = {}
+        for (length, _, _), channels in alike.items():
+            merged.setdefault((length, None, 0.0), []).extend(channels)
+        alike = merged
     tables: list[LoggedTable] = []
     for (length, step, offset), channels in alike.items():
         if step is not None:
-            channels.insert(0, Channel("time", length, _time_reader(length, step, offset), "s"))
+            channels.insert(0, Channel("time", length, partial(_time, length, step, offset), "s"))
         tables.append(table_of(channels, wanted, group.name, others=() if tables else others))
     notes = () if first is None else _without_start(group, alike)
     return [replace(table, notes=(*table.notes, *notes)) for table in tables]
@@ -83,20 +86,10 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
 
 def _without_start(group: Any, alike: Mapping[Any, Any]) -> tuple[str, ...]:
     """Return a note on waveforms without a start in a file whose others state one: their place in time is unknown."""
-    if all(step is None for _, step, _ in alike):
-        return ()
     names = [channel.name for channel in group.channels() if _clock(channel, None)[0] and _start(channel) is None]
-    if not names:
+    if not names or all(step is None for _, step, _ in alike):
         return ()
     return (f"channel {names[0]!r} states no start time, others do; it was taken to start with the earliest of them",)
-
-
-def _by_length(alike: dict[tuple[int, float | None, float], list[Channel]]) -> dict[Any, list[Channel]]:
-    """Return the channels of a group that has a time channel by their length alone."""
-    merged: dict[tuple[int, float | None, float], list[Channel]] = {}
-    for (length, _, _), channels in alike.items():
-        merged.setdefault((length, None, 0.0), []).extend(channels)
-    return merged
 
 
 def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, float]:
@@ -114,15 +107,12 @@ def _start(channel: Any) -> np.datetime64 | None:
     return start.astype("datetime64[ns]") if isinstance(start, np.datetime64) and not np.isnat(start) else None
 
 
-def _time_reader(length: int, step: float, offset: float) -> Callable[[], NDArray[Any]]:
-    return lambda: offset + np.arange(length, dtype=np.float64) * step
+def _time(length: int, step: float, offset: float) -> NDArray[Any]:
+    return offset + np.arange(length, dtype=np.float64) * step
 
 
-def _reader(channel: Any) -> Callable[[], NDArray[Any]]:
-    def read() -> NDArray[Any]:
-        values: NDArray[Any] = np.asarray(channel[:])
-        if values.dtype.kind == "M":
-            return values.astype("datetime64[ns]")
-        return values.astype(object) if values.dtype.kind in "OU" else numeric(values)
-
-    return read
+def _values(channel: Any) -> NDArray[Any]:
+    values: NDArray[Any] = np.asarray(channel[:])
+    if values.dtype.kind == "M":
+        return values.astype("datetime64[ns]")
+    return values.astype(object) if values.dtype.kind in "OU" else numeric(values)

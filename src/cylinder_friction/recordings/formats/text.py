@@ -12,6 +12,8 @@ from cylinder_friction.recordings.formats.detect import BYTE_ORDER_MARKS
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cylinder_friction.recordings.formats.source import FileSource
 
 _TAIL = 1 << 16
@@ -110,22 +112,19 @@ def _ended(file: Any, start: int) -> Text:
 
 def _last_byte_but(file: Any, start: int, end: int, stripped: bytes) -> int:
     """Return where the text ends without the bytes ``stripped`` at its end."""
-    while end > start:
-        length = min(_TAIL, end - start)
-        kept = file.read_at(length, end - length).rstrip(stripped)
-        if kept:
-            return int(end - length + len(kept))
-        end -= length
-    return start
+    return _from_end(file, start, end, lambda tail: len(tail.rstrip(stripped)))
 
 
 def _last_line_end(file: Any, start: int, end: int) -> int:
     """Return where the last line begins, which is where the one before it ends."""
+    return _from_end(file, start, end, lambda tail: max(tail.rfind(b"\n"), tail.rfind(b"\r")) + 1)
+
+
+def _from_end(file: Any, start: int, end: int, find: Callable[[bytes], int]) -> int:
+    """Return the last place that ``find`` gives, which returns 0 for none; ``start`` if there is none."""
     while end > start:
         length = min(_TAIL, end - start)
-        tail = file.read_at(length, end - length)
-        found = max(tail.rfind(b"\n"), tail.rfind(b"\r"))
-        if found >= 0:
-            return int(end - length + found + 1)
+        if place := find(file.read_at(length, end - length)):
+            return int(end - length + place)
         end -= length
     return start

@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
+import pandas as pd
 
 from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
-from cylinder_friction.recordings.mapping.sensor import sensor_step, zeroed_uncertainty
+from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, sensor_step
 from cylinder_friction.recordings.mapping.units import column_scale
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import pandas as pd
     from numpy.typing import NDArray
 
     from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+
+NOT_CORRECTED = "zeros of the pressure sensors not corrected"
 
 FEWEST_BLOCKS = 8
 """Means of fewer blocks scatter too little or too much to be meaningful."""
@@ -69,14 +71,7 @@ def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, in
 
 def averaged(signals: Array, half: int) -> Array:
     """Return the centred moving average over ``2·half + 1`` rows, fewer towards the ends, shape ``(n, m)``."""
-    if half < 1 or len(signals) == 0:
-        return signals
-    # Sums of what differs from the first row: a long sum of large numbers loses the digits of small changes.
-    sums = np.concatenate([np.zeros((1, signals.shape[1])), np.cumsum(signals - signals[0], axis=0)])
-    rows = np.arange(len(signals))
-    first, end = np.maximum(rows - half, 0), np.minimum(rows + half + 1, len(signals))
-    result: Array = signals[0] + (sums[end] - sums[first]) / (end - first)[:, None]
-    return result
+    return pd.DataFrame(signals).rolling(2 * half + 1, center=True, min_periods=1).mean().to_numpy()
 
 
 def mean_uncertainty(values: Array) -> float:
@@ -179,8 +174,6 @@ def find_zero(
     Args:
         table: Of a recording or piece, in SI units, at one constant rate, shape ``(n, columns)``.
         rules: How to look.
-        mapping: For the sensors' accuracy and steps, where stated.
-        recording: Its name, kept in the reading.
 
     Raises:
         RecordingError: In the stated window the chambers were not vented: something moves, or a pressure changes, or
@@ -190,7 +183,7 @@ def find_zero(
         return NoZero()
     columns = [column for column in PRESSURES if column in table.columns]
     if not columns:
-        return NoZero("zeros of the pressure sensors not corrected: there is no pressure column")
+        return NoZero(f"{NOT_CORRECTED}: there is no pressure column")
     time_s = table["time_s"].to_numpy(dtype=np.float64)
     step_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
     half = round(0.5 * AVERAGED_S / step_s) if step_s > 0.0 else 0
@@ -201,8 +194,15 @@ def find_zero(
         spans = np.array([rules.still_m, *[rules.steady_pa] * len(columns)])
         bounds = np.array([np.inf, *[_largest_zero(column, rules, mapping) + rules.steady_pa for column in columns]])
         first, end = longest_steady(averaged(signals, half), spans, bounds)
-    if (end - first) * step_s < _least_length(rules) - 0.5 * step_s:
-        return NoZero(_too_short(rules, (end - first) * step_s))
+    length_s, least_s, window_s = (end - first) * step_s, rules.minimum_s, rules.window_s
+    least_s = least_s if window_s is None else min(least_s, window_s[1] - window_s[0])
+    if length_s < least_s - 0.5 * step_s:
+        expected = f"expected {least_s:g} s"
+        if window_s is None:
+            why = f"the longest stretch that may be vented lasts {length_s:.3g} s, {expected} at standstill with both "
+            return NoZero(f"{NOT_CORRECTED}: {why}pressures steady near zero")
+        why = f"the window from {window_s[0]:g} to {window_s[1]:g} s holds {length_s:.3g} s of this recording"
+        return NoZero(f"{NOT_CORRECTED}: {why}, {expected}")
     problem = _not_vented(averaged(signals[first:end], half), columns, rules, mapping)
     if problem:
         where = f"from {time_s[first]:.4g} to {time_s[end - 1]:.4g} s"
@@ -211,7 +211,7 @@ def find_zero(
                 f"{problem} {where}, the stated window; expected both chambers vented there; correct "
                 "ingest.zero.window_s, or vent the cylinder at the start of a log"
             )
-        return NoZero(f"zeros of the pressure sensors not corrected: {problem} {where}, the longest steady stretch")
+        return NoZero(f"{NOT_CORRECTED}: {problem} {where}, the longest steady stretch")
     readings = {column: signals[first:end, index] for index, column in enumerate(columns, start=1)}
     return ZeroReading(
         offsets={column: float(np.mean(reading)) for column, reading in readings.items()},
@@ -230,16 +230,18 @@ def session_zero(readings: Sequence[ZeroReading | NoZero]) -> ZeroReading | NoZe
     """
     read = [reading for reading in readings if isinstance(reading, ZeroReading)]
     if len(read) < 2:
-        return read[0] if read else NoZero("zeros of the pressure sensors not corrected: none read in this session")
-    columns = [column for column in read[0].offsets if all(column in reading.offsets for reading in read)]
-    offsets = {column: np.array([reading.offsets[column] for reading in read]) for column in columns}
-    own = {column: np.array([reading.uncertainty[column] for reading in read]) for column in columns}
+        return read[0] if read else NoZero(f"{NOT_CORRECTED}: none read in this session")
+    offsets: dict[str, float] = {}
+    uncertainty: dict[str, float] = {}
+    for column in read[0].offsets:
+        if all(column in reading.offsets for reading in read):
+            values = np.array([reading.offsets[column] for reading in read])
+            own = np.array([reading.uncertainty[column] for reading in read])
+            offsets[column] = float(values.mean())
+            uncertainty[column] = math.sqrt(float(np.mean(own**2) + np.var(values, ddof=1)))
     return ZeroReading(
-        offsets={column: float(values.mean()) for column, values in offsets.items()},
-        uncertainty={
-            column: math.sqrt(float(np.mean(own[column] ** 2) + np.var(values, ddof=1)))
-            for column, values in offsets.items()
-        },
+        offsets,
+        uncertainty,
         from_s=read[0].from_s,
         to_s=read[0].to_s,
         recording=", ".join(reading.recording for reading in read),
@@ -264,25 +266,24 @@ def apply_zero(
         mapping: For the sensors' accuracy and steps.
     """
     uncertainty = {column: stated for column, stated in sensor_uncertainty(mapping).items() if column in table.columns}
-    if not isinstance(reading, ZeroReading):
-        reasons = (reading.reason,) if reading is not None and reading.reason else ()
-        return table, replace(
-            metadata,
-            uncertainty={**metadata.uncertainty, **uncertainty},
-            repairs=(*metadata.repairs, *reasons),
-        )
-    offsets = {column: offset for column, offset in reading.offsets.items() if column in table.columns}
-    for column in offsets:
-        sensor = mapping[column].sensor if column in mapping else None
-        if column in uncertainty and sensor is not None and sensor.accuracy_percent is not None:
-            zero = reading.uncertainty[column]
-            uncertainty[column] = zeroed_uncertainty(uncertainty[column], zero, sensor.accuracy_percent)
-    zeroed = table.assign(**{column: table[column] - offset for column, offset in offsets.items()})
-    return zeroed, replace(
+    offsets: dict[str, float] = {}
+    reasons = [reading.reason] if isinstance(reading, NoZero) and reading.reason else []
+    if isinstance(reading, ZeroReading):
+        offsets = {column: offset for column, offset in reading.offsets.items() if column in table.columns}
+        reasons = [_sentence(reading, offsets, metadata.name)]
+        table = table.assign(**{column: table[column] - offset for column, offset in offsets.items()})
+        for column in offsets.keys() & uncertainty.keys():
+            sensor = mapping[column].sensor
+            assert sensor is not None
+            assert sensor.accuracy_percent is not None
+            # What is left of the accuracy grows with the reading and reaches a·FS / √3 at full scale.
+            span = sensor.accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD
+            uncertainty[column] = replace(uncertainty[column], zero=reading.uncertainty[column], span=span)
+    return table, replace(
         metadata,
         zero_offset={**metadata.zero_offset, **offsets},
         uncertainty={**metadata.uncertainty, **uncertainty},
-        repairs=(*metadata.repairs, _sentence(reading, offsets, metadata.name)),
+        repairs=(*metadata.repairs, *reasons),
     )
 
 
@@ -305,22 +306,6 @@ def _largest_zero(column: str, rules: ZeroRules, mapping: Mapping[str, ChannelMa
     return min(rules.band_pa, rules.accuracy_factor * accuracy_pa)
 
 
-def _least_length(rules: ZeroRules) -> float:
-    return rules.minimum_s if rules.window_s is None else min(rules.minimum_s, rules.window_s[1] - rules.window_s[0])
-
-
-def _too_short(rules: ZeroRules, length_s: float) -> str:
-    if rules.window_s is not None:
-        return (
-            f"zeros of the pressure sensors not corrected: the window from {rules.window_s[0]:g} to "
-            f"{rules.window_s[1]:g} s holds {length_s:.3g} s of this recording, expected {_least_length(rules):g} s"
-        )
-    return (
-        f"zeros of the pressure sensors not corrected: the longest stretch that may be vented lasts {length_s:.3g} s, "
-        f"expected {rules.minimum_s:g} s at standstill with both pressures steady near zero"
-    )
-
-
 def _not_vented(signals: Array, columns: Sequence[str], rules: ZeroRules, mapping: Mapping[str, ChannelMapping]) -> str:
     """Return what speaks against vented chambers; empty if nothing does."""
     moved_m = float(np.ptp(signals[:, 0]))
@@ -340,7 +325,8 @@ def _zero_uncertainty(column: str, reading: Array, mapping: Mapping[str, Channel
     """Return the standard uncertainty of a mean reading; one that stands on a step hides up to half of it."""
     uncertainty = mean_uncertainty(reading)
     source = mapping.get(column)
-    step = sensor_step(column, source.sensor, source.unit) if source is not None and source.sensor is not None else None
-    if step is None or float(np.std(reading)) > 0.5 * step:
+    if source is None or source.sensor is None:
         return uncertainty
-    return math.hypot(uncertainty, step / math.sqrt(12.0))
+    step = sensor_step(column, source.sensor, source.unit)
+    hidden = 0.0 if step is None or float(np.std(reading)) > 0.5 * step else step / math.sqrt(12.0)
+    return math.hypot(uncertainty, hidden) if hidden else uncertainty

@@ -175,9 +175,6 @@ class ChannelFacts:
 
     Attributes:
         table: Place of its table among the file's.
-        table_name: Name of that table.
-        name: Of the channel.
-        words: What the name means.
         unit: Unit that the file or the name states; empty if neither does.
         stated_by: ``file`` or ``name``; empty without a unit.
         values: As numbers, shape ``(n,)``; NaN where a cell is none. Empty for dates and text.

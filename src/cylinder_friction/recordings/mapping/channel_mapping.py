@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Self, get_args
 
 import numpy as np
 
 from cylinder_friction.recordings.columns import QUANTITIES, missing_columns
 from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, SensorLimits, SensorScale, sensor_step
 from cylinder_friction.recordings.mapping.units import (
+    Reference,
     check_unit,
     column_scale,
     electrical,
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 STANDARD_ATMOSPHERE_PA = 101325.0
 """What an absolute pressure is above gauge pressure (ISO 2533); the weather's ±3 kPa is left in the zero."""
-
-Reference = Literal["gauge", "absolute"]
 
 
 @dataclass(frozen=True)
@@ -81,9 +80,6 @@ class ChannelMapping:
             raise RecordingError(f"{where}: reference must be gauge or absolute, but got {self.reference!r}")
         if not math.isfinite(self.offset):
             raise RecordingError(f"{where}: offset must be a finite number, but got {self.offset!r}")
-        self._check_signal(where)
-
-    def _check_signal(self, where: str) -> None:
         scaled = self.sensor is not None and self.sensor.signal is not None
         if electrical(self.unit) is not None and not scaled:
             raise RecordingError(
@@ -98,7 +94,7 @@ class ChannelMapping:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the mapping of a plain nested dictionary, for example out of YAML."""
+        """Return the mapping of a nested dictionary, for example out of YAML."""
         sensor = values.get("sensor")
         return cls(**{**values, "sensor": None if sensor is None else SensorScale.from_dict(sensor)})
 
@@ -137,16 +133,15 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
     missing = missing_columns(mapping)
     if missing:
         raise RecordingError(f"column {missing[0]!r} has no channel; name the logger's channel that holds it")
-    users: dict[tuple[str, str], str] = {}
-    for column, source in mapping.items():
+    for number, (column, source) in enumerate(mapping.items()):
         _check_column(column, source)
-        for (table, channel), user in users.items():
-            if channel == source.channel and (table == source.table or not (table and source.table)):
+        for user, other in list(mapping.items())[:number]:
+            one_table = other.table == source.table or not (other.table and source.table)
+            if other.channel == source.channel and one_table:
                 raise RecordingError(
                     f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column "
                     "per channel"
                 )
-        users[source.table, source.channel] = column
 
 
 def _check_column(column: str, source: ChannelMapping) -> None:
@@ -181,20 +176,19 @@ def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
 
 def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:
     """Return what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
-    return {
-        column: _limits(column, source, source.sensor)
-        for column, source in mapping.items()
-        if source.sensor is not None
-    }
-
-
-def _limits(column: str, source: ChannelMapping, sensor: SensorScale) -> SensorLimits:
-    offset = source.offset * column_scale(column, source.reading_unit)
-    ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
-    described = f"{min(sensor.range):g} to {max(sensor.range):g} {sensor.unit}"
-    if sensor.signal is not None:
-        described += f" ({min(sensor.signal):g} to {max(sensor.signal):g} {source.unit})"
-    return SensorLimits(float(ends.min()), float(ends.max()), sensor_step(column, sensor, source.unit), described)
+    limits = {}
+    for column, source in mapping.items():
+        sensor = source.sensor
+        if sensor is None:
+            continue
+        offset = source.offset * column_scale(column, source.reading_unit)
+        ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
+        step = sensor_step(column, sensor, source.unit)
+        described = f"{min(sensor.range):g} to {max(sensor.range):g} {sensor.unit}"
+        if sensor.signal is not None:
+            described += f" ({min(sensor.signal):g} to {max(sensor.signal):g} {source.unit})"
+        limits[column] = SensorLimits(float(ends.min()), float(ends.max()), step, described)
+    return limits
 
 
 def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:

@@ -71,12 +71,9 @@ class GuessedColumn:
     """Where a column may come from.
 
     Attributes:
-        column: Of the recording.
         channel: The best guess; None if nothing fits.
         unit: Of that channel; empty where it holds dates.
-        sign: 1 or -1.
-        reasons: For the guess, one sentence each.
-        checks: What the user should look at, one sentence each.
+        reasons, checks: For the guess, and what the user should look at, one sentence each.
         others: Other channels that could be meant, best first.
         needed: Whether there is no recording without it.
     """
@@ -96,7 +93,6 @@ class GuessedMapping:
     """A first mapping.
 
     Attributes:
-        path: Of the file.
         columns: By column, those that a recording needs first.
         unused: Channels that no column took.
         several_tables: Whether a channel's name may not be enough to find it.
@@ -112,12 +108,7 @@ class GuessedMapping:
 
 @np.errstate(over="ignore", invalid="ignore")  # a damaged file may hold numbers at the limit of the representable
 def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
-    """Return a first mapping of a file, as far as names, units and values determine one.
-
-    Args:
-        tables: What the file holds, all channels loaded.
-        path: Of the file.
-    """
+    """Return a first mapping of a file with all channels loaded, as far as names, units and values determine one."""
     facts = facts_of(tables)
     ranked = {column: _ranked(column, facts) for column in QUANTITIES}
     chosen = _of_one_cylinder(ranked)

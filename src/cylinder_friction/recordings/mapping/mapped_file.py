@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -38,13 +38,7 @@ MOST_NAMES = 40
 
 
 def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: str) -> int:
-    """Return the index of the table that holds a channel.
-
-    Args:
-        tables: Of the file.
-        name: Of the channel.
-        table: Name of its table; empty where any will do.
-        column: What the channel is for, for the message.
+    """Return the index of the table that holds the channel for ``column``; any table will do if ``table`` is empty.
 
     Raises:
         RecordingError: The table or the channel is missing (the message lists what there is and the nearest name), or
@@ -58,24 +52,18 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
         )
     counts = {index: int((tables[index].channels.columns == name).sum()) for index in searched}
     holding = [index for index, count in counts.items() if count]
+    there = [str(other) for index in searched for other in (*tables[index].channels.columns, *tables[index].unread)]
     if len(holding) > 1:
-        raise RecordingError(
-            f"channel {name!r} (for {column!r}) occurs in tables {_listed([tables[index].name for index in holding])}; "
-            f"state which as ingest.channels.{column}.table"
-        )
-    if not holding:
-        there = [str(other) for index in searched for other in (*tables[index].channels.columns, *tables[index].unread)]
-        raise RecordingError(
-            f"channel {name!r} (for {column!r}) is missing; got channels {_listed(there)}{_nearest(name, there)}; "
-            f"correct the file or ingest.channels.{column}.channel"
-        )
-    if counts[holding[0]] > 1:
-        raise RecordingError(
-            f"channel {name!r} (for {column!r}) occurs {counts[holding[0]]} times; got channels "
-            f"{_listed([str(other) for other in tables[holding[0]].channels.columns])}; "
-            f"rename one in the file or correct ingest.channels.{column}.channel"
-        )
-    return holding[0]
+        problem = f"occurs in tables {_listed([tables[index].name for index in holding])}; state which as"
+    elif not holding:
+        problem = f"is missing; got channels {_listed(there)}{_nearest(name, there)}; correct the file or"
+    elif counts[holding[0]] > 1:
+        there = list(map(str, tables[holding[0]].channels.columns))
+        problem = f"occurs {counts[holding[0]]} times; got channels {_listed(there)}; rename one in the file or correct"
+    else:
+        return holding[0]
+    key = "table" if len(holding) > 1 else "channel"
+    raise RecordingError(f"channel {name!r} (for {column!r}) {problem} ingest.channels.{column}.{key}")
 
 
 def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
@@ -130,9 +118,8 @@ class MappedFile:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """Where the time stamps of a table come from: a channel of a table, or a rate."""
+class _Clock(NamedTuple):
+    """Where the time stamps of a table come from: a channel of a table, or a rate (then ``channel`` is empty)."""
 
     table: int
     channel: str
@@ -150,9 +137,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
             unit than the mapping, or two channels cannot share one clock.
     """
     columns = [column for column in mapping if column != "time_s"]
-    places = {
-        column: find_channel(tables, mapping[column].channel, mapping[column].table, column) for column in columns
-    }
+    places = {name: find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
     if mapping["time_s"].rate_hz is not None:
         _refuse_two_lengths(tables, clocks, mapping["time_s"].rate_hz)
@@ -241,7 +226,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     raw, stated = table.channels[channel], table.units.get(channel, "")
     if pd.api.types.is_timedelta64_dtype(raw.dtype):
         seconds: Array = raw.dt.total_seconds().to_numpy(dtype=np.float64)
-        return seconds - time.offset if time.offset else seconds
+        return seconds - time.offset
     if channel == time.channel:
         if stated and time.unit:
             _refuse_other_unit(stated, time.unit, channel, "time_s")

@@ -40,13 +40,10 @@ channels:
 
 
 def mapping_yaml(guess: GuessedMapping, source: str = "", template: str = TEMPLATE) -> str:
-    """Return the text of ``conf/ingest/<name>.yaml``.
+    """Return the text of ``conf/ingest/<name>.yaml``; the folder ``source`` is by default the one of the file.
 
-    Args:
-        guess: What ``guess_mapping`` found.
-        source: Folder of the files; by default the one that the file lies in.
-        template: Text with ``{file}``, ``{source}``, ``{pattern}``, ``{name_pattern}`` and ``{channels}``; the last
-            four are whole YAML values.
+    The template holds ``{file}``, and as whole YAML values ``{source}``, ``{pattern}``, ``{name_pattern}`` and
+    ``{channels}``.
     """
     suffix = _suffix(guess.path.name)
     filled = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from cylinder_friction.recordings.mapping.units import column_scale, electrical
-from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
+from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -64,7 +64,7 @@ class SensorScale:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the sensor of a plain dictionary, for example out of YAML, where pairs are lists."""
+        """Return the sensor of a dictionary, for example out of YAML, where pairs are lists."""
         pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
         return cls(**{**values, **pairs})
 
@@ -89,8 +89,6 @@ class SensorLimits:
     """What a sensor can read, in the column's unit.
 
     Attributes:
-        low: Lower end of its range.
-        high: Upper end of its range.
         step: One step of its converter; None if not known.
         described: The range as the logger's user knows it, for messages: ``0 to 250 bar (4 to 20 mA)``.
     """
@@ -110,15 +108,3 @@ def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> flo
     else:
         return None
     return sensor.full_scale * column_scale(column, sensor.unit) / steps
-
-
-def zeroed_uncertainty(before: SensorUncertainty, zero: float, accuracy_percent: float) -> SensorUncertainty:
-    """Return a sensor's uncertainty once its zero has been read and taken off.
-
-    Args:
-        before: As ``sensor_uncertainty`` gave it.
-        zero: Standard uncertainty of the zero reading, in the column's unit.
-        accuracy_percent: Of full scale. What is left of it grows with the reading and reaches a·FS / √3 at full scale,
-            that is a / √3 of the reading.
-    """
-    return SensorUncertainty(zero, accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD, before.resolution)

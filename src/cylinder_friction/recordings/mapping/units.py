@@ -63,9 +63,7 @@ _BY_QUANTITY = {
 }
 
 _ELECTRICAL = {name.casefold(): known for name, known in ELECTRICAL.items()}
-
 _PORTS = frozenset("ABCFHKPTXY")
-
 _OTHER_QUANTITIES = {
     "m/s", "mm/s", "cm/s", "in/s", "m/s2", "mm/s2", "m/min", "l/min", "lpm", "gpm", "l/s", "m3/s", "cm3/s", "mm2/s",
     "rpm", "1/min", "u/min", "rad/s", "°/s", "rad", "deg", "°", "%", "nm", "n·m", "n*m", "w", "kw", "hz", "khz", "a",
@@ -73,11 +71,8 @@ _OTHER_QUANTITIES = {
 """What else a logger records of a machine, in small letters."""
 
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
-
 _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute?)|g|gauge|rel|relativ|ü)\.?\)?", re.I)
-
 _TERM = r"[A-Za-zμ°_]+(?:(?:\*\*|\^)?-?[1-9])?"
-
 _PARSABLE = re.compile(rf"{_TERM}(?:\s?[*/·.]\s?{_TERM})*")
 
 
@@ -147,11 +142,7 @@ COMMON = {
 
 
 def check_unit(column: str, unit: str) -> None:
-    """Refuse a unit that does not exist or does not measure what the column holds.
-
-    Raises:
-        RecordingError: The message names the column, the unit and units that would do.
-    """
+    """Refuse a unit that does not exist or does not measure what the column holds."""
     wanted = QUANTITIES[column]
     would_do = f"expected one of {', '.join(COMMON[wanted])}, or another unit of {wanted}"
     if wanted == "pressure" and bare(unit) == "mPa":
@@ -174,30 +165,23 @@ def check_unit(column: str, unit: str) -> None:
 def to_column_unit(values: NDArray[np.float64], unit: str, column: str) -> NDArray[np.float64]:
     """Return values given in ``unit`` in the column's own unit; values already in it are returned untouched.
 
-    Temperatures are converted with their zero, so 32 °F is 0 °C.
-
-    Raises:
-        RecordingError: As ``check_unit``.
+    Temperatures are converted with their zero, so 32 °F is 0 °C. Refuses as ``check_unit``.
     """
-    conversion = _conversion(unit, QUANTITIES[column])
-    if conversion is None:
-        check_unit(column, unit)
-        raise AssertionError(f"{unit!r} passed as a unit of {column!r}")
-    scale, offset = conversion
+    scale, offset = _checked_conversion(unit, column)
     scaled = values if scale == 1.0 else values * scale
     return scaled if offset == 0.0 else scaled + offset
 
 
 def column_scale(column: str, unit: str) -> float:
-    """Return how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C.
+    """Return how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C."""
+    return _checked_conversion(unit, column)[0]
 
-    Raises:
-        RecordingError: As ``check_unit``.
-    """
+
+def _checked_conversion(unit: str, column: str) -> tuple[float, float]:
     check_unit(column, unit)
     conversion = _conversion(unit, QUANTITIES[column])
     assert conversion is not None
-    return conversion[0]
+    return conversion
 
 
 def units_agree(stated: str, configured: str) -> bool:
