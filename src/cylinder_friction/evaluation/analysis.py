@@ -40,31 +40,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A comparison with everything that is derived from it.
+    """A comparison with everything that is derived from it."""
 
-    Attributes:
-        comparison: The source of all the rest.
-        main: The estimator in question (the hybrid).
-        rival: The model beside it (LuGre).
-        curves: Learning curve of each hybrid.
-        excerpts: Friction over time, one per condition.
-        agreements: Estimated against calculated friction of ``main``, by condition.
-        profiles: Friction against velocity, by condition.
-        residuals: Figures of every estimator's residuals over all conditions.
-        dependences: Correlation of every estimator's residuals with each input.
-        histograms, quantiles, memories: Of ``main`` and ``rival``; a memory is an autocorrelation and the half width
-            of the 95 % band that independent residuals would keep to.
-    """
-
-    comparison: Comparison
-    main: str
-    rival: str
-    curves: Mapping[str, LearningCurve]
-    excerpts: list[Excerpt]
-    agreements: dict[str, Agreement]
-    profiles: dict[str, VelocityProfile]
-    residuals: dict[str, ResidualFigures]
-    dependences: dict[str, dict[str, float]]
+    comparison: Comparison  # The source of all the rest
+    main: str  # The estimator in question (the hybrid)
+    rival: str  # The model beside it (LuGre)
+    curves: Mapping[str, LearningCurve]  # Learning curve of each hybrid
+    excerpts: list[Excerpt]  # Friction over time, one per condition
+    agreements: dict[str, Agreement]  # Estimated against calculated friction of ``main``, by condition
+    profiles: dict[str, VelocityProfile]  # Friction against velocity, by condition
+    residuals: dict[str, ResidualFigures]  # Figures of every estimator's residuals over all conditions
+    dependences: dict[str, dict[str, float]]  # Correlation of every estimator's residuals with each input
+    # Of ``main`` and ``rival``; a memory is an autocorrelation and the half width of the 95 % band that independent
+    # residuals would keep to
     histograms: dict[str, Histogram]
     quantiles: dict[str, tuple[Array, Array]]
     memories: dict[str, tuple[Array, float]]

@@ -31,66 +31,43 @@ LABEL_ITSELF = "label"
 
 @dataclass(frozen=True)
 class ComparisonSettings:
-    """How estimators are compared.
+    """How estimators are compared."""
 
-    Attributes:
-        limits: Limits of the strata.
-        maximum_lag_s: Shifts tried when looking for an estimate's lag [s].
-        bootstrap_repeats: Draws of the block bootstrap.
-        bootstrap_block_s: Length of a block [s]; longer than the memory of the residuals.
-        seed: Seeds the draws.
-    """
-
-    limits: StrataLimits = field(default_factory=StrataLimits)
-    maximum_lag_s: float = 0.2
-    bootstrap_repeats: int = 1000
-    bootstrap_block_s: float = 2.0
-    seed: int = 0
+    limits: StrataLimits = field(default_factory=StrataLimits)  # Limits of the strata
+    maximum_lag_s: float = 0.2  # Shifts tried when looking for an estimate's lag [s]
+    bootstrap_repeats: int = 1000  # Draws of the block bootstrap
+    bootstrap_block_s: float = 2.0  # Length of a block [s]; longer than the memory of the residuals
+    seed: int = 0  # Seeds the draws
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One held-out recording and every estimate of it; all arrays have shape ``(n,)``.
+    """One held-out recording and every estimate of it; all arrays have shape ``(n,)``."""
 
-    Attributes:
-        name, condition, sample_time_s: Of the recording.
-        time_s, velocity_m_s, pressure_1_pa, pressure_2_pa: Of the recording, the velocity from the off-line filter.
-        label_n: Friction from the equation of motion [N]; may be NaN where not usable.
-        usable: Rows that count.
-        truth_n: True friction [N], or None where it is not known.
-        estimates_n: Estimated friction [N] by estimator.
-    """
-
+    # Of the recording
     name: str
     condition: str
     sample_time_s: float
+    # Of the recording, the velocity from the off-line filter
     time_s: Array
     velocity_m_s: Array
     pressure_1_pa: Array
     pressure_2_pa: Array
-    label_n: Array
-    usable: Mask
-    truth_n: Array | None
-    estimates_n: Mapping[str, Array]
+    label_n: Array  # Friction from the equation of motion [N]; may be NaN where not usable
+    usable: Mask  # Rows that count
+    truth_n: Array | None  # True friction [N], or None where it is not known
+    estimates_n: Mapping[str, Array]  # Estimated friction [N] by estimator
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """One estimator in one condition against one reference.
+    """One estimator in one condition against one reference."""
 
-    Attributes:
-        errors: Over all usable rows of the condition.
-        interval_percent: 95 % interval of ``errors.percent`` by block bootstrap.
-        draws_percent: The draws behind it; those of two estimators in one condition are paired.
-        lag_s: How late the estimate is [s].
-        strata: Errors within each stratum that has a usable row.
-    """
-
-    errors: Errors
-    interval_percent: tuple[float, float]
-    draws_percent: Array
-    lag_s: float
-    strata: Mapping[str, Errors]
+    errors: Errors  # Over all usable rows of the condition
+    interval_percent: tuple[float, float]  # 95 % interval of ``errors.percent`` by block bootstrap
+    draws_percent: Array  # The draws behind it; those of two estimators in one condition are paired
+    lag_s: float  # How late the estimate is [s]
+    strata: Mapping[str, Errors]  # Errors within each stratum that has a usable row
 
 
 Scores = dict[str, dict[str, Score]]
@@ -99,24 +76,16 @@ Scores = dict[str, dict[str, Score]]
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Every estimator's errors on the same recordings; prints as a table.
+    """Every estimator's errors on the same recordings; prints as a table."""
 
-    Attributes:
-        estimators: Names in the order given.
-        conditions: Names of the operating conditions, sorted.
-        label: Scores against the label.
-        truth: Scores against true friction, with ``LABEL_ITSELF`` as one more name; only of recordings whose truth
-            is known, so a condition may be missing, or all.
-        multiply_adds: Operations of one step by estimator.
-        traces: Every recording with every estimate; 8 bytes per sample and estimator.
-    """
-
-    estimators: tuple[str, ...]
-    conditions: tuple[str, ...]
-    label: Scores
+    estimators: tuple[str, ...]  # Names in the order given
+    conditions: tuple[str, ...]  # Names of the operating conditions, sorted
+    label: Scores  # Scores against the label
+    # Scores against true friction, with ``LABEL_ITSELF`` as one more name; only of recordings whose truth is known, so
+    # a condition may be missing, or all
     truth: Scores
-    multiply_adds: dict[str, int]
-    traces: tuple[Trace, ...]
+    multiply_adds: dict[str, int]  # Operations of one step by estimator
+    traces: tuple[Trace, ...]  # Every recording with every estimate; 8 bytes per sample and estimator
 
     def __repr__(self) -> str:
         return "\n\n".join(f"{words}:\n{table.to_string()}" for words, table in self._tables())

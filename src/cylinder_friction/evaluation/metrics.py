@@ -17,29 +17,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one estimate over ``rows`` rows; an undefined ratio (a reference that never varies) is NaN.
+    """Errors of one estimate over ``rows`` rows; an undefined ratio (a reference that never varies) is NaN."""
 
-    Attributes:
-        rows: Number of rows that count.
-        mae_n: Mean absolute error [N].
-        rmse_n: Root of the mean squared error [N].
-        bias_n: Mean of estimate minus reference [N]; positive where the estimate is too large.
-        p95_n: 95th percentile of the absolute error [N].
-        mean_abs_friction_n: Mean of the reference's absolute value [N], the denominator of ``percent``.
-        percent: ``100 * mae_n / mean_abs_friction_n``.
-        fit_percent: ``100 * (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` defines it.
-        range_nrmse_percent: ``100 * rmse_n / (max(y) - min(y))``.
-    """
-
-    rows: int
-    mae_n: float
-    rmse_n: float
-    bias_n: float
-    p95_n: float
-    mean_abs_friction_n: float
-    percent: float
-    fit_percent: float
-    range_nrmse_percent: float
+    rows: int  # Number of rows that count
+    mae_n: float  # Mean absolute error [N]
+    rmse_n: float  # Root of the mean squared error [N]
+    bias_n: float  # Mean of estimate minus reference [N]; positive where the estimate is too large
+    p95_n: float  # 95th percentile of the absolute error [N]
+    mean_abs_friction_n: float  # Mean of the reference's absolute value [N], the denominator of ``percent``
+    percent: float  # ``100 * mae_n / mean_abs_friction_n``
+    fit_percent: float  # ``100 * (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` defines it
+    range_nrmse_percent: float  # ``100 * rmse_n / (max(y) - min(y))``
 
     def to_dict(self) -> dict[str, float]:
         """Return the defined figures; those that are NaN are left out."""

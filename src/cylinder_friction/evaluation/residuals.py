@@ -24,35 +24,27 @@ _LJUNG_BOX_LAGS = 10
 
 @dataclass(frozen=True)
 class ResidualFigures:
-    """Residuals in numbers; a residual is reference minus estimate, so a positive one is an underestimate.
+    """Residuals in numbers; a residual is reference minus estimate, so a positive one is an underestimate."""
 
-    Attributes:
-        rows: Number of residuals.
-        mean_n, deviation_n: Mean and standard deviation [N].
-        lower_quartile_n, median_n, upper_quartile_n: Quartiles [N].
-        skewness: Third standardised moment; positive has its long tail at underestimates.
-        excess_kurtosis: Fourth standardised moment less 3; 0 for a normal distribution.
-        jarque_bera, jarque_bera_p: Test of normality. With 10^5 rows it rejects any real residual: read the size of
-            skewness and kurtosis, not the p-value.
-        autocorrelation_1: Autocorrelation at one sample.
-        ljung_box, ljung_box_p: Test of independence over 10 lags, on the longest uninterrupted run of usable rows.
-        effective_rows: How many independent residuals carry as much information about their mean.
-    """
-
-    rows: int
+    rows: int  # Number of residuals
+    # Mean and standard deviation [N]
     mean_n: float
     deviation_n: float
+    # Quartiles [N]
     lower_quartile_n: float
     median_n: float
     upper_quartile_n: float
-    skewness: float
-    excess_kurtosis: float
+    skewness: float  # Third standardised moment; positive has its long tail at underestimates
+    excess_kurtosis: float  # Fourth standardised moment less 3; 0 for a normal distribution
+    # Test of normality. With 10^5 rows it rejects any real residual: read the size of skewness and kurtosis, not the
+    # p-value
     jarque_bera: float
     jarque_bera_p: float
-    autocorrelation_1: float
+    autocorrelation_1: float  # Autocorrelation at one sample
+    # Test of independence over 10 lags, on the longest uninterrupted run of usable rows
     ljung_box: float
     ljung_box_p: float
-    effective_rows: float
+    effective_rows: float  # How many independent residuals carry as much information about their mean
 
 
 def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:

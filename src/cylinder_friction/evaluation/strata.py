@@ -23,17 +23,12 @@ STRATA = {
 
 @dataclass(frozen=True)
 class StrataLimits:
-    """What counts as at rest, near zero, and just after a reversal.
+    """What counts as at rest, near zero, and just after a reversal."""
 
-    Attributes:
-        standstill_velocity_m_s: At or below this speed the piston counts as at rest [m/s].
-        stribeck_velocity_m_s: Up to twice this speed (and above standstill) a row is near zero velocity [m/s].
-        reversal_window_s: How long after a change of direction a row counts as just after it [s].
-    """
-
-    standstill_velocity_m_s: float = 0.001
+    standstill_velocity_m_s: float = 0.001  # At or below this speed the piston counts as at rest [m/s]
+    # Up to twice this speed (and above standstill) a row is near zero velocity [m/s]
     stribeck_velocity_m_s: float = 0.008
-    reversal_window_s: float = 0.1
+    reversal_window_s: float = 0.1  # How long after a change of direction a row counts as just after it [s]
 
 
 def strata_masks(

@@ -18,32 +18,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One number of a friction model.
+    """One number of a friction model."""
 
-    Attributes:
-        name: Field of the model's parameters, with its unit at the end.
-        unit: As ``pint`` parses it.
-        meaning: In a few words.
-        lower, upper: Bounds of the search.
-        first: Start of the search; None where the Stribeck curve or the presliding stiffness gives it.
-        logarithmic: Whether the search uses its logarithm.
-        relative_to: Unit of ``lower``, ``upper`` and ``first``: the parameter's own; factors of the Coulomb friction of
-            the steady curve; the excess over ``coulomb_n``, relative to it; the share of friction at the reference
-            pressure that is due to pressure.
-        searched: Whether it is identified by search; otherwise it follows from the others.
-        may_be_zero: Whether zero is valid.
-    """
-
-    name: str
-    unit: str
-    meaning: str
+    name: str  # Field of the model's parameters, with its unit at the end
+    unit: str  # As ``pint`` parses it
+    meaning: str  # In a few words
+    # Bounds of the search
     lower: float
     upper: float
+    # Start of the search; None where the Stribeck curve or the presliding stiffness gives it
     first: float | None = None
-    logarithmic: bool = True
+    logarithmic: bool = True  # Whether the search uses its logarithm
+    # Unit of ``lower``, ``upper`` and ``first``: the parameter's own; factors of the Coulomb friction of the steady
+    # curve; the excess over ``coulomb_n``, relative to it; the share of friction at the reference pressure that is due
+    # to pressure
     relative_to: Literal["", "curve", "coulomb_n", "pressure"] = ""
-    searched: bool = True
-    may_be_zero: bool = False
+    searched: bool = True  # Whether it is identified by search; otherwise it follows from the others
+    may_be_zero: bool = False  # Whether zero is valid
 
     def __post_init__(self) -> None:
         if not self.lower < self.upper or (self.logarithmic and self.lower <= 0.0):
@@ -133,23 +124,15 @@ class ModelParameters:
 
 @dataclass(frozen=True)
 class StribeckParameters(ModelParameters):
-    """The numbers of a model that slides along the Stribeck curve; a subclass adds its own and those of ``SCALING``.
-
-    Attributes:
-        coulomb_n: Coulomb friction Fc while extending, at zero gauge pressure [N].
-        static_n: Static friction Fs while extending, at zero gauge pressure [N], at least ``coulomb_n``.
-        stribeck_velocity_m_s: Stribeck velocity vs [m/s].
-        stribeck_exponent: Exponent a of the Stribeck curve.
-        viscous_n_s_m: Viscous coefficient s2 [N s/m].
-    """
+    """The numbers of a model that slides along the Stribeck curve; a subclass adds its own and those of ``SCALING``."""
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = STRIBECK
 
-    coulomb_n: float
-    static_n: float
-    stribeck_velocity_m_s: float
-    stribeck_exponent: float
-    viscous_n_s_m: float
+    coulomb_n: float  # Coulomb friction Fc while extending, at zero gauge pressure [N]
+    static_n: float  # Static friction Fs while extending, at zero gauge pressure [N], at least ``coulomb_n``
+    stribeck_velocity_m_s: float  # Stribeck velocity vs [m/s]
+    stribeck_exponent: float  # Exponent a of the Stribeck curve
+    viscous_n_s_m: float  # Viscous coefficient s2 [N s/m]
 
 
 def refuse_impossible(numbers: object, specs: Sequence[ParameterSpec]) -> None:

@@ -32,26 +32,19 @@ class StribeckCurve:
     ``F(v) = sgn(v) * side(v) * [Fc + (Fs - Fc) * exp(-|v / vs|**a)] + s2 * v`` with ``side`` 1 while extending and
     ``retract_ratio`` while retracting. At ``v = 0`` the curve gives 0: sticking friction is not a function of velocity.
 
-    Attributes:
-        coulomb_n: Coulomb friction Fc while extending [N].
-        static_n: Friction Fs that the curve starts from at lowest speed while extending [N], at least ``coulomb_n``.
-        stribeck_velocity_m_s: Speed vs over which friction falls from static to Coulomb [m/s].
-        stribeck_exponent: Shape a of that fall.
-        viscous_n_s_m: Viscous coefficient s2 [N s/m].
-        retract_ratio: Dry friction while retracting over dry friction while extending.
-
     Raises:
         ValueError: A number is not finite or not positive (viscous may be zero), or static is below Coulomb.
 
     Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1.
     """
 
-    coulomb_n: float
+    coulomb_n: float  # Coulomb friction Fc while extending [N]
+    # Friction Fs that the curve starts from at lowest speed while extending [N], at least ``coulomb_n``
     static_n: float
-    stribeck_velocity_m_s: float
-    stribeck_exponent: float
-    viscous_n_s_m: float
-    retract_ratio: float = 1.0
+    stribeck_velocity_m_s: float  # Speed vs over which friction falls from static to Coulomb [m/s]
+    stribeck_exponent: float  # Shape a of that fall
+    viscous_n_s_m: float  # Viscous coefficient s2 [N s/m]
+    retract_ratio: float = 1.0  # Dry friction while retracting over dry friction while extending
 
     def __post_init__(self) -> None:
         refuse_impossible(self, (*STRIBECK, RETRACT_RATIO))

@@ -23,29 +23,17 @@ STRATA = ("all", "steady", "events", *EVENTS)
 
 @dataclass(frozen=True)
 class AuditRow:
-    """Label less truth, of one filter in one condition and stratum.
+    """Label less truth, of one filter in one condition and stratum."""
 
-    Attributes:
-        filter: Name of the filter.
-        condition: Name of the operating condition, or ``all``.
-        stratum: One of ``STRATA``.
-        rows: Number of samples.
-        mae_n: Mean absolute error [N].
-        max_n: Largest absolute error [N].
-        bias_n: Mean error, positive where the label is above the truth [N].
-        mean_friction_n: Mean absolute true friction of the same rows [N].
-        mae_percent: ``mae_n`` over ``mean_friction_n`` [%].
-    """
-
-    filter: str
-    condition: str
-    stratum: str
-    rows: int
-    mae_n: float
-    max_n: float
-    bias_n: float
-    mean_friction_n: float
-    mae_percent: float
+    filter: str  # Name of the filter
+    condition: str  # Name of the operating condition, or ``all``
+    stratum: str  # One of ``STRATA``
+    rows: int  # Number of samples
+    mae_n: float  # Mean absolute error [N]
+    max_n: float  # Largest absolute error [N]
+    bias_n: float  # Mean error, positive where the label is above the truth [N]
+    mean_friction_n: float  # Mean absolute true friction of the same rows [N]
+    mae_percent: float  # ``mae_n`` over ``mean_friction_n`` [%]
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -69,13 +57,9 @@ class _Sums:
 
 @dataclass
 class Audit:
-    """Collects errors one recording at a time, so that memory holds only sums.
+    """Collects errors one recording at a time, so that memory holds only sums."""
 
-    Attributes:
-        event_window_s: Rows within this time of a start, stop or reversal count as near it [s].
-    """
-
-    event_window_s: float
+    event_window_s: float  # Rows within this time of a start, stop or reversal count as near it [s]
     _sums: dict[tuple[str, str, str], _Sums] = field(default_factory=dict)
 
     def add(

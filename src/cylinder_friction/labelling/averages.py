@@ -17,19 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Averages:
-    """Means over pieces of recordings, all of shape ``(pieces,)``; a subclass adds its group's numbers, from 0.
-
-    Attributes:
-        force_n: Drive force less whatever load is known, inertia included [N].
-        position_m: [m].
-        velocity_m_s: [m/s].
-        acceleration_m_s2: [m/s²].
-    """
+    """Means over pieces of recordings, all of shape ``(pieces,)``; a subclass adds its group's numbers, from 0."""
 
     group: ClassVar[str]
     """Field that numbers the stroke or cluster a piece belongs to."""
 
-    force_n: Array
+    force_n: Array  # Drive force less whatever load is known, inertia included [N]
     position_m: Array
     velocity_m_s: Array
     acceleration_m_s2: Array

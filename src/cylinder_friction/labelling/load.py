@@ -50,27 +50,19 @@ _LEAST_POINTS_PER_COEFFICIENT = 4
 class LoadPlan:
     """How a load is identified.
 
-    Attributes:
-        slowest_m_s: Slower rows are left out: there friction is neither Coulomb nor viscous [m/s].
-        settling_travel_m: Travel after a start or reversal that does not count [m].
-        greatest_order: Greatest order of the polynomial in position.
-        asymmetry: Standard uncertainty of the difference of friction between the directions, half of it over Coulomb
-            friction; the data cannot determine it.
-        repeats: Bootstrap samples.
-        seed: Seed of the bootstrap.
-        confidence: Probability of the intervals.
-
     Raises:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 2e-3
-    settling_travel_m: float = 2e-3
-    greatest_order: int = 8
+    slowest_m_s: float = 2e-3  # Slower rows are left out: there friction is neither Coulomb nor viscous [m/s]
+    settling_travel_m: float = 2e-3  # Travel after a start or reversal that does not count [m]
+    greatest_order: int = 8  # Greatest order of the polynomial in position
+    # Standard uncertainty of the difference of friction between the directions, half of it over Coulomb friction; the
+    # data cannot determine it
     asymmetry: float = 0.15
-    repeats: int = 200
-    seed: int = 0
-    confidence: float = 0.95
+    repeats: int = 200  # Bootstrap samples
+    seed: int = 0  # Seed of the bootstrap
+    confidence: float = 0.95  # Probability of the intervals
 
     def __post_init__(self) -> None:
         for field in ("slowest_m_s", "settling_travel_m", "asymmetry"):
@@ -85,40 +77,28 @@ class LoadPlan:
 
 @dataclass(frozen=True)
 class LoadIdentification:
-    """A load that depends on position, and the friction found beside it.
+    """A load that depends on position, and the friction found beside it."""
 
-    Attributes:
-        coefficients_n: Coefficients of Legendre polynomials in position, scaled so that ``range_m`` is -1 to 1 [N].
-        coverage: Where strokes of both directions went; elsewhere the load is not known.
-        scatter_n: Standard uncertainty of the load from the scatter of strokes, at ``GRID`` equidistant positions [N].
-        asymmetry_n: Standard uncertainty of the load from friction that may differ between the directions [N].
-        coulomb_n: Coulomb friction, half the difference between up and down at no speed [N].
-        coulomb_interval_n: Its confidence interval [N].
-        coulomb_extend_n, coulomb_retract_n: Median residual in either direction after subtracting load and viscous
-            friction [N]; a constant difference between them has gone into the load.
-        viscous_n_s_m: Viscous friction [N s/m]; 0 where the speeds do not determine it.
-        viscous_interval_n_s_m: Its confidence interval, then (0, 0).
-        load_range_n: Least and greatest load over the coverage [N].
-        strokes_extend, strokes_retract: Number of strokes.
-        residual_n: Median absolute residual of the points [N].
-        confidence: Probability of the intervals.
-    """
-
+    # Coefficients of Legendre polynomials in position, scaled so that ``range_m`` is -1 to 1 [N]
     coefficients_n: tuple[float, ...]
-    coverage: Coverage
+    coverage: Coverage  # Where strokes of both directions went; elsewhere the load is not known
+    # Standard uncertainty of the load from the scatter of strokes, at ``GRID`` equidistant positions [N]
     scatter_n: tuple[float, ...]
-    asymmetry_n: float
-    coulomb_n: float
-    coulomb_interval_n: tuple[float, float]
+    asymmetry_n: float  # Standard uncertainty of the load from friction that may differ between the directions [N]
+    coulomb_n: float  # Coulomb friction, half the difference between up and down at no speed [N]
+    coulomb_interval_n: tuple[float, float]  # Its confidence interval [N]
+    # Median residual in either direction after subtracting load and viscous friction [N]; a constant difference between
+    # them has gone into the load
     coulomb_extend_n: float
     coulomb_retract_n: float
-    viscous_n_s_m: float
-    viscous_interval_n_s_m: tuple[float, float]
-    load_range_n: tuple[float, float]
+    viscous_n_s_m: float  # Viscous friction [N s/m]; 0 where the speeds do not determine it
+    viscous_interval_n_s_m: tuple[float, float]  # Its confidence interval, then (0, 0)
+    load_range_n: tuple[float, float]  # Least and greatest load over the coverage [N]
+    # Number of strokes
     strokes_extend: int
     strokes_retract: int
-    residual_n: float
-    confidence: float
+    residual_n: float  # Median absolute residual of the points [N]
+    confidence: float  # Probability of the intervals
 
     @property
     def order(self) -> int:

@@ -39,20 +39,14 @@ _OUTLIER_MULTIPLE = 3.0
 class MotionPlan:
     """How the moving mass is identified.
 
-    Attributes:
-        slowest_m_s: A block with a slower row is left out: sticking has no Coulomb friction [m/s].
-        block_s: Duration that is averaged before the regression [s].
-        cluster_s: Residuals of two such intervals count as independent [s].
-        confidence: Probability of the intervals.
-
     Raises:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 1e-3
-    block_s: float = 0.05
-    cluster_s: float = 1.0
-    confidence: float = 0.95
+    slowest_m_s: float = 1e-3  # A block with a slower row is left out: sticking has no Coulomb friction [m/s]
+    block_s: float = 0.05  # Duration that is averaged before the regression [s]
+    cluster_s: float = 1.0  # Residuals of two such intervals count as independent [s]
+    confidence: float = 0.95  # Probability of the intervals
 
     def __post_init__(self) -> None:
         for field in ("block_s", "cluster_s"):
@@ -66,49 +60,31 @@ class MotionPlan:
 
 @dataclass(frozen=True)
 class MotionPoints(Averages):
-    """Means over blocks in motion, each of shape ``(blocks,)``.
-
-    Attributes:
-        direction: Mean sign of velocity.
-        cluster: Which stretch of ``cluster_s`` the block belongs to, counted from 0.
-    """
+    """Means over blocks in motion, each of shape ``(blocks,)``."""
 
     group = "cluster"
 
-    direction: Array
-    cluster: NDArray[np.int64]
+    direction: Array  # Mean sign of velocity
+    cluster: NDArray[np.int64]  # Which stretch of ``cluster_s`` the block belongs to, counted from 0
 
 
 @dataclass(frozen=True)
 class MotionIdentification:
-    """The coefficients of the regression; intervals are pairs in the unit of their coefficient.
+    """The coefficients of the regression; intervals are pairs in the unit of their coefficient."""
 
-    Attributes:
-        mass_kg: Moving mass, m [kg].
-        mass_interval_kg: Its interval [kg].
-        viscous_n_s_m: Viscous friction, s_2 [N s/m].
-        viscous_interval_n_s_m: Its interval [N s/m].
-        coulomb_n: Coulomb friction, F_C [N].
-        coulomb_interval_n: Its interval [N].
-        offset_n: Constant force, F_0 [N]: offset of a sensor, friction that differs between the directions, or the
-            mean of a load that was identified beside it.
-        offset_interval_n: Its interval [N].
-        residual_n: Root mean square residual of the blocks [N].
-        blocks: Number of blocks in the regression.
-        confidence: Probability of the intervals.
-    """
-
-    mass_kg: float
-    mass_interval_kg: tuple[float, float]
-    viscous_n_s_m: float
-    viscous_interval_n_s_m: tuple[float, float]
-    coulomb_n: float
-    coulomb_interval_n: tuple[float, float]
+    mass_kg: float  # Moving mass, m [kg]
+    mass_interval_kg: tuple[float, float]  # Its interval [kg]
+    viscous_n_s_m: float  # Viscous friction, s_2 [N s/m]
+    viscous_interval_n_s_m: tuple[float, float]  # Its interval [N s/m]
+    coulomb_n: float  # Coulomb friction, F_C [N]
+    coulomb_interval_n: tuple[float, float]  # Its interval [N]
+    # Constant force, F_0 [N]: offset of a sensor, friction that differs between the directions, or the mean of a load
+    # that was identified beside it
     offset_n: float
-    offset_interval_n: tuple[float, float]
-    residual_n: float
-    blocks: int
-    confidence: float
+    offset_interval_n: tuple[float, float]  # Its interval [N]
+    residual_n: float  # Root mean square residual of the blocks [N]
+    blocks: int  # Number of blocks in the regression
+    confidence: float  # Probability of the intervals
 
     @property
     def mass_known(self) -> bool:

@@ -22,17 +22,11 @@ _SETTLED = 1e-10
 
 @dataclass(frozen=True)
 class RobustFit:
-    """A regression with Huber's loss.
+    """A regression with Huber's loss."""
 
-    Attributes:
-        coefficients: Shape ``(k,)``.
-        weights: Weight of each row, in (0, 1], shape ``(n,)``.
-        residuals: Target less fit, shape ``(n,)``.
-    """
-
-    coefficients: Array
-    weights: Array
-    residuals: Array
+    coefficients: Array  # Shape ``(k,)``
+    weights: Array  # Weight of each row, in (0, 1], shape ``(n,)``
+    residuals: Array  # Target less fit, shape ``(n,)``
 
 
 def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTIPLE) -> RobustFit:

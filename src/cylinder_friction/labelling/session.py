@@ -18,17 +18,11 @@ _LOAD_ORDER = 4
 
 @dataclass(frozen=True)
 class SessionIdentification:
-    """What was identified in one session, and the mass that its labels use.
+    """What was identified in one session, and the mass that its labels use."""
 
-    Attributes:
-        moving_mass_kg: The identified mass where the motion determines it, else the given one [kg].
-        load: None where the load was not to be identified.
-        motion: None where the mass was not to be identified.
-    """
-
-    moving_mass_kg: float
-    load: LoadIdentification | None = None
-    motion: MotionIdentification | None = None
+    moving_mass_kg: float  # The identified mass where the motion determines it, else the given one [kg]
+    load: LoadIdentification | None = None  # None where the load was not to be identified
+    motion: MotionIdentification | None = None  # None where the mass was not to be identified
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""

@@ -26,29 +26,21 @@ LEAST_SHARE = 0.1
 
 @dataclass(frozen=True)
 class StrokePoints(Averages):
-    """Means over short pieces of strokes, all of shape ``(points,)``; velocity is never zero.
-
-    Attributes:
-        first_m, last_m: Position where the piece begins and ends [m].
-        stroke: Which stroke the piece belongs to, counted from 0.
-    """
+    """Means over short pieces of strokes, all of shape ``(points,)``; velocity is never zero."""
 
     group = "stroke"
 
+    # Position where the piece begins and ends [m]
     first_m: Array
     last_m: Array
-    stroke: NDArray[np.int64]
+    stroke: NDArray[np.int64]  # Which stroke the piece belongs to, counted from 0
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Sections of the travel that strokes of both directions passed through.
+    """Sections of the travel that strokes of both directions passed through."""
 
-    Attributes:
-        stretches_m: Disjoint pairs of first and last position, ascending [m].
-    """
-
-    stretches_m: tuple[tuple[float, float], ...]
+    stretches_m: tuple[tuple[float, float], ...]  # Disjoint pairs of first and last position, ascending [m]
 
     @property
     def range_m(self) -> tuple[float, float]:

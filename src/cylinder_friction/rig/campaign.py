@@ -52,50 +52,34 @@ LOAD_SEED = 1
 
 @dataclass(frozen=True)
 class RigRecording:
-    """One recording as the logger wrote it, and the truth that no logger sees.
+    """One recording as the logger wrote it, and the truth that no logger sees."""
 
-    Attributes:
-        metadata: Who and when.
-        logger: Columns ``sensors.LOGGER_COLUMNS``: seconds, bar, bar, millimetres, °C; with an external load also
-            ``sensors.LOAD_COLUMN``, newtons.
-        truth: Columns ``TRUTH_COLUMNS`` at the same times, SI units; with an external load also ``load_force_n``.
-    """
-
-    metadata: RecordingMetadata
+    metadata: RecordingMetadata  # Who and when
+    # Columns ``sensors.LOGGER_COLUMNS``: seconds, bar, bar, millimetres, °C; with an external load also
+    # ``sensors.LOAD_COLUMN``, newtons
     logger: pd.DataFrame
+    # Columns ``TRUTH_COLUMNS`` at the same times, SI units; with an external load also ``load_force_n``
     truth: pd.DataFrame
 
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """How much is recorded, and under which conditions.
+    """How much is recorded, and under which conditions."""
 
-    Attributes:
-        seed: Seeds everything that is drawn.
-        sessions_per_condition: Sessions in each of the four conditions, each with its temperature, offsets and drift.
-        recordings_per_session: Two or more contain all set exercises.
-        duration_s: Duration of a recording [s].
-        sample_time_s: Of the logger [s], a multiple of 1 ms.
-        time_step_s: Of the integration [s], a divisor of 1 ms.
-        supply: ``"didactic"`` or ``"industrial"``.
-        zeroed: Whether the pressure transmitters were zeroed before each session.
-        residual_offset_bar: Largest offset that zeroing leaves [bar].
-        fault: One of ``faults.FAULTS``.
-        external_load: ``"none"``, or ``"varied"``: a load cell and forces on the rod that change within a recording.
-        specimen: ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size.
-    """
-
-    seed: int = 0
+    seed: int = 0  # Seeds everything that is drawn
+    # Sessions in each of the four conditions, each with its temperature, offsets and drift
     sessions_per_condition: int = 6
-    recordings_per_session: int = 2
-    duration_s: float = 60.0
-    sample_time_s: float = 0.005
-    time_step_s: float = DEFAULT_STEP_S
-    supply: str = "industrial"
-    zeroed: bool = True
-    residual_offset_bar: float = 0.05
-    fault: str = "none"
+    recordings_per_session: int = 2  # Two or more contain all set exercises
+    duration_s: float = 60.0  # Duration of a recording [s]
+    sample_time_s: float = 0.005  # Of the logger [s], a multiple of 1 ms
+    time_step_s: float = DEFAULT_STEP_S  # Of the integration [s], a divisor of 1 ms
+    supply: str = "industrial"  # ``"didactic"`` or ``"industrial"``
+    zeroed: bool = True  # Whether the pressure transmitters were zeroed before each session
+    residual_offset_bar: float = 0.05  # Largest offset that zeroing leaves [bar]
+    fault: str = "none"  # One of ``faults.FAULTS``
+    # ``"none"``, or ``"varied"``: a load cell and forces on the rod that change within a recording
     external_load: Literal["none", "varied"] = "none"
+    # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
     specimen: Literal["default", "wide"] = "default"
 
     @property

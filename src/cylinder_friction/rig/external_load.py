@@ -41,18 +41,13 @@ REACH_M = 1.0
 class ExternalLoad:
     """A load as the simulation takes it.
 
-    Attributes:
-        force_n: Depends on time alone, one value each millisecond, shape ``(ticks,)`` [N].
-        share: How much of ``along_n`` works, one value each millisecond, shape ``(ticks,)``.
-        along_n: Depends on position, evenly from 0 to the stroke, shape ``(places,)`` [N].
-
     Raises:
         ValueError: The shapes do not fit, or a value is not finite.
     """
 
-    force_n: Array
-    share: Array
-    along_n: Array
+    force_n: Array  # Depends on time alone, one value each millisecond, shape ``(ticks,)`` [N]
+    share: Array  # How much of ``along_n`` works, one value each millisecond, shape ``(ticks,)``
+    along_n: Array  # Depends on position, evenly from 0 to the stroke, shape ``(places,)`` [N]
 
     def __post_init__(self) -> None:
         if self.force_n.ndim != 1 or self.force_n.shape != self.share.shape or self.along_n.ndim != 1:

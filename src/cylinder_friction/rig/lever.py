@@ -38,15 +38,10 @@ RELEASED = 0.02
 
 @dataclass(frozen=True)
 class DutyCycle:
-    """The operator's intended actions, and the hand's remnant.
+    """The operator's intended actions, and the hand's remnant."""
 
-    Attributes:
-        actions: Shape ``(rows, 10)``, columns as ``KIND`` ... ``SHAKE``.
-        remnant: Shape ``(ticks,)``: unintended motion of the hand, at full lever.
-    """
-
-    actions: NDArray[np.float64]
-    remnant: NDArray[np.float64]
+    actions: NDArray[np.float64]  # Shape ``(rows, 10)``, columns as ``KIND`` ... ``SHAKE``
+    remnant: NDArray[np.float64]  # Shape ``(ticks,)``: unintended motion of the hand, at full lever
 
 
 @numba.njit(cache=True)

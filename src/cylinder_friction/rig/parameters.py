@@ -20,192 +20,111 @@ ELEMENTS = 4
 
 @dataclass(frozen=True)
 class FrictionParameters:
-    """The true friction: generalised Maxwell-slip, lubricant film, seal pressure, temperature, bore ripple.
+    """The true friction: generalised Maxwell-slip, lubricant film, seal pressure, temperature, bore ripple."""
 
-    Attributes:
-        coulomb_n: Coulomb friction without pressure at 40 °C, mean of both directions [N].
-        asymmetry: Retraction has ``1 + asymmetry``, extension ``1 - asymmetry`` times the mean; 0.094 is a ratio of
-            290 to 240.
-        coulomb_temperature_1_k: Relative fall of ``coulomb_n`` with temperature [1/K].
-        piston_seal_n: Friction at 1 bar of the higher pressure, growing with its power 0.8 [N].
-        rod_seal_n: Friction at 1 bar on the rod side, growing with its power 0.7 [N].
-        static_ratio: Breakaway over Coulomb friction after a long dwell [-].
-        stribeck_velocity_m_s: Decay of the Stribeck curve at 40 °C [m/s]; grows as viscosity falls (Hersey).
-        film_velocity_m_s: Where the film is full, the speed of least steady friction, at 40 °C [m/s].
-        viscous_n_s_m: Viscous coefficient at 40 °C [N s/m].
-        viscosity_temperature_1_k: Exponential fall of the oil's viscosity [1/K].
-        stiffness_n_m: Presliding stiffness of each element [N/m].
-        share: Share of each element in the strength; they sum to 1.
-        attraction_n_s: How fast a slipping element is drawn to its strength, the frictional lag [N/s].
-        damping_n_s_m: Presliding damping [N s/m]; fading, it drives with up to 0.45 of this, which the viscous
-            coefficient of warm oil must outweigh, or the rig chatters at the oil's resonance.
-        damping_velocity_m_s: Above it the presliding damping fades [m/s].
-        film_build_s: Time constant of the film as it builds [s].
-        film_squeeze_s: Time constant of the film as it thins in motion [s].
-        film_dwell_s: Time constant of the film as it thins at rest; makes breakaway depend on the dwell [s].
-        dwell_velocity_m_s: Speed between rest and motion, for the two time constants above [m/s].
-        ripple: Relative amplitude of each wave of the bore ripple [-].
-        ripple_length_m: Length of each wave [m].
-        ripple_phase_rad: Phase of each wave [rad].
-        bend_n_per_n: Relative friction of a bent rod at full stroke; 0 when straight [-].
-    """
-
-    coulomb_n: float = 235.0
+    coulomb_n: float = 235.0  # Coulomb friction without pressure at 40 °C, mean of both directions [N]
+    # Retraction has ``1 + asymmetry``, extension ``1 - asymmetry`` times the mean; 0.094 is a ratio of 290 to 240
     asymmetry: float = 0.0943
-    coulomb_temperature_1_k: float = 0.002
-    piston_seal_n: float = 9.0
-    rod_seal_n: float = 8.0
-    static_ratio: float = 1.5
+    coulomb_temperature_1_k: float = 0.002  # Relative fall of ``coulomb_n`` with temperature [1/K]
+    piston_seal_n: float = 9.0  # Friction at 1 bar of the higher pressure, growing with its power 0.8 [N]
+    rod_seal_n: float = 8.0  # Friction at 1 bar on the rod side, growing with its power 0.7 [N]
+    static_ratio: float = 1.5  # Breakaway over Coulomb friction after a long dwell [-]
+    # Decay of the Stribeck curve at 40 °C [m/s]; grows as viscosity falls (Hersey)
     stribeck_velocity_m_s: float = 0.008
-    film_velocity_m_s: float = 0.04
-    viscous_n_s_m: float = 1500.0
-    viscosity_temperature_1_k: float = 0.033
+    film_velocity_m_s: float = 0.04  # Where the film is full, the speed of least steady friction, at 40 °C [m/s]
+    viscous_n_s_m: float = 1500.0  # Viscous coefficient at 40 °C [N s/m]
+    viscosity_temperature_1_k: float = 0.033  # Exponential fall of the oil's viscosity [1/K]
+    # Presliding stiffness of each element [N/m]
     stiffness_n_m: tuple[float, float, float, float] = (2.2e6, 1.4e6, 0.9e6, 0.5e6)
+    # Share of each element in the strength; they sum to 1
     share: tuple[float, float, float, float] = (0.15, 0.20, 0.30, 0.35)
-    attraction_n_s: float = 6e4
+    attraction_n_s: float = 6e4  # How fast a slipping element is drawn to its strength, the frictional lag [N/s]
+    # Presliding damping [N s/m]; fading, it drives with up to 0.45 of this, which the viscous coefficient of warm oil
+    # must outweigh, or the rig chatters at the oil's resonance
     damping_n_s_m: float = 2000.0
-    damping_velocity_m_s: float = 0.002
-    film_build_s: float = 0.05
-    film_squeeze_s: float = 0.2
-    film_dwell_s: float = 15.0
-    dwell_velocity_m_s: float = 5e-4
-    ripple: tuple[float, float, float] = (0.02, 0.012, 0.008)
-    ripple_length_m: tuple[float, float, float] = (0.19, 0.061, 0.023)
-    ripple_phase_rad: tuple[float, float, float] = (0.4, 2.1, 4.4)
-    bend_n_per_n: float = 0.0
+    damping_velocity_m_s: float = 0.002  # Above it the presliding damping fades [m/s]
+    film_build_s: float = 0.05  # Time constant of the film as it builds [s]
+    film_squeeze_s: float = 0.2  # Time constant of the film as it thins in motion [s]
+    film_dwell_s: float = 15.0  # Time constant of the film as it thins at rest; makes breakaway depend on the dwell [s]
+    dwell_velocity_m_s: float = 5e-4  # Speed between rest and motion, for the two time constants above [m/s]
+    ripple: tuple[float, float, float] = (0.02, 0.012, 0.008)  # Relative amplitude of each wave of the bore ripple [-]
+    ripple_length_m: tuple[float, float, float] = (0.19, 0.061, 0.023)  # Length of each wave [m]
+    ripple_phase_rad: tuple[float, float, float] = (0.4, 2.1, 4.4)  # Phase of each wave [rad]
+    bend_n_per_n: float = 0.0  # Relative friction of a bent rod at full stroke; 0 when straight [-]
 
 
 @dataclass(frozen=True)
 class HydraulicParameters:
-    """Cylinder chambers, supply, valve, throttle, cushions, stops and oil.
+    """Cylinder chambers, supply, valve, throttle, cushions, stops and oil."""
 
-    Attributes:
-        piston_area_m2: A1 [m²]; set from the cylinder, as are the next three.
-        annulus_area_m2: A2 [m²].
-        stroke_m: Travel [m].
-        mass_kg: Moving mass [kg].
-        dead_volume_1_m3: Oil on the piston side at position 0, hose included [m³].
-        dead_volume_2_m3: Oil on the rod side at full stroke, hose included [m³].
-        oil_modulus_pa: Bulk modulus of oil without air [Pa].
-        air_fraction: Undissolved air by volume at atmospheric pressure [-].
-        polytropic_exponent: Of the air [-].
-        atmosphere_pa: Absolute pressure of the surroundings [Pa].
-        leakage_m3_s_pa: Past the piston seal at 40 °C [m³/(s Pa)]; healthy 1e-14 to 1e-13.
-        pump_flow_m3_s: Largest flow of the pump [m³/s].
-        pump_pressure_pa: Where the compensator has closed the pump [Pa].
-        compensator_band_pa: Pressure over which it closes [Pa].
-        relief_factor: Relief valve opens at this multiple of ``pump_pressure_pa`` [-].
-        relief_gain_m3_s_pa: Flow of the relief valve above that [m³/(s Pa)].
-        supply_volume_m3: Oil between pump and valve [m³].
-        tank_pressure_pa: Back pressure of the return filter [Pa].
-        valve_gain: Supply edges, fully open [m³/s/√Pa].
-        return_ratio_1: Opening of the return edge of port A over that of the supply edges [-]; spools for single-rod
-            cylinders have it wide, so that the larger flow of the piston side keeps little back pressure.
-        return_ratio_2: The same of port B [-].
-        valve_overlap: Dead band of the closed centre, as a part of the travel [-]; 0.08 to 0.15.
-        metering_exponent: Shape of the metering notches: opening = travel to this power [-].
-        spool_lag_s: First-order lag from lever to spool [s].
-        throttle_gain: Meter-out throttle on port B, for outflow only [m³/s/√Pa]; inflow passes its check valve.
-        check_gain: That check valve [m³/s/√Pa].
-        makeup_gain: Anti-cavitation valves, from the tank into either chamber; 0 where no load pulls [m³/s/√Pa].
-        makeup_cracking_pa: So far below the tank's pressure they open [Pa].
-        laminar_pressure_pa: Below it an orifice turns laminar [Pa].
-        cushion_length_m: At both ends [m].
-        cushion_open_gain: Where the cushion begins [m³/s/√Pa].
-        cushion_closed_gain: What remains at the end of the stroke [m³/s/√Pa].
-        stop_stiffness_n_m: End stop [N/m].
-        stop_damping_s_m: Its damping relative to its spring force, per velocity (Hunt and Crossley, 1975) [s/m].
-        oil_heat_capacity_j_k: Of the oil in the tank [J/K].
-        cooling_w_k: Of the tank to the room [W/K].
-        room_temperature_c: [°C].
-    """
-
-    piston_area_m2: float
-    annulus_area_m2: float
-    stroke_m: float
-    mass_kg: float
-    dead_volume_1_m3: float = 1.2e-4
-    dead_volume_2_m3: float = 1.2e-4
-    oil_modulus_pa: float = 1.4e9
-    air_fraction: float = 0.005
-    polytropic_exponent: float = 1.4
-    atmosphere_pa: float = 101_325.0
-    leakage_m3_s_pa: float = 1e-13
-    pump_flow_m3_s: float = 10.0 / 60e3
-    pump_pressure_pa: float = 60e5
-    compensator_band_pa: float = 3e5
-    relief_factor: float = 1.08
-    relief_gain_m3_s_pa: float = 5e-10
-    supply_volume_m3: float = 1e-3
-    tank_pressure_pa: float = 0.5e5
-    valve_gain: float = 4e-7
+    piston_area_m2: float  # A1 [m²]; set from the cylinder, as are the next three
+    annulus_area_m2: float  # A2 [m²]
+    stroke_m: float  # Travel [m]
+    mass_kg: float  # Moving mass [kg]
+    dead_volume_1_m3: float = 1.2e-4  # Oil on the piston side at position 0, hose included [m³]
+    dead_volume_2_m3: float = 1.2e-4  # Oil on the rod side at full stroke, hose included [m³]
+    oil_modulus_pa: float = 1.4e9  # Bulk modulus of oil without air [Pa]
+    air_fraction: float = 0.005  # Undissolved air by volume at atmospheric pressure [-]
+    polytropic_exponent: float = 1.4  # Of the air [-]
+    atmosphere_pa: float = 101_325.0  # Absolute pressure of the surroundings [Pa]
+    leakage_m3_s_pa: float = 1e-13  # Past the piston seal at 40 °C [m³/(s Pa)]; healthy 1e-14 to 1e-13
+    pump_flow_m3_s: float = 10.0 / 60e3  # Largest flow of the pump [m³/s]
+    pump_pressure_pa: float = 60e5  # Where the compensator has closed the pump [Pa]
+    compensator_band_pa: float = 3e5  # Pressure over which it closes [Pa]
+    relief_factor: float = 1.08  # Relief valve opens at this multiple of ``pump_pressure_pa`` [-]
+    relief_gain_m3_s_pa: float = 5e-10  # Flow of the relief valve above that [m³/(s Pa)]
+    supply_volume_m3: float = 1e-3  # Oil between pump and valve [m³]
+    tank_pressure_pa: float = 0.5e5  # Back pressure of the return filter [Pa]
+    valve_gain: float = 4e-7  # Supply edges, fully open [m³/s/√Pa]
+    # Opening of the return edge of port A over that of the supply edges [-]; spools for single-rod cylinders have it
+    # wide, so that the larger flow of the piston side keeps little back pressure
     return_ratio_1: float = 4.0
-    return_ratio_2: float = 2.0
-    valve_overlap: float = 0.11
-    metering_exponent: float = 1.5
-    spool_lag_s: float = 0.02
+    return_ratio_2: float = 2.0  # The same of port B [-]
+    valve_overlap: float = 0.11  # Dead band of the closed centre, as a part of the travel [-]; 0.08 to 0.15
+    metering_exponent: float = 1.5  # Shape of the metering notches: opening = travel to this power [-]
+    spool_lag_s: float = 0.02  # First-order lag from lever to spool [s]
+    # Meter-out throttle on port B, for outflow only [m³/s/√Pa]; inflow passes its check valve
     throttle_gain: float = 2e-6
-    check_gain: float = 2e-6
+    check_gain: float = 2e-6  # That check valve [m³/s/√Pa]
+    # Anti-cavitation valves, from the tank into either chamber; 0 where no load pulls [m³/s/√Pa]
     makeup_gain: float = 0.0
-    makeup_cracking_pa: float = 0.2e5
-    laminar_pressure_pa: float = 0.3e5
-    cushion_length_m: float = 0.02
-    cushion_open_gain: float = 1e-6
-    cushion_closed_gain: float = 1e-8
-    stop_stiffness_n_m: float = 1e8
+    makeup_cracking_pa: float = 0.2e5  # So far below the tank's pressure they open [Pa]
+    laminar_pressure_pa: float = 0.3e5  # Below it an orifice turns laminar [Pa]
+    cushion_length_m: float = 0.02  # At both ends [m]
+    cushion_open_gain: float = 1e-6  # Where the cushion begins [m³/s/√Pa]
+    cushion_closed_gain: float = 1e-8  # What remains at the end of the stroke [m³/s/√Pa]
+    stop_stiffness_n_m: float = 1e8  # End stop [N/m]
+    # Its damping relative to its spring force, per velocity (Hunt and Crossley, 1975) [s/m]
     stop_damping_s_m: float = 5.0
-    oil_heat_capacity_j_k: float = 6.6e4
-    cooling_w_k: float = 8.0
+    oil_heat_capacity_j_k: float = 6.6e4  # Of the oil in the tank [J/K]
+    cooling_w_k: float = 8.0  # Of the tank to the room [W/K]
     room_temperature_c: float = 21.0
 
 
 @dataclass(frozen=True)
 class SensorParameters:
-    """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell where there is a load, the logger.
+    """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell where there is a load, the logger."""
 
-    Attributes:
-        sample_time_s: Logger [s].
-        pressure_span_pa: Range of the transmitters [Pa].
-        position_span_m: Range of the potentiometer [m].
-        bits: Of the converter, over each span.
-        anti_alias_hz: Corner of the second-order filter before the converter [Hz].
-        pressure_noise_pa: Root mean square [Pa].
-        position_noise_m: Root mean square [m].
-        pressure_offset_pa: Of either transmitter [Pa].
-        pressure_gain: Of either transmitter, 1 when calibrated [-].
-        pressure_drift_pa_s: Of the offsets [Pa/s].
-        linearity_m: Two half-wave amplitudes of the potentiometer's linearity error [m].
-        backlash_m: Backlash of its coupling [m].
-        temperature_span_c: Range of the Pt100's transmitter, from 0 °C [K].
-        temperature_noise_c: Root mean square [K].
-        temperature_offset_c: Within ±0.5 K, class B of IEC 60751 at 40 °C [K].
-        temperature_lag_s: Time constant of the thermometer in its well [s].
-        load_span_n: Range of the load cell, either way [N].
-        load_noise_n: Root mean square [N].
-        load_offset_n: What is left after taring [N]; together with the gain within ±0.1 % of both ranges.
-        load_gain: 1 when calibrated [-].
-    """
-
-    sample_time_s: float = 0.005
-    pressure_span_pa: float = 250e5
-    position_span_m: float = 0.25
-    bits: int = 12
-    anti_alias_hz: float = 80.0
-    pressure_noise_pa: float = 0.05e5
-    position_noise_m: float = 30e-6
-    pressure_offset_pa: tuple[float, float] = (0.0, 0.0)
-    pressure_gain: tuple[float, float] = (1.0, 1.0)
-    pressure_drift_pa_s: tuple[float, float] = (0.0, 0.0)
-    linearity_m: tuple[float, float] = (0.0, 0.0)
-    backlash_m: float = 20e-6
-    temperature_span_c: float = 100.0
-    temperature_noise_c: float = 0.05
-    temperature_offset_c: float = 0.0
-    temperature_lag_s: float = 8.0
-    load_span_n: float = 5000.0
-    load_noise_n: float = 2.0
-    load_offset_n: float = 0.0
-    load_gain: float = 1.0
+    sample_time_s: float = 0.005  # Logger [s]
+    pressure_span_pa: float = 250e5  # Range of the transmitters [Pa]
+    position_span_m: float = 0.25  # Range of the potentiometer [m]
+    bits: int = 12  # Of the converter, over each span
+    anti_alias_hz: float = 80.0  # Corner of the second-order filter before the converter [Hz]
+    pressure_noise_pa: float = 0.05e5  # Root mean square [Pa]
+    position_noise_m: float = 30e-6  # Root mean square [m]
+    pressure_offset_pa: tuple[float, float] = (0.0, 0.0)  # Of either transmitter [Pa]
+    pressure_gain: tuple[float, float] = (1.0, 1.0)  # Of either transmitter, 1 when calibrated [-]
+    pressure_drift_pa_s: tuple[float, float] = (0.0, 0.0)  # Of the offsets [Pa/s]
+    linearity_m: tuple[float, float] = (0.0, 0.0)  # Two half-wave amplitudes of the potentiometer's linearity error [m]
+    backlash_m: float = 20e-6  # Backlash of its coupling [m]
+    temperature_span_c: float = 100.0  # Range of the Pt100's transmitter, from 0 °C [K]
+    temperature_noise_c: float = 0.05  # Root mean square [K]
+    temperature_offset_c: float = 0.0  # Within ±0.5 K, class B of IEC 60751 at 40 °C [K]
+    temperature_lag_s: float = 8.0  # Time constant of the thermometer in its well [s]
+    load_span_n: float = 5000.0  # Range of the load cell, either way [N]
+    load_noise_n: float = 2.0  # Root mean square [N]
+    load_offset_n: float = 0.0  # What is left after taring [N]; together with the gain within ±0.1 % of both ranges
+    load_gain: float = 1.0  # 1 when calibrated [-]
 
 
 @dataclass(frozen=True)

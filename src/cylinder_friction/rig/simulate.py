@@ -44,23 +44,14 @@ TRACE_COLUMNS = (
 
 @dataclass(frozen=True)
 class RigState:
-    """Where a simulation begins: at rest, all friction elements relaxed and sticking.
-
-    Attributes:
-        position_m: [m].
-        pressure_1_pa: Piston side [Pa].
-        pressure_2_pa: Rod side [Pa].
-        supply_pressure_pa: [Pa].
-        oil_temperature_c: [°C].
-        film: Lubricant film, 0 after a long dwell [-].
-    """
+    """Where a simulation begins: at rest, all friction elements relaxed and sticking."""
 
     position_m: float
-    pressure_1_pa: float
-    pressure_2_pa: float
+    pressure_1_pa: float  # Piston side [Pa]
+    pressure_2_pa: float  # Rod side [Pa]
     supply_pressure_pa: float
     oil_temperature_c: float = 40.0
-    film: float = 0.0
+    film: float = 0.0  # Lubricant film, 0 after a long dwell [-]
 
 
 def balanced_state(

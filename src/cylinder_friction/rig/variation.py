@@ -39,17 +39,11 @@ oil no longer outweighs the energy of the fading presliding damping, and the rig
 
 @dataclass(frozen=True)
 class Session:
-    """One stretch of laboratory work with one calibration.
+    """One stretch of laboratory work with one calibration."""
 
-    Attributes:
-        rig: The rig as it is that day, throttle set, sensors calibrated.
-        oil_temperature_c: At the beginning [°C].
-        drift: Slow factor on Coulomb friction through the session, one value each second.
-    """
-
-    rig: RigParameters
-    oil_temperature_c: float
-    drift: NDArray[np.float64]
+    rig: RigParameters  # The rig as it is that day, throttle set, sensors calibrated
+    oil_temperature_c: float  # At the beginning [°C]
+    drift: NDArray[np.float64]  # Slow factor on Coulomb friction through the session, one value each second
 
     def drift_from(self, time_s: float, duration_s: float) -> NDArray[np.float64]:
         """Return the factor for a recording that begins ``time_s`` into the session."""

@@ -24,20 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CausalVelocity:
-    """How velocity is made from raw position.
+    """How velocity is made from raw position."""
 
-    Attributes:
-        window: Samples of the one-sided Savitzky-Golay filter that gives smooth position and velocity; also how long
-            velocity counts after the last push against the backlash.
-        order: Order of its polynomial.
-        backlash_m: Half-width of the backlash; 0 lets everything through [m].
-        dead_band_m_s: Slower is zero, whatever the backlash [m/s].
-    """
-
+    # Samples of the one-sided Savitzky-Golay filter that gives smooth position and velocity; also how long velocity
+    # counts after the last push against the backlash
     window: int
-    order: int
-    backlash_m: float
-    dead_band_m_s: float
+    order: int  # Order of its polynomial
+    backlash_m: float  # Half-width of the backlash; 0 lets everything through [m]
+    dead_band_m_s: float  # Slower is zero, whatever the backlash [m/s]
 
     def block(self, sample_time_s: float) -> VelocityBlock:
         """Return the causal block at a sample time."""

@@ -18,32 +18,20 @@ MAXIMUM_ROWS = 20_000
 
 
 class Gains(NamedTuple):
-    """Gains row by row until they have settled; from there on the last one holds.
+    """Gains row by row until they have settled; from there on the last one holds."""
 
-    Attributes:
-        filter: Kalman gains, shape ``(rows, k)``.
-        smoother: Gains that carry the next row's smoothed state back, shape ``(rows, k, k)``.
-    """
-
-    filter: Array
-    smoother: Array
+    filter: Array  # Kalman gains, shape ``(rows, k)``
+    smoother: Array  # Gains that carry the next row's smoothed state back, shape ``(rows, k, k)``
 
 
 @dataclass(frozen=True)
 class KalmanModel:
-    """``state[t+1] = transition @ state[t] + noise``; the first state is measured, with noise.
+    """``state[t+1] = transition @ state[t] + noise``; the first state is measured, with noise."""
 
-    Attributes:
-        transition: Shape ``(k, k)``.
-        process_noise: Covariance a step, shape ``(k, k)``.
-        measurement_noise: Variance of the measurement.
-        first_covariance: Of the state at the first row, before its measurement, shape ``(k, k)``.
-    """
-
-    transition: Array
-    process_noise: Array
-    measurement_noise: float
-    first_covariance: Array
+    transition: Array  # Shape ``(k, k)``
+    process_noise: Array  # Covariance a step, shape ``(k, k)``
+    measurement_noise: float  # Variance of the measurement
+    first_covariance: Array  # Of the state at the first row, before its measurement, shape ``(k, k)``
 
     def gains(self) -> Gains:
         """Return the gains, which do not depend on what is measured (Rauch, Tung and Striebel 1965).

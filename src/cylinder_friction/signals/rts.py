@@ -24,17 +24,13 @@ class RtsSmoother(SignalFilter):
 
     The noise of each measured signal is never taken below LSB²/12, the noise of the converter, whose step is found
     in the recording itself.
-
-    Attributes:
-        position_noise_m: Standard deviation of the position sensor [m].
-        jerk_noise_m_s3: Standard deviation of the jerk, constant within one sample and white between samples [m/s³].
-        pressure_noise_pa: Standard deviation of the pressure sensors [Pa].
-        pressure_rate_pa_s: How fast pressures wander: the standard deviation of one step, over the sample time [Pa/s].
     """
 
-    position_noise_m: float = 3.5e-5
+    position_noise_m: float = 3.5e-5  # Standard deviation of the position sensor [m]
+    # Standard deviation of the jerk, constant within one sample and white between samples [m/s³]
     jerk_noise_m_s3: float = 12.0
-    pressure_noise_pa: float = 5.5e3
+    pressure_noise_pa: float = 5.5e3  # Standard deviation of the pressure sensors [Pa]
+    # How fast pressures wander: the standard deviation of one step, over the sample time [Pa/s]
     pressure_rate_pa_s: float = 6e5
 
     def models(self, sample_time_s: float) -> tuple[KalmanModel, KalmanModel]:

@@ -26,32 +26,19 @@ P1, P2, X = 0, 1, 2
 
 @dataclass(frozen=True)
 class SmoothSignals:
-    """Smooth signals of one recording, each of shape ``(n,)``; extension positive.
+    """Smooth signals of one recording, each of shape ``(n,)``; extension positive."""
 
-    Attributes:
-        pressure_1_smooth_pa: Piston side, gauge [Pa].
-        pressure_2_smooth_pa: Rod side, gauge [Pa].
-        velocity_m_s: [m/s].
-        acceleration_m_s2: [m/s²].
-    """
-
-    pressure_1_smooth_pa: Array
-    pressure_2_smooth_pa: Array
+    pressure_1_smooth_pa: Array  # Piston side, gauge [Pa]
+    pressure_2_smooth_pa: Array  # Rod side, gauge [Pa]
     velocity_m_s: Array
     acceleration_m_s2: Array
 
 
 @dataclass(frozen=True)
 class SmoothDrive:
-    """Smooth signals of a recording with a drive force in place of pressures, each of shape ``(n,)``.
+    """Smooth signals of a recording with a drive force in place of pressures, each of shape ``(n,)``."""
 
-    Attributes:
-        drive_force_smooth_n: Force on the rod, smoothed as pressures are, positive towards extension [N].
-        velocity_m_s: [m/s].
-        acceleration_m_s2: [m/s²].
-    """
-
-    drive_force_smooth_n: Array
+    drive_force_smooth_n: Array  # Force on the rod, smoothed as pressures are, positive towards extension [N]
     velocity_m_s: Array
     acceleration_m_s2: Array
 

@@ -13,25 +13,15 @@ Errors = dict[str, float]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A trained estimator that asks for the champion's place.
+    """A trained estimator that asks for the champion's place."""
 
-    Attributes:
-        model_name: Name in the registry.
-        folder: Folder of the saved estimator, relative to the repository's root.
-        model_key: Hash of that folder's content.
-        errors_percent: Its error a test on the held-out recordings.
-        test_data_md5: Hash of these recordings.
-        origin: What it was made from.
-        example: A few rows of raw samples, by column.
-    """
-
-    model_name: str
-    folder: str
-    model_key: str
-    errors_percent: Errors
-    test_data_md5: str
-    origin: Origin
-    example: dict[str, list[float]]
+    model_name: str  # Name in the registry
+    folder: str  # Folder of the saved estimator, relative to the repository's root
+    model_key: str  # Hash of that folder's content
+    errors_percent: Errors  # Its error a test on the held-out recordings
+    test_data_md5: str  # Hash of these recordings
+    origin: Origin  # What it was made from
+    example: dict[str, list[float]]  # A few rows of raw samples, by column
 
 
 @dataclass(frozen=True)

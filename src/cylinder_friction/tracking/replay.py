@@ -20,19 +20,12 @@ RUNS_FOLDER = "reports/runs"
 
 @dataclass(frozen=True)
 class Replayed:
-    """What a replay did.
+    """What a replay did."""
 
-    Attributes:
-        logged: Stages whose run was logged now.
-        present: Stages whose run was there already.
-        problems: What could not be logged, in words.
-        version: Version of the registered model; None where the pipeline has registered none.
-    """
-
-    logged: tuple[str, ...]
-    present: tuple[str, ...]
-    problems: tuple[str, ...]
-    version: str | None
+    logged: tuple[str, ...]  # Stages whose run was logged now
+    present: tuple[str, ...]  # Stages whose run was there already
+    problems: tuple[str, ...]  # What could not be logged, in words
+    version: str | None  # Version of the registered model; None where the pipeline has registered none
 
     def summary(self) -> str:
         lines = [f"{len(self.logged)} runs logged, {len(self.present)} already there"]

@@ -31,17 +31,11 @@ EVALUATING_SECTIONS = ("lugre", "compare", "register")
 
 @dataclass(frozen=True)
 class Origin:
-    """What a model was made from.
+    """What a model was made from."""
 
-    Attributes:
-        data: Folder to DVC's hash of it: the raw recordings first, then what was made of them.
-        raw: Which of these folders is the raw one.
-        params: The parameters that shaped the model.
-    """
-
-    data: dict[str, str]
-    raw: str
-    params: dict[str, Any]
+    data: dict[str, str]  # Folder to DVC's hash of it: the raw recordings first, then what was made of them
+    raw: str  # Which of these folders is the raw one
+    params: dict[str, Any]  # The parameters that shaped the model
 
     @property
     def params_sha256(self) -> str:

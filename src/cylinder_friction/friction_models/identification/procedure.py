@@ -39,62 +39,38 @@ PIECE_LEAD_S = 0.5
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """Budget of the joint search.
+    """Budget of the joint search."""
 
-    Attributes:
-        seed: Seed of the first differential evolution; each restart counts one up.
-        population: Members per coordinate.
-        generations: Greatest number of generations.
-        simulated_recordings: Number of recordings, evenly spaced, that the first local searches and differential
-            evolution simulate.
-        restarts: Number of runs of the whole search; the best result is kept.
-        first_look_evaluations: Simulations of each first local search: one candidate velocity from one start.
-        polish_evaluations: Simulations of each Nelder-Mead search at the end.
-        repolishes: Number of further searches from the best result, with a fresh simplex.
-        piece_s: Duration simulated of each recording in first searches and differential evolution, from a different
-            place in each [s]; 0 for all of it.
-        polished_piece_s: The same for the Nelder-Mead search at the end.
-    """
-
-    seed: int
-    population: int
-    generations: int
+    seed: int  # Seed of the first differential evolution; each restart counts one up
+    population: int  # Members per coordinate
+    generations: int  # Greatest number of generations
+    # Number of recordings, evenly spaced, that the first local searches and differential evolution simulate
     simulated_recordings: int
-    restarts: int = 1
-    first_look_evaluations: int = 150
-    polish_evaluations: int = 600
-    repolishes: int = 0
+    restarts: int = 1  # Number of runs of the whole search; the best result is kept
+    first_look_evaluations: int = 150  # Simulations of each first local search: one candidate velocity from one start
+    polish_evaluations: int = 600  # Simulations of each Nelder-Mead search at the end
+    repolishes: int = 0  # Number of further searches from the best result, with a fresh simplex
+    # Duration simulated of each recording in first searches and differential evolution, from a different place in each
+    # [s]; 0 for all of it
     piece_s: float = 0.0
-    polished_piece_s: float = 0.0
+    polished_piece_s: float = 0.0  # The same for the Nelder-Mead search at the end
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Result of an identification.
+    """Result of an identification."""
 
-    Attributes:
-        parameters: The best parameters.
-        velocity: Name of the candidate velocity that fits best.
-        intervals: Confidence interval of every parameter that was searched, in its own unit.
-        points: Steady points that the Stribeck curve was fitted to.
-        curve: That first curve.
-        error_n: Mean absolute error of the parameters on all recordings [N].
-        mean_friction_n: Mean absolute label there [N].
-        first_error_n: Error of the Stribeck curve and bristle stiffness before the joint search [N].
-        history: Least error after each generation of differential evolution, on its recordings [N].
-        simulated_samples: Number of samples that the search simulated.
-    """
-
-    parameters: ModelParameters
-    velocity: str
+    parameters: ModelParameters  # The best parameters
+    velocity: str  # Name of the candidate velocity that fits best
+    # Confidence interval of every parameter that was searched, in its own unit
     intervals: dict[str, tuple[float, float]]
-    points: tuple[SteadyPoint, ...]
-    curve: StribeckCurve
-    error_n: float
-    mean_friction_n: float
-    first_error_n: float
-    history: tuple[float, ...]
-    simulated_samples: int
+    points: tuple[SteadyPoint, ...]  # Steady points that the Stribeck curve was fitted to
+    curve: StribeckCurve  # That first curve
+    error_n: float  # Mean absolute error of the parameters on all recordings [N]
+    mean_friction_n: float  # Mean absolute label there [N]
+    first_error_n: float  # Error of the Stribeck curve and bristle stiffness before the joint search [N]
+    history: tuple[float, ...]  # Least error after each generation of differential evolution, on its recordings [N]
+    simulated_samples: int  # Number of samples that the search simulated
 
     @property
     def error_percent(self) -> float:

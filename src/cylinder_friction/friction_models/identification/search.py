@@ -31,19 +31,13 @@ class Coordinates:
     In place of ``coulomb_n`` stands the logarithm of Coulomb friction at the reference pressure, in place of
     ``static_n`` the excess ``Fs / Fc - 1``, and in place of ``pressure_slope_n_pa`` the share of that Coulomb friction
     that is owed to pressure. Bristle damping is no coordinate: it follows from the damping ratio.
-
-    Attributes:
-        model: What is searched.
-        mass_kg: Moving mass, for the damping ratio [kg].
-        damping_ratio: Damping ratio of the mass on its bristles.
-        reference_pressure_pa: Where the first coordinate holds; 0 for a model without pressure [Pa].
-        lower, upper: Where the search may go, shape ``(coordinates,)``.
     """
 
-    model: FrictionModel
-    mass_kg: float
-    damping_ratio: float
-    reference_pressure_pa: float
+    model: FrictionModel  # What is searched
+    mass_kg: float  # Moving mass, for the damping ratio [kg]
+    damping_ratio: float  # Damping ratio of the mass on its bristles
+    reference_pressure_pa: float  # Where the first coordinate holds; 0 for a model without pressure [Pa]
+    # Where the search may go, shape ``(coordinates,)``
     lower: Array
     upper: Array
 

@@ -24,19 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Motion:
-    """One recording as a friction model sees it.
+    """One recording as a friction model sees it."""
 
-    Attributes:
-        velocity_m_s: The velocity that drives the model, dead band applied, shape ``(n,)``.
-        pressure_pa: The gauge pressure that scales dry friction, shape ``(n,)``.
-        friction_n: The label, shape ``(n,)``.
-        usable: Rows whose label counts, shape ``(n,)``.
-    """
-
-    velocity_m_s: Array
-    pressure_pa: Array
-    friction_n: Array
-    usable: NDArray[np.bool_]
+    velocity_m_s: Array  # The velocity that drives the model, dead band applied, shape ``(n,)``
+    pressure_pa: Array  # The gauge pressure that scales dry friction, shape ``(n,)``
+    friction_n: Array  # The label, shape ``(n,)``
+    usable: NDArray[np.bool_]  # Rows whose label counts, shape ``(n,)``
 
 
 _LUGRE = LuGre(pressure_scaled=True)
@@ -44,24 +37,17 @@ _LUGRE = LuGre(pressure_scaled=True)
 
 @dataclass(frozen=True)
 class Motions:
-    """Several motions at one sample time, laid end to end for a compiled loop.
+    """Several motions at one sample time, laid end to end for a compiled loop."""
 
-    Attributes:
-        sample_time_s: Time between two rows [s].
-        velocity_m_s, log_speed, pressure_pa, friction_n: Shape ``(rows,)``.
-        usable: Rows whose label counts, shape ``(rows,)``.
-        starts: Row at which each motion begins, and the number of rows, shape ``(motions + 1,)``.
-        model: What simulates them.
-    """
-
-    sample_time_s: float
+    sample_time_s: float  # Time between two rows [s]
+    # Shape ``(rows,)``
     velocity_m_s: Array
     log_speed: Array
     pressure_pa: Array
     friction_n: Array
-    usable: NDArray[np.bool_]
-    starts: NDArray[np.int64]
-    model: FrictionModel
+    usable: NDArray[np.bool_]  # Rows whose label counts, shape ``(rows,)``
+    starts: NDArray[np.int64]  # Row at which each motion begins, and the number of rows, shape ``(motions + 1,)``
+    model: FrictionModel  # What simulates them
     _buffer: Array = field(repr=False)
     _simulations: list[int] = field(repr=False)
 

@@ -31,20 +31,14 @@ STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
 
 @dataclass(frozen=True)
 class SteadyPoint:
-    """Friction of steady sliding at one speed in one direction.
+    """Friction of steady sliding at one speed in one direction."""
 
-    Attributes:
-        velocity_m_s: Median velocity, positive while extending [m/s].
-        friction_n: Median friction, positive when it opposes positive velocity [N].
-        lower_quartile_n, upper_quartile_n: Quartiles of that friction [N].
-        rows: How many samples the point stands for.
-    """
-
-    velocity_m_s: float
-    friction_n: float
+    velocity_m_s: float  # Median velocity, positive while extending [m/s]
+    friction_n: float  # Median friction, positive when it opposes positive velocity [N]
+    # Quartiles of that friction [N]
     lower_quartile_n: float
     upper_quartile_n: float
-    rows: int
+    rows: int  # How many samples the point stands for
 
     def to_dict(self) -> dict[str, float]:
         return asdict(self)
