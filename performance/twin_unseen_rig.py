@@ -31,8 +31,8 @@ from friction_benchmark.registry.learned_gain import MODELS
 from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.evaluation.bootstrap import Array, Mask
     from friction_benchmark.cases import LabelledRecording
 
 FIRST_SEED = 2_000

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.evaluation.bootstrap import Array, Mask
+    from cylinder_friction.arrays import Array, Mask
 
 
 @dataclass(frozen=True, eq=False)

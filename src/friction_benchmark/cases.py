@@ -15,7 +15,7 @@ from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import ExponentialLowPass
 
 if TYPE_CHECKING:
-    from cylinder_friction.evaluation.bootstrap import Array, Mask
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.results import Reference
 

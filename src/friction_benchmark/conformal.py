@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.evaluation.bootstrap import Array
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
 
     Bins = NDArray[np.int64]

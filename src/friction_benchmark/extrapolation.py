@@ -12,7 +12,7 @@ from friction_benchmark.datasets import cases_of, twin_recordings
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from cylinder_friction.evaluation.bootstrap import Mask
+    from cylinder_friction.arrays import Mask
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.cases import Task
     from friction_benchmark.datasets import Sources

@@ -19,8 +19,8 @@ from friction_benchmark.results import Entry, Interval, Residuals, Score, Trust
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.evaluation.bootstrap import Array, Mask
     from friction_benchmark.cache import Estimates, Prediction
     from friction_benchmark.cases import EvaluationCase
     from friction_benchmark.tuning import Tuned

@@ -31,11 +31,8 @@ from cylinder_friction.evaluation.views import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.evaluation.comparison import Comparison
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

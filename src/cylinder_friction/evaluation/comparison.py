@@ -17,13 +17,9 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.recordings.recording import Recording
-
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
 LABEL_ITSELF = "label"
 """In the scores against truth: the off-line label, which looks ahead, scored like an estimate."""

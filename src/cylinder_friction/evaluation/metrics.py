@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
+    from cylinder_friction.arrays import Array, Mask
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,7 @@ from statsmodels.tsa.stattools import acf, q_stat
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
+    from cylinder_friction.arrays import Array, Mask
 
 _QUANTILE_POINTS = 199
 _LJUNG_BOX_LAGS = 10

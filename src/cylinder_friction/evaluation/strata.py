@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array, Mask
 
 STRATA = {
     "standstill": "at rest",
@@ -31,9 +31,7 @@ class StrataLimits:
     reversal_window_s: float = 0.1  # How long after a change of direction a row counts as just after it [s]
 
 
-def strata_masks(
-    velocity_m_s: NDArray[np.float64], sample_time_s: float, limits: StrataLimits
-) -> dict[str, NDArray[np.bool_]]:
+def strata_masks(velocity_m_s: Array, sample_time_s: float, limits: StrataLimits) -> dict[str, Mask]:
     """Return one mask per stratum, each of shape ``(n,)``.
 
     A reversal is the first row that moves against the direction of the last row that moved, however long the
@@ -57,7 +55,7 @@ def strata_masks(
     }
 
 
-def _after_reversal(velocity_m_s: NDArray[np.float64], rest: NDArray[np.bool_], window: int) -> NDArray[np.bool_]:
+def _after_reversal(velocity_m_s: Array, rest: Mask, window: int) -> Mask:
     moving = np.flatnonzero(~rest)
     directions = np.sign(velocity_m_s[moving])
     reversals = moving[1:][directions[1:] != directions[:-1]]

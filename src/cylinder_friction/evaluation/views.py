@@ -10,11 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.evaluation.comparison import Comparison
-
-    Array = NDArray[np.float64]
 
 HISTOGRAM_BINS = 81
 AGREEMENT_POINTS = 1500

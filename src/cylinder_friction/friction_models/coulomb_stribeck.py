@@ -14,11 +14,8 @@ from cylinder_friction.friction_models.parameters import SCALING, STRIBECK, Para
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.model import Kernel
-
-    Array = NDArray[np.float64]
 
 REGULARISING_VELOCITY = ParameterSpec(
     "regularising_velocity_m_s", "m/s", "speed over which friction rises to its curve", 1e-5, 2e-2

@@ -21,11 +21,8 @@ from cylinder_friction.friction_models.parameters import (
 from cylinder_friction.friction_models.stribeck import side_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.model import Kernel
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,8 @@ from cylinder_friction.friction_models.parameters import (
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.model import Kernel
-
-    Array = NDArray[np.float64]
 
 FILM_VELOCITY = ParameterSpec("film_velocity_m_s", "m/s", "speed above which the film grows no more", 5e-3, 0.3, 0.04)
 FILM_BUILD = ParameterSpec("film_build_s", "s", "time constant of a film that builds", 2e-3, 1.0, 0.05)

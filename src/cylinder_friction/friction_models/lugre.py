@@ -22,11 +22,8 @@ from cylinder_friction.friction_models.parameters import (
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.model import Kernel
-
-    Array = NDArray[np.float64]
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
 """Cost of one step: five exponentials or logarithms at about 16, and the rest."""

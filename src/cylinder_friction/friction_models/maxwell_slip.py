@@ -14,11 +14,8 @@ from cylinder_friction.friction_models.parameters import SCALING, STIFFNESS, STR
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.model import Kernel
-
-    Array = NDArray[np.float64]
 
 ELEMENTS = 6
 

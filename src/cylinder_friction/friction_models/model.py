@@ -10,12 +10,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
     from cylinder_friction.friction_models.stribeck import StribeckCurve
-
-    Array = NDArray[np.float64]
 
     Kernel = Callable[[Array, Array, Array, Array, float, Array, Array], None]
 

@@ -13,9 +13,7 @@ from scipy.optimize import least_squares
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, refuse_impossible
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 HUBER_NOISE_MULTIPLE = 1.345
 """Where Huber's loss turns from square to absolute, in standard deviations (95 % efficient on normal noise)."""

@@ -12,9 +12,7 @@ from cylinder_friction.signals.motion import EVENTS, event_masks
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array, Mask
 
 ALL_CONDITIONS = "all"
 STRATA = ("all", "steady", "events", *EVENTS)
@@ -67,7 +65,7 @@ class Audit:
         condition: str,
         sample_time_s: float,
         labels_n: Mapping[str, Array],
-        usable: NDArray[np.bool_],
+        usable: Mask,
         true_friction_n: Array,
         true_velocity_m_s: Array,
     ) -> None:

@@ -10,9 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array, Mask
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Averages:
     def __len__(self) -> int:
         return len(self.force_n)
 
-    def where(self, mask: NDArray[np.bool_]) -> Self:
+    def where(self, mask: Mask) -> Self:
         """Return the pieces of a mask; groups keep their numbers."""
         return type(self)(*(values[mask] for values in vars(self).values()))
 

@@ -40,12 +40,9 @@ from cylinder_friction.signals.motion import last_direction
 from cylinder_friction.signals.smooth_signals import SmoothDrive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.signals.smooth_signals import SmoothSignals
-
-    Array = NDArray[np.float64]
 
 StiffnessMode = Literal["none", "trapped_oil", "external", "paper_literal"]
 

@@ -25,14 +25,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     import pandas as pd
-    from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.labelling.audit import Audit
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothDrive, SmoothSignals, Support
-
-    Array = NDArray[np.float64]
 
 InertiaMode = Literal["given", "identified"]
 """The moving mass is the cylinder's, or is identified in each session whose motion determines it."""
@@ -213,7 +211,7 @@ class Labeller:
         load_n: Array | float,
         support: Support,
         identified: SessionIdentification | None,
-    ) -> tuple[Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Mask]:
         if self.needs_identification and identified is None:
             raise ValueError(
                 f"recording {recording.name!r}: expected load and mass of its session (Labeller.identify), but got None"
@@ -287,9 +285,7 @@ def label(
     ]
 
 
-def usable_rows(
-    position_m: NDArray[np.float64], stroke_m: float, margin_m: float, support: Support
-) -> NDArray[np.bool_]:
+def usable_rows(position_m: Array, stroke_m: float, margin_m: float, support: Support) -> Mask:
     """Return the mask of usable rows, shape ``(n,)``.
 
     Not usable: rows within ``margin_m`` of an end stop, whose reaction would be counted as friction; every row whose

@@ -32,7 +32,7 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 GRID = 51
 """Positions at which the uncertainty is kept."""

@@ -28,7 +28,7 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array, Mask
 
 _LEAST_BLOCKS = 40
 _OUTLIER_MULTIPLE = 3.0
@@ -122,7 +122,7 @@ def motion_points(
     acceleration_m_s2: Array,
     sample_time_s: float,
     plan: MotionPlan,
-    usable: NDArray[np.bool_] | None = None,
+    usable: Mask | None = None,
 ) -> MotionPoints:
     """Return the blocks of one recording whose rows are all usable and all in motion.
 

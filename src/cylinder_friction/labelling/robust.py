@@ -14,7 +14,7 @@ from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 _GREATEST_ROUNDS = 50
 _SETTLED = 1e-10

@@ -14,7 +14,7 @@ from cylinder_friction.signals.motion import direction_of_motion
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array, Mask
 
 POINT_DURATION_S = 0.1
 """A point is the mean over this much of a stroke."""
@@ -47,7 +47,7 @@ class Coverage:
         """First and last position of all sections [m]."""
         return self.stretches_m[0][0], self.stretches_m[-1][1]
 
-    def holds(self, position_m: Array) -> NDArray[np.bool_]:
+    def holds(self, position_m: Array) -> Mask:
         """Return whether each position lies in one of the sections, of the positions' shape."""
         inside = np.zeros(np.shape(position_m), dtype=np.bool_)
         for first, last in self.stretches_m:
@@ -60,7 +60,7 @@ def stroke_points(
     position_m: Array,
     velocity_m_s: Array,
     acceleration_m_s2: Array,
-    usable: NDArray[np.bool_],
+    usable: Mask,
     sample_time_s: float,
     slowest_m_s: float,
     settling_travel_m: float,
@@ -133,7 +133,7 @@ def coverage_of(points: StrokePoints) -> Coverage:
     return Coverage(tuple((float(edges[a]), float(edges[b])) for a, b in zip(change[::2], change[1::2], strict=True)))
 
 
-def _visited(firsts_m: Array, lasts_m: Array, low: float, high: float) -> NDArray[np.bool_]:
+def _visited(firsts_m: Array, lasts_m: Array, low: float, high: float) -> Mask:
     """Return which bins between ``low`` and ``high`` some piece touches, shape ``(BINS,)``."""
     scale = BINS / (high - low) if high > low else 0.0
     first, last = (np.clip(((ends - low) * scale).astype(np.int64), 0, BINS - 1) for ends in (firsts_m, lasts_m))

@@ -10,12 +10,9 @@ from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
-
-    Array = NDArray[np.float64]
 
 UNCERTAINTY_COLUMN = "friction_uncertainty_n"
 

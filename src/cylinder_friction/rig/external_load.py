@@ -20,9 +20,8 @@ from cylinder_friction.rig.lever import TICK_S, ornstein_uhlenbeck
 
 if TYPE_CHECKING:
     from numpy.random import Generator
-    from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 PLACES = 65
 """Positions at which a position-dependent load is given, equidistant from 0 to the stroke."""

@@ -16,7 +16,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.random import Generator
-    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
 
 TICK_S = 0.001
 """Sample time of the hand [s]; between two ticks the lever moves linearly."""
@@ -40,8 +41,8 @@ RELEASED = 0.02
 class DutyCycle:
     """The operator's intended actions, and the hand's remnant."""
 
-    actions: NDArray[np.float64]  # Shape ``(rows, 10)``, columns as ``KIND`` ... ``SHAKE``
-    remnant: NDArray[np.float64]  # Shape ``(ticks,)``: unintended motion of the hand, at full lever
+    actions: Array  # Shape ``(rows, 10)``, columns as ``KIND`` ... ``SHAKE``
+    remnant: Array  # Shape ``(ticks,)``: unintended motion of the hand, at full lever
 
 
 @numba.njit(cache=True)
@@ -115,7 +116,7 @@ def _next_row(hand: Any, actions: Any, reverse: bool) -> None:
     hand[NOTICED_S] = -1.0
 
 
-def hand_remnant(generator: Generator, duration_s: float) -> NDArray[np.float64]:
+def hand_remnant(generator: Generator, duration_s: float) -> Array:
     """Return the hand's unintended motion, one value per tick: drift of about 1 %, tremor of 8 to 12 Hz and 0.5 %."""
     ticks = round(duration_s / TICK_S) + 2
     drift = ornstein_uhlenbeck(generator, ticks, TICK_S, 1.5, 0.01)
@@ -126,7 +127,7 @@ def hand_remnant(generator: Generator, duration_s: float) -> NDArray[np.float64]
 
 def ornstein_uhlenbeck(
     generator: Generator, count: int, step_s: float, time_constant_s: float, deviation: float
-) -> NDArray[np.float64]:
+) -> Array:
     """Return a stationary Ornstein-Uhlenbeck process of this standard deviation, shape ``(count,)``."""
     keep = math.exp(-step_s / time_constant_s)
     shocks = generator.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), count)

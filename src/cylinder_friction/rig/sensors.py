@@ -13,11 +13,9 @@ from cylinder_friction.rig.parameters import BAR_PA
 
 if TYPE_CHECKING:
     from numpy.random import Generator
-    from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.rig.parameters import SensorParameters
-
-    Array = NDArray[np.float64]
 
 LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]", "Oil temperature [degC]")
 LOAD_COLUMN = "Load [N]"

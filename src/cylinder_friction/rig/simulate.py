@@ -15,8 +15,7 @@ from cylinder_friction.rig.lever import TICK_S, DutyCycle
 from cylinder_friction.rig.parameters import friction_constants, hydraulic_constants
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.rig.parameters import RigParameters
 
 DEFAULT_STEP_S = 5e-5
@@ -70,13 +69,13 @@ def balanced_state(
 
 def simulate(
     rig: RigParameters,
-    lever: DutyCycle | NDArray[np.float64],
+    lever: DutyCycle | Array,
     start: RigState,
     duration_s: float,
-    drift: NDArray[np.float64] | None = None,
+    drift: Array | None = None,
     time_step_s: float = DEFAULT_STEP_S,
     log_step_s: float = TICK_S,
-    external_force: ExternalLoad | NDArray[np.float64] | None = None,
+    external_force: ExternalLoad | Array | None = None,
 ) -> pd.DataFrame:
     """Return the trace of a simulation, one row each ``log_step_s``, columns ``TRACE_COLUMNS``.
 
@@ -134,9 +133,7 @@ def simulate(
     return pd.DataFrame(trace, columns=list(TRACE_COLUMNS))
 
 
-def _load(
-    external_force: ExternalLoad | NDArray[np.float64] | None, ticks: int, duration_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _load(external_force: ExternalLoad | Array | None, ticks: int, duration_s: float) -> tuple[Array, Array, Array]:
     """Return the load's force, share and places as compiled code takes them."""
     if external_force is None:
         return np.zeros(2), np.zeros(2), np.zeros(2)

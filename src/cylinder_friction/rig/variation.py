@@ -20,8 +20,8 @@ from cylinder_friction.rig.parameters import BAR_PA
 
 if TYPE_CHECKING:
     from numpy.random import Generator
-    from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.rig.parameters import (
         FrictionParameters,
         HydraulicParameters,
@@ -43,9 +43,9 @@ class Session:
 
     rig: RigParameters  # The rig as it is that day, throttle set, sensors calibrated
     oil_temperature_c: float  # At the beginning [°C]
-    drift: NDArray[np.float64]  # Slow factor on Coulomb friction through the session, one value each second
+    drift: Array  # Slow factor on Coulomb friction through the session, one value each second
 
-    def drift_from(self, time_s: float, duration_s: float) -> NDArray[np.float64]:
+    def drift_from(self, time_s: float, duration_s: float) -> Array:
         """Return the factor for a recording that begins ``time_s`` into the session."""
         first = int(time_s / DRIFT_STEP_S)
         return self.drift[first : first + math.ceil(duration_s / DRIFT_STEP_S) + 2]

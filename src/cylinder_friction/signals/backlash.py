@@ -12,9 +12,7 @@ import numba
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 CENTRE, DIRECTION, AGE = 0, 1, 2
 """Elements of the operator's state."""

@@ -16,9 +16,7 @@ import numba
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 
 class CausalBlock(Protocol):

@@ -24,11 +24,8 @@ from cylinder_friction.signals.causal import (
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.signals.kalman import KalmanModel
-
-    Array = NDArray[np.float64]
 
 
 class CausalFilter(SignalFilter):

@@ -17,9 +17,7 @@ from cylinder_friction.signals.backlash import new_backlash, pushing_velocity
 from cylinder_friction.signals.causal import FirFilter, FirState, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,7 @@ import numba
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 NEGLIGIBLE = 1e-13
 """A column of which the columns before it leave a smaller share of its square is taken as their combination."""

@@ -9,10 +9,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
+    from cylinder_friction.arrays import Array, Mask
 
 MOVING_M_S = 1e-3
 """A true, noise-free velocity below this counts as standstill."""

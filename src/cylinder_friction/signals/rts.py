@@ -13,9 +13,7 @@ from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

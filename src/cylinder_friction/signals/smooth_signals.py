@@ -11,11 +11,8 @@ import numpy as np
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
-
-    Array = NDArray[np.float64]
 
 SMOOTH_LOAD = "load_force_smooth_n"
 """The measured load, smoothed as pressures are [N]."""

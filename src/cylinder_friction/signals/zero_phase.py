@@ -13,9 +13,7 @@ from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitz
 from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

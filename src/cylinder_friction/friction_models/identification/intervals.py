@@ -10,12 +10,9 @@ import numpy as np
 from scipy.special import ndtri
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.identification.simulation import Motions
     from cylinder_friction.friction_models.parameters import ModelParameters
-
-    Array = NDArray[np.float64]
 
 INTERVAL_METHOD = "sandwich covariance of least absolute error, scores summed over blocks of 2 s, in logarithms"
 

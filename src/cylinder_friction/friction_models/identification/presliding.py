@@ -13,11 +13,7 @@ from cylinder_friction.friction_models.parameters import STIFFNESS_RANGE_N_M
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from cylinder_friction.recordings.recording import Recording
-
-    Array = NDArray[np.float64]
 
 _LONGEST_REVERSAL_S = 0.3
 _PASSIVE_MARGIN = 0.9

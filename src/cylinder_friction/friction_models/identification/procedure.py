@@ -19,13 +19,10 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribe
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.model import FrictionModel
     from cylinder_friction.friction_models.parameters import ModelParameters
     from cylinder_friction.recordings.recording import Recording
-
-    Array = NDArray[np.float64]
 
 STIFFNESS_FACTORS = (1.0, 10.0)
 """Starts of the first local searches, in measured stiffnesses: the error has a minimum with soft bristles, which bend

@@ -14,14 +14,11 @@ from cylinder_friction.friction_models.identification.presliding import bristle_
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.identification.simulation import Motions
     from cylinder_friction.friction_models.model import FrictionModel
     from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
     from cylinder_friction.friction_models.stribeck import StribeckCurve
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.friction_models.model import FrictionModel
     from cylinder_friction.friction_models.parameters import ModelParameters
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Motion:
     velocity_m_s: Array  # The velocity that drives the model, dead band applied, shape ``(n,)``
     pressure_pa: Array  # The gauge pressure that scales dry friction, shape ``(n,)``
     friction_n: Array  # The label, shape ``(n,)``
-    usable: NDArray[np.bool_]  # Rows whose label counts, shape ``(n,)``
+    usable: Mask  # Rows whose label counts, shape ``(n,)``
 
 
 _LUGRE = LuGre(pressure_scaled=True)
@@ -45,7 +44,7 @@ class Motions:
     log_speed: Array
     pressure_pa: Array
     friction_n: Array
-    usable: NDArray[np.bool_]  # Rows whose label counts, shape ``(rows,)``
+    usable: Mask  # Rows whose label counts, shape ``(rows,)``
     starts: NDArray[np.int64]  # Row at which each motion begins, and the number of rows, shape ``(motions + 1,)``
     model: FrictionModel  # What simulates them
     _buffer: Array = field(repr=False)
@@ -125,7 +124,7 @@ class Motions:
 
 
 @numba.njit(cache=True)
-def _mean_absolute_difference(first: Array, second: Array, counted: NDArray[np.bool_]) -> float:
+def _mean_absolute_difference(first: Array, second: Array, counted: Mask) -> float:
     total, count = 0.0, 0
     for row in range(first.shape[0]):
         if counted[row]:

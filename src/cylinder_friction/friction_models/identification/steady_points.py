@@ -13,11 +13,8 @@ from cylinder_friction.signals.motion import steady_rows, travel_since_stop
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.recordings.recording import Recording
-
-    Array = NDArray[np.float64]
 
 PRESLIDING_TRAVEL_M = 1e-3
 """Travel since standstill or reversal after which bristles no longer bend; several times the deflection of seals."""
@@ -44,7 +41,7 @@ class SteadyPoint:
         return asdict(self)
 
 
-def _has_slid(recording: Recording, slowest_m_s: float) -> NDArray[np.bool_]:
+def _has_slid(recording: Recording, slowest_m_s: float) -> Mask:
     travel_m = travel_since_stop(recording.column("velocity_m_s"), slowest_m_s, recording.sample_time_s)
     return np.asarray(recording.usable() & (travel_m > PRESLIDING_TRAVEL_M))
 
@@ -83,7 +80,7 @@ def steady_points(
 
 def _points(
     recordings: Sequence[Recording],
-    masks: Sequence[NDArray[np.bool_]],
+    masks: Sequence[Mask],
     slowest_m_s: float,
     bins: int,
     rows_per_point: int,
@@ -93,7 +90,7 @@ def _points(
     return sorted(both_ways[0] + both_ways[1], key=lambda point: point.velocity_m_s)
 
 
-def _joined(recordings: Sequence[Recording], masks: Sequence[NDArray[np.bool_]], column: str) -> Array:
+def _joined(recordings: Sequence[Recording], masks: Sequence[Mask], column: str) -> Array:
     return np.concatenate([recording.column(column)[mask] for recording, mask in zip(recordings, masks, strict=True)])
 
 
