@@ -62,15 +62,7 @@ class Analysis:
 def analyse(
     comparison: Comparison, main: str, rival: str, curves: Mapping[str, LearningCurve], duration_s: float, lags: int
 ) -> Analysis:
-    """Return the analysis of a comparison.
-
-    Args:
-        comparison: Scores and estimates.
-        main: Name of the estimator in question.
-        rival: Name of the model beside it.
-        curves: Learning curves by estimator.
-        duration_s: Length of the excerpts over time [s].
-        lags: Samples of autocorrelation shown.
+    """Return the analysis of a comparison, with excerpts of ``duration_s`` and ``lags`` samples of autocorrelation.
 
     Raises:
         KeyError: ``main`` or ``rival`` was not compared.

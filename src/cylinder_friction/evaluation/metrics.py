@@ -32,12 +32,9 @@ class Errors:
 
 
 def errors(reference_n: Array, estimate_n: Array, usable: Mask) -> Errors:
-    """Return the errors of ``estimate_n`` against ``reference_n`` over the usable rows.
+    """Return the errors of ``estimate_n`` against ``reference_n`` over the usable rows, all of shape ``(n,)``.
 
-    Args:
-        reference_n: Friction taken as right (label or truth) [N], shape ``(n,)``.
-        estimate_n: Estimated friction [N], shape ``(n,)``.
-        usable: Rows that count, shape ``(n,)``; values elsewhere are never looked at.
+    The reference is label or truth; values in rows that are not usable are never looked at.
 
     Raises:
         ValueError: The shapes differ, no row is usable, or a usable value is NaN or infinite.
@@ -66,14 +63,7 @@ def lag_s(reference_n: Array, estimate_n: Array, usable: Mask, sample_time_s: fl
     """Return how late the estimate is [s]: the shift at which it correlates best with the reference.
 
     Positive is late. Only pairs of usable rows count. A parabola through the peak and its neighbours gives the
-    fraction of a sample. NaN where either signal never varies.
-
-    Args:
-        reference_n: Friction taken as right [N], shape ``(n,)``.
-        estimate_n: Estimated friction [N], shape ``(n,)``.
-        usable: Rows that count, shape ``(n,)``.
-        sample_time_s: Time between two rows [s].
-        maximum_lag_s: Shifts up to this, in both directions, are tried [s].
+    fraction of a sample. NaN where either signal never varies. Shifts up to ``maximum_lag_s`` are tried either way.
     """
     _refuse_bad(reference_n, estimate_n, usable)
     reach = max(1, round(maximum_lag_s / sample_time_s))

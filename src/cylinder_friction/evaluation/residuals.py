@@ -45,13 +45,9 @@ class ResidualFigures:
 
 
 def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
-    """Return the figures of a residual series.
+    """Return the figures of a series of residuals in the order of time, reference minus estimate.
 
-    Args:
-        residual_n: Reference minus estimate [N], in the order of time, shape ``(n,)``.
-        usable: Rows that count, shape ``(n,)``; a gap between two recordings is a row that does not.
-
-    Shape, memory and tests are NaN where the residuals do not vary.
+    Only usable rows count; a gap between two recordings is a row that does not. Shape, memory and tests are NaN where the residuals do not vary.
     """
     values = residual_n[usable]
     if len(values) == 0:
@@ -62,8 +58,8 @@ def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
     box, box_p = math.nan, math.nan
     if varies:
         skewness, excess = float(stats.skew(values)), float(stats.kurtosis(values))
-        condition = stats.jarque_bera(values)
-        bera, bera_p = float(condition.statistic), float(condition.pvalue)
+        normality = stats.jarque_bera(values)
+        bera, bera_p = float(normality.statistic), float(normality.pvalue)
         memory = autocorrelation(residual_n, usable, len(residual_n) - 1)
         first = float(memory[1])
         effective = _effective_rows(memory, len(values))

@@ -35,12 +35,7 @@ def strata_masks(velocity_m_s: Array, sample_time_s: float, limits: StrataLimits
     """Return one mask per stratum, each of shape ``(n,)``.
 
     A reversal is the first row that moves against the direction of the last row that moved, however long the
-    rest between them; its window starts at that row.
-
-    Args:
-        velocity_m_s: Velocity from the zero-phase filter [m/s, extension positive], shape ``(n,)``.
-        sample_time_s: Time between two rows [s].
-        limits: Limits of the strata.
+    rest between them; its window starts at that row. The velocity is from the zero-phase filter, shape ``(n,)``.
     """
     speed = np.abs(velocity_m_s)
     rest = speed <= limits.standstill_velocity_m_s

@@ -117,13 +117,7 @@ class FrictionModel(ABC):
     def first_guess(
         self, curve: StribeckCurve, stiffness_n_m: float, reference_pressure_pa: float = 0.0
     ) -> ModelParameters:
-        """Return where a search may start.
-
-        Args:
-            curve: Friction of steady sliding.
-            stiffness_n_m: Of presliding.
-            reference_pressure_pa: Pressure at which the curve holds [Pa]; part of friction is then owed to it.
-        """
+        """Return where a search may start; part of friction is owed to the pressure at which the curve holds."""
         slope = 0.0
         for spec in self.searched:
             if spec.relative_to == "pressure" and spec.first is not None and reference_pressure_pa > 0.0:

@@ -78,10 +78,7 @@ def side_factor(
 def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = None) -> StribeckCurve:
     """Fit a curve to points of steady sliding in both directions, with Huber's loss so that outliers count less.
 
-    Args:
-        velocity_m_s: Signed velocities, shape ``(n,)``, none of them zero.
-        friction_n: Signed friction at them, shape ``(n,)``.
-        weight: How much each point counts, shape ``(n,)``; all alike where there is none.
+    Velocity, never zero, and friction are signed; all arrays have shape ``(n,)``. Points count alike without weight.
 
     Raises:
         ValueError: There are fewer points than parameters.

@@ -69,15 +69,9 @@ class Audit:
         true_friction_n: Array,
         true_velocity_m_s: Array,
     ) -> None:
-        """Add one recording.
+        """Add one recording: the label of each filter by its name, and the truth, all of shape ``(n,)``.
 
-        Args:
-            condition: Its operating condition.
-            sample_time_s: Time between two rows [s].
-            labels_n: Label by name of filter [N], each of shape ``(n,)``.
-            usable: Rows usable for every filter, so that all are compared on the same rows.
-            true_friction_n: [N], shape ``(n,)``.
-            true_velocity_m_s: [m/s], shape ``(n,)``.
+        ``usable`` are the rows usable for every filter, so that all are compared on the same rows.
         """
         masks = event_masks(true_velocity_m_s, round(self.event_window_s / sample_time_s))
         near = np.logical_or.reduce(list(masks.values()))

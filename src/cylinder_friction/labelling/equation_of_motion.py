@@ -82,12 +82,7 @@ def friction_label(
 ) -> Array:
     """Return friction [N], shape ``(n,)``, positive when it opposes positive velocity.
 
-    Args:
-        signals: Smooth pressures or drive force, velocity and acceleration, each of shape ``(n,)``.
-        position_m: Position [m], shape ``(n,)``.
-        load_force_n: External force that resists extension [N], shape ``(n,)``, or 0 where there is none.
-        cylinder: Its areas, stroke and moving mass.
-        stiffness: Which spring enters, if any.
+    A positive load resists extension; it is 0 where there is none.
 
     Raises:
         RecordingError: The oil's spring is to replace or to join the pressures, but a drive force was measured.

@@ -85,11 +85,7 @@ class Labeller:
         return self.load == "position" or self.inertia == "identified"
 
     def identify(self, recordings: Iterable[Recording], signal_filter: SignalFilter) -> SessionIdentification:
-        """Return load and moving mass of one session; memory holds one of its recordings at a time.
-
-        Args:
-            recordings: The session's, filtered.
-            signal_filter: The filter they passed.
+        """Return load and moving mass of one session; memory holds one of its recordings, filtered, at a time.
 
         Raises:
             RecordingError: The strokes do not determine the load, or the session hardly moves.
@@ -178,14 +174,9 @@ class Labeller:
         into: Audit,
         identified: SessionIdentification | None = None,
     ) -> None:
-        """Add the errors of every filter's label, on the rows that are usable for all of them.
+        """Add the errors of every filter's label of a raw recording, on the rows that are usable for all of them.
 
-        Args:
-            recording: Its raw signals.
-            truth: ``friction_n`` and ``velocity_m_s`` at the same rows.
-            filters: By name.
-            into: Collects the errors.
-            identified: Load and mass of its session; required if ``needs_identification``.
+        The truth has ``friction_n`` and ``velocity_m_s`` at the same rows.
         """
         labels: dict[str, Array] = {}
         usable = np.ones(len(recording), dtype=np.bool_)
@@ -290,12 +281,6 @@ def usable_rows(position_m: Array, stroke_m: float, margin_m: float, support: Su
 
     Not usable: rows within ``margin_m`` of an end stop, whose reaction would be counted as friction; every row whose
     filter's support includes such a row; and the rows at either edge of the recording whose support is incomplete.
-
-    Args:
-        position_m: Position [m], shape ``(n,)``, 0 to ``stroke_m``.
-        stroke_m: Length of travel [m].
-        margin_m: Distance from either end stop [m].
-        support: Support of the filter.
     """
     stopped = (position_m <= margin_m) | (position_m >= stroke_m - margin_m)
     usable = ~widened(stopped, before=support.after, after=support.before)

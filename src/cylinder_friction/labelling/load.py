@@ -133,11 +133,7 @@ class LoadIdentification:
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
-    """Return the load identified from the strokes of one session.
-
-    Args:
-        points: Strokes of all its recordings, their force less inertia, by the plan's settings.
-        plan: Orders, bootstrap and asymmetry.
+    """Return the load identified from the strokes of one session, their force less inertia.
 
     Raises:
         RecordingError: Strokes of both directions do not overlap, or there are too few points.

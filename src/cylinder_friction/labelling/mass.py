@@ -126,13 +126,8 @@ def motion_points(
 ) -> MotionPoints:
     """Return the blocks of one recording whose rows are all usable and all in motion.
 
-    Args:
-        force_n: Smooth drive force less load [N], shape ``(n,)``.
-        position_m: [m], shape ``(n,)``.
-        velocity_m_s, acceleration_m_s2: Smooth, shape ``(n,)``.
-        sample_time_s: Time between two rows [s].
-        plan: Block and cluster durations, least speed.
-        usable: Rows whose force is meaningful, shape ``(n,)``; all without a mask.
+    Arrays have shape ``(n,)`` and are smooth; the force is the drive force less load, meaningful where ``usable``
+    (everywhere without that mask).
     """
     size = max(1, round(plan.block_s / sample_time_s))
     count = len(force_n) // size
@@ -152,12 +147,9 @@ def motion_points(
 
 
 def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: int = 0) -> MotionIdentification:
-    """Return mass, viscous and Coulomb friction and offset with their intervals.
+    """Return mass, viscous and Coulomb friction and offset of one session with their intervals.
 
-    Args:
-        points: Of one session.
-        confidence: Probability of the intervals.
-        load_order: Order of a polynomial in position that represents an unknown load; its constant is the offset.
+    A polynomial in position of ``load_order`` represents an unknown load; its constant is the offset.
 
     Raises:
         RecordingError: There are too few blocks in motion.

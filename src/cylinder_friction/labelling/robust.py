@@ -83,16 +83,8 @@ def bootstrap_coefficients(
     """Return coefficients of fits to blocks drawn with replacement, shape ``(repeats, k)``.
 
     Blocks are drawn within their group, as many as it has, so that no draw is without a direction. The weights stay
-    those of the robust fit, so a draw costs one solution of ``k`` equations.
-
-    Args:
-        design: Shape ``(n, k)``.
-        fit: The robust fit of all rows.
-        target: Shape ``(n,)``.
-        blocks: Block of each row, counted from 0, shape ``(n,)``.
-        groups: Group of each block, shape ``(blocks,)``.
-        repeats: Number of draws.
-        seed: Seed of the draws.
+    those of the robust fit of all rows, so a draw costs one solution of ``k`` equations. The design has shape
+    ``(n, k)``; ``blocks`` numbers the block of each row from 0, ``groups`` is the group of each block.
 
     Source: Künsch 1989 for blocks; Davison and Hinkley 1997, section 3.8, for draws within strata.
     """

@@ -44,13 +44,7 @@ def identify_session(
 
     The mass is identified first, beside a load of any smooth shape; then the load, after subtracting the inertia of
     that mass if the motion determines it, else of the given one.
-
-    Args:
-        strokes: Points of each recording's strokes, for the load; their force includes inertia.
-        blocks: Blocks of each recording in motion, for the mass.
-        given_mass_kg: The cylinder's moving mass as given [kg].
-        load_plan: None where the load is not to be identified.
-        motion_plan: None where the mass is not to be identified.
+    A plan is None where its quantity is not to be identified. The force of the strokes includes inertia.
 
     Raises:
         RecordingError: The strokes do not determine the load, or the session hardly moves.

@@ -68,16 +68,8 @@ def stroke_points(
     """Return the strokes of one recording as points.
 
     A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster; its first
-    ``settling_travel_m``, in which bristles bend and the rig takes up its backlash, is left out.
-
-    Args:
-        force_n: Drive force [N], shape ``(n,)``.
-        position_m: [m], shape ``(n,)``.
-        velocity_m_s, acceleration_m_s2: Smooth, shape ``(n,)``.
-        usable: Rows whose force is meaningful, shape ``(n,)``.
-        sample_time_s: Time between two rows [s].
-        slowest_m_s: Slower rows belong to no stroke [m/s].
-        settling_travel_m: Travel after a start or reversal that does not count [m].
+    ``settling_travel_m``, in which bristles bend and the rig takes up its backlash, is left out. All arrays have shape
+    ``(n,)``; velocity and acceleration are smooth, and the drive force is meaningful where ``usable``.
     """
     direction = np.where(usable, direction_of_motion(velocity_m_s, slowest_m_s), 0.0)
     run = np.cumsum(np.diff(direction, prepend=direction[:1]) != 0.0)

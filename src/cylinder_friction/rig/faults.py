@@ -14,12 +14,7 @@ if TYPE_CHECKING:
 
 
 def with_fault(rig: RigParameters, fault: str, severity: float = 1.0) -> RigParameters:
-    """Return the rig with a fault; ``"none"`` returns it as it is.
-
-    Args:
-        rig: A healthy rig.
-        fault: One of ``FAULTS``.
-        severity: 0 is healthy, 1 a fault that a mechanic would act on.
+    """Return a healthy rig with one of ``FAULTS``; severity 0 is healthy, 1 a fault that a mechanic would act on.
 
     Raises:
         ValueError: The fault is not known, or the severity is negative.

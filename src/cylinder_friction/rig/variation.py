@@ -91,7 +91,7 @@ def draw_session(
     Args:
         rig: One specimen, with the throttle set.
         generator: Random numbers of this session.
-        duration_s: How long the session lasts, for the drift [s].
+        duration_s: Of the session, for the drift [s].
         zeroed: Whether the transmitters were zeroed on vented chambers. If not, their data sheet's ±0.5 % of the span
             stays in the offset and ±0.3 % in the gain.
         residual_offset_pa: Largest offset that zeroing leaves [Pa].
@@ -117,12 +117,7 @@ def _calibrated(
 
 
 def draw_wide_rig(rig: RigParameters, generator: Generator) -> RigParameters:
-    """Return a rig of this size whose friction, hydraulics and sensors are drawn from their whole ranges.
-
-    Args:
-        rig: The default rig; its cylinder and supply stay.
-        generator: Random numbers of the specimen.
-    """
+    """Return a rig of this size whose friction, hydraulics and sensors are drawn from their whole ranges."""
     return replace(
         rig,
         friction=_wide_friction(rig.friction, rig.hydraulics.mass_kg, generator),

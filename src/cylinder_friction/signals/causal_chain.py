@@ -124,11 +124,8 @@ class KalmanState:
 class SteadyKalman:
     """The Kalman filter with its steady gains, as a causal block: the causal form of ``RtsSmoother``.
 
-    Before the first sample everything stood still at that sample.
-
-    Args:
-        pressure: Random walk.
-        position: Position, velocity, acceleration.
+    Before the first sample everything stood still at that sample. The pressure's model is a random walk, the
+    position's has position, velocity and acceleration.
     """
 
     def __init__(self, pressure: KalmanModel, position: KalmanModel) -> None:

@@ -70,10 +70,7 @@ def random_walk(step_std: float, noise_std: float) -> KalmanModel:
 def constant_jerk(jerk_std_m_s3: float, noise_std_m: float, sample_time_s: float) -> KalmanModel:
     """Return position, velocity and acceleration under a jerk that is constant within a step and white between steps.
 
-    Args:
-        jerk_std_m_s3: Standard deviation of the jerk [m/s³]; it belongs to one sample time.
-        noise_std_m: Standard deviation of the measured position [m].
-        sample_time_s: Time between two rows [s].
+    The standard deviation of the jerk belongs to one sample time.
 
     Source: Bar-Shalom, Li and Kirubarajan 2001, section 6.3 (piecewise constant white acceleration), one order up.
     """

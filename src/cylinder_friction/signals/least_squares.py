@@ -22,11 +22,7 @@ def least_squares(rows: Array, target: Array, penalty: float = 0.0) -> Array:
     """Return the coefficients, shape ``(k,)``, that minimise ``|target - rows c|² + penalty |c|²``.
 
     A column that is a combination of those before it gets the coefficient 0.
-
-    Args:
-        rows: Shape ``(n, k)``.
-        target: Shape ``(n,)``.
-        penalty: Weight of the squared coefficients (ridge regression; Hoerl and Kennard 1970).
+    ``rows`` has shape ``(n, k)``, ``target`` ``(n,)``. A penalty is ridge regression (Hoerl and Kennard 1970).
     """
     gram, moment = _normal_equations(np.ascontiguousarray(rows), np.ascontiguousarray(target))
     gram[np.diag_indices_from(gram)] += penalty

@@ -55,11 +55,7 @@ def _speeds_since_stop(velocity: Array, slowest: float) -> Array:
 def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, variation: float) -> Mask:
     """Return the rows inside a stroke at constant velocity, shape ``(n,)``.
 
-    Args:
-        velocity_m_s: Shape ``(n,)``.
-        sample_time_s: Time between two rows [s].
-        slowest_m_s: Slower rows count as standstill [m/s].
-        variation: How much velocity may vary within ``STEADY_DURATION_S``, over its mean.
+    ``variation`` is how much velocity may vary within ``STEADY_DURATION_S``, over its mean.
     """
     window = max(3, round(STEADY_DURATION_S / sample_time_s) | 1)
     greatest = maximum_filter1d(velocity_m_s, window, mode="nearest")
@@ -72,12 +68,8 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
     """Return the rows at rest, shape ``(n,)``.
 
     At rest are rows around which mean position, over half of ``STANDSTILL_DURATION_S`` before and after, differs by
-    less than ``CREEP_M_S`` would make it, for as long as that and ``around_rows`` to either side.
-
-    Args:
-        position_m: Raw position [m], shape ``(n,)``.
-        sample_time_s: Time between two rows [s].
-        around_rows: Support of a filter to either side: rows whose filter saw motion are not at rest for it.
+    less than ``CREEP_M_S`` would make it, for as long as that and ``around_rows`` to either side, a filter's support:
+    rows whose filter saw motion are not at rest for it. The position is raw, shape ``(n,)``.
     """
     half = max(2, round(0.5 * STANDSTILL_DURATION_S / sample_time_s))
     if len(position_m) < 4 * half:
@@ -91,12 +83,7 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
 
 
 def noise_rms(values: Array, rest: Mask) -> float:
-    """Return the root mean square of values about their own mean in each rest, NaN where nothing rests.
-
-    Args:
-        values: Shape ``(n,)``.
-        rest: Rows at rest, shape ``(n,)``.
-    """
+    """Return the root mean square of values about their own mean in each rest, NaN where nothing rests."""
     if not rest.any():
         return float("nan")
     rows = np.flatnonzero(rest)
@@ -109,11 +96,7 @@ def event_masks(velocity_m_s: Array, window: int) -> dict[str, Mask]:
     """Return the rows within ``window`` rows of each kind of event, each mask of shape ``(n,)``.
 
     A reversal goes from one direction to the other with at most ``window`` rows of rest between; with a longer rest
-    it is a stop and a start.
-
-    Args:
-        velocity_m_s: True velocity [m/s], shape ``(n,)``: without noise.
-        window: Rows before and after an event.
+    it is a stop and a start. The velocity is without noise, shape ``(n,)``.
     """
     direction = direction_of_motion(velocity_m_s, MOVING_M_S).astype(np.int64)
     changes = np.flatnonzero(np.diff(direction)) + 1

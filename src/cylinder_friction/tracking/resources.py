@@ -25,12 +25,9 @@ _PREFIX = "system/"
 
 @contextmanager
 def sampled_resources(stage: str, root: Path, interval_s: float = 1.0) -> Iterator[None]:
-    """Samples this process and its children until the block ends, then writes ``<root>/.cylinder-friction/resources``.
+    """Sample this process and its children until the block ends, then write ``<root>/.cylinder-friction/resources``.
 
-    Args:
-        stage: Name of the stage; also of the file.
-        root: The repository's root.
-        interval_s: Time between two samples [s].
+    The file has the name of the stage.
     """
     samples: list[dict[str, float]] = []
     stop = threading.Event()

@@ -62,10 +62,7 @@ class Origin:
 def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
     """Return what the workspace's models are made from, from ``dvc.lock`` and ``params.yaml``.
 
-    Args:
-        root: The repository's root.
-        raw: Folder of raw recordings, relative to it.
-        processed: Folders of processed recordings.
+    ``raw`` and ``processed`` are folders of recordings, relative to the repository's root.
 
     Raises:
         LineageError: ``dvc.lock`` is not there or does not know one of the folders.
@@ -112,13 +109,7 @@ def dvc_hash(path: Path) -> str:
 
 
 def where_data_lies(root: Path, path: str, md5: str) -> str | None:
-    """Return where data of this very content lies, every byte of it read and hashed; None where it lies nowhere.
-
-    Args:
-        root: The repository's root.
-        path: File or folder, relative to it.
-        md5: DVC's hash of it.
-    """
+    """Return where data of this very content lies, every byte of it read and hashed; None where it lies nowhere."""
     place = root / path
     if place.exists() and dvc_hash(place) == md5:
         return f"on disk at {path}"

@@ -31,12 +31,7 @@ def confidence_intervals(
     and ``S`` the sum over blocks of ``(J' sgn r)(J' sgn r)'``. Residuals of a recording are far from independent,
     within a block they need not be. A parameter that the motion does not determine gets a wide interval, at most a
     factor of a thousand either way.
-
-    Args:
-        motions: What was simulated.
-        parameters: The best parameters.
-        names: Fields of ``parameters`` that were searched, all of them positive.
-        confidence: Probability, in (0, 1).
+    ``names`` are the fields of the best ``parameters`` that were searched, all of them positive.
 
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
     """

@@ -25,11 +25,7 @@ def bristle_stiffness(recordings: Sequence[Recording], coulomb_n: float, slowest
     Between sliding one way and the other, friction rises almost linearly with travel until the bristles slip.
     At a few hundred samples a second and tens of micrometres of position resolution this is a start for the
     search and no more; where there is no clean reversal, ``coulomb_n`` over 50 micrometres stands in.
-
-    Args:
-        recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``).
-        coulomb_n: Coulomb friction; rises are measured while friction is below 0.8 of it [N].
-        slowest_m_s: Slower rows count as standstill [m/s].
+    Rises are measured while friction is below 0.8 ``coulomb_n``; rows slower than ``slowest_m_s`` are at standstill.
     """
     slopes = [slope for recording in recordings for slope in _reversal_slopes(recording, 0.8 * coulomb_n, slowest_m_s)]
     stiffness = float(np.median(slopes)) if slopes else coulomb_n / 50e-6

@@ -120,14 +120,7 @@ def search_globally(
 ) -> tuple[Array, list[float]]:
     """Return the best point of differential evolution, and the least mean absolute error after each generation [N].
 
-    Args:
-        motions: Motions to simulate.
-        coordinates: The space and its bounds.
-        start: One member of the first population.
-        seed: Seed of the random numbers.
-        population: Members per coordinate.
-        generations: Greatest number of generations.
-        each_generation: Called after every generation, for a progress bar.
+    ``start`` is one member of the first population, which has ``population`` members per coordinate.
 
     Source: Storn and Price 1997.
     """

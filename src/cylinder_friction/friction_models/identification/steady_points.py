@@ -54,13 +54,7 @@ def steady_points(
     Speeds are binned on a logarithmic scale, separately for each direction, and a bin gives the medians of its rows.
     A hand never moves at exactly constant velocity, so that the tolerance is widened until both directions have at
     least half the bins filled. Where even the widest leaves fewer points than a curve has parameters, as in recordings
-    of a few seconds, every row beyond presliding counts.
-
-    Args:
-        recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``).
-        slowest_m_s: Slower rows count as standstill [m/s].
-        bins: Bins per direction.
-        rows_per_point: A bin with fewer rows gives no point.
+    of a few seconds, every row beyond presliding counts. Rows slower than ``slowest_m_s`` are at standstill.
     """
     slowest_m_s = max(slowest_m_s, LEAST_SPEED_M_S)
     points: list[SteadyPoint] = []
