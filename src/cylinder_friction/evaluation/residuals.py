@@ -47,7 +47,8 @@ class ResidualFigures:
 def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
     """Return the figures of a series of residuals in the order of time, reference minus estimate.
 
-    Only usable rows count; a gap between two recordings is a row that does not. Shape, memory and tests are NaN where the residuals do not vary.
+    Only usable rows count; a gap between two recordings is a row that does not. Shape, memory and tests are NaN where
+    the residuals do not vary.
     """
     values = residual_n[usable]
     if len(values) == 0:

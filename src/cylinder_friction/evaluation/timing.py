@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
@@ -21,9 +21,6 @@ class StepTime:
     p50_s: float
     p99_s: float
     maximum_s: float
-
-    def to_dict(self) -> dict[str, float]:
-        return asdict(self)
 
 
 def time_steps(

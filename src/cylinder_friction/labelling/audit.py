@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,9 +32,6 @@ class AuditRow:
     bias_n: float  # Mean error, positive where the label is above the truth [N]
     mean_friction_n: float  # Mean absolute true friction of the same rows [N]
     mae_percent: float  # ``mae_n`` over ``mean_friction_n`` [%]
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 @dataclass

@@ -73,13 +73,13 @@ class ExternalLoad:
 @numba.njit(cache=True)
 def load_at(force_n: Any, share: Any, along_n: Any, time_s: float, position_m: float, stroke_m: float) -> float:
     """Return the load at a time and a position [N], in straight lines between the values; held beyond the ends."""
-    return _between(force_n, time_s / TICK_S) + _between(share, time_s / TICK_S) * _between(
-        along_n, position_m / stroke_m * (len(along_n) - 1)
-    )
+    place = position_m / stroke_m * (len(along_n) - 1)
+    return between(force_n, time_s / TICK_S) + between(share, time_s / TICK_S) * between(along_n, place)
 
 
 @numba.njit(cache=True)
-def _between(values: Any, place: float) -> float:
+def between(values: Any, place: float) -> float:
+    """Return the value at a place counted in values, in a straight line between two; held beyond the ends."""
     index = min(max(int(place), 0), len(values) - 2)
     part = min(max(place - index, 0.0), 1.0)
     return values[index] + (values[index + 1] - values[index]) * part

@@ -20,7 +20,7 @@ import numpy as np
 from cylinder_friction.rig import external_load as load_module
 from cylinder_friction.rig import friction, hydraulics
 from cylinder_friction.rig import lever as lever_module
-from cylinder_friction.rig.external_load import load_at
+from cylinder_friction.rig.external_load import between, load_at
 from cylinder_friction.rig.friction import (
     coulomb_friction,
     damping,
@@ -58,46 +58,19 @@ def _compiled(sources: int) -> Any:
 
     @numba.njit(cache=True)
     def run(
-        f: Any,
-        y: Any,
-        scripted: Any,
-        script: Any,
-        actions: Any,
-        drift: Any,
-        load: Any,
-        begin: Any,
-        steps: Any,
-        out: Any,
+        f: Any, y: Any, script: Any, actions: Any, drift: Any, load: Any, begin: Any, timing: Any, trace: Any
     ) -> int:
-        _run(f, y, scripted, script, actions, drift, load, begin, steps, out)
+        _run(f, y, script, actions, drift, load, begin, timing, trace)
         return sources
 
     return run
 
 
-@numba.njit(cache=True)
-def drift_at(drift: Any, time_s: float) -> float:
-    """Return the slow factor on Coulomb friction, in a straight line between its values."""
-    place = time_s / DRIFT_STEP_S
-    index = min(int(place), len(drift) - 2)
-    part = min(place - index, 1.0)
-    return drift[index] + (drift[index + 1] - drift[index]) * part
-
-
 @numba.njit
-def _run(
-    f: Any,
-    y: Any,
-    scripted: bool,
-    script: Any,
-    actions: Any,
-    drift: Any,
-    load: Any,
-    begin: Any,
-    timing: Any,
-    trace: Any,
-) -> None:
-    dt, tick_steps, log_steps = timing
+def _run(f: Any, y: Any, script: Any, actions: Any, drift: Any, load: Any, begin: Any, timing: Any, trace: Any) -> None:
+    """Fill ``trace``, one row per tick; without ``actions`` the ``script`` is the lever itself, else its remnant."""
+    dt, tick_steps = timing
+    scripted = len(actions) == 0
     p1, p2, ps, x, film, temperature = begin
     load_n, load_share, load_along_n = load
     v = spool = volume_1 = volume_2 = 0.0
@@ -105,7 +78,7 @@ def _run(
     slips = np.zeros(ELEMENTS, dtype=np.bool_)
     hand = new_hand()
     lever_from = lever_to = script[0] if scripted else 0.0
-    for step in range(len(trace) * log_steps):
+    for step in range(len(trace) * tick_steps):
         time_s = step * dt
         if step % tick_steps == 0:
             tick = step // tick_steps
@@ -117,14 +90,14 @@ def _run(
         lever = lever_from + (lever_to - lever_from) * (step % tick_steps) / tick_steps
 
         viscosity = viscosity_ratio(f, temperature)
-        slow = drift_at(drift, time_s)
+        slow = between(drift, time_s / DRIFT_STEP_S)
         coulomb = coulomb_friction(f, p1, p2, place_factor(f, x, y.stroke_m, slow), temperature)
         level = strength(f, coulomb, v, film, viscosity)
         damp = damping(f, v, viscosity)
         stop, stop_stiffness = stop_force(y, x, v)
         external = load_at(load_n, load_share, load_along_n, time_s, x, y.stroke_m)
-        if step % log_steps == 0:
-            row = trace[step // log_steps]
+        if step % tick_steps == 0:
+            row = trace[step // tick_steps]
             row[0], row[1], row[2], row[3], row[4], row[5] = time_s, p1, p2, ps, x, v
             row[6] = force.sum() + damp * v
             row[7], row[8], row[9], row[10] = film, spool, lever, temperature

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
+from scipy import signal
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -132,11 +133,4 @@ def ornstein_uhlenbeck(
     keep = math.exp(-step_s / time_constant_s)
     shocks = generator.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), count)
     shocks[0] = generator.normal(0.0, deviation)
-    return np.asarray(_filtered(shocks, keep))
-
-
-@numba.njit(cache=True)
-def _filtered(shocks: Any, keep: float) -> Any:
-    for index in range(1, len(shocks)):
-        shocks[index] += keep * shocks[index - 1]
-    return shocks
+    return np.asarray(signal.lfilter([1.0], [1.0, -keep], shocks))

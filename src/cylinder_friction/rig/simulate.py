@@ -74,10 +74,9 @@ def simulate(
     duration_s: float,
     drift: Array | None = None,
     time_step_s: float = DEFAULT_STEP_S,
-    log_step_s: float = TICK_S,
     external_force: ExternalLoad | Array | None = None,
 ) -> pd.DataFrame:
-    """Return the trace of a simulation, one row each ``log_step_s``, columns ``TRACE_COLUMNS``.
+    """Return the trace of a simulation, one row each millisecond, columns ``TRACE_COLUMNS``.
 
     Args:
         rig: The rig; its sensors are not used here.
@@ -86,7 +85,6 @@ def simulate(
         duration_s: [s].
         drift: Slow factor on Coulomb friction, one value each second; 1 throughout when None.
         time_step_s: Step of the integration [s]; must divide one millisecond.
-        log_step_s: Time between rows [s]; a multiple of ``time_step_s``.
         external_force: Load on the rod, positive where it resists extension: of time and position, or one value each
             millisecond [N]; none when None.
 
@@ -94,18 +92,16 @@ def simulate(
         ValueError: A time does not fit another, the lever or the load is too short, or the state ceased to be finite.
     """
     tick_steps = _whole(TICK_S, time_step_s, "the operator's tick of 0.001 s", "time_step_s")
-    log_steps = _whole(log_step_s, time_step_s, "log_step_s", "time_step_s")
-    steps = _whole(duration_s, log_step_s, "duration_s", "log_step_s") * log_steps
-    ticks = steps // tick_steps + 2
+    rows = _whole(duration_s, TICK_S, "duration_s", "the operator's tick")
+    ticks = rows + 2
     if drift is None:
         drift = np.ones(2)
-    scripted = not isinstance(lever, DutyCycle)
-    script = np.asarray(lever if scripted else lever.remnant, dtype=np.float64)  # type: ignore[union-attr]
-    actions = np.zeros((1, 10)) if isinstance(lever, np.ndarray) else lever.actions
+    cycle = lever if isinstance(lever, DutyCycle) else DutyCycle(np.zeros((0, 10)), lever)
+    script = np.asarray(cycle.remnant, dtype=np.float64)
     if len(script) < ticks:
         raise ValueError(f"lever: got {len(script)} values, but {duration_s} s need {ticks}, one each millisecond")
     load = _load(external_force, ticks, duration_s)
-    trace = np.empty((steps // log_steps, len(TRACE_COLUMNS)))
+    trace = np.empty((rows, len(TRACE_COLUMNS)))
     begin = (
         start.pressure_1_pa,
         start.pressure_2_pa,
@@ -117,13 +113,12 @@ def simulate(
     compiled_run()(
         friction_constants(rig.friction),
         hydraulic_constants(rig.hydraulics),
-        scripted,
         script,
-        np.asarray(actions, dtype=np.float64),
+        np.asarray(cycle.actions, dtype=np.float64),
         np.asarray(drift, dtype=np.float64),
         load,
         begin,
-        (time_step_s, tick_steps, log_steps),
+        (time_step_s, tick_steps),
         trace,
     )
     if not np.isfinite(trace[-1]).all():

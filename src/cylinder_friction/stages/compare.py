@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -154,5 +155,5 @@ def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree) -> 
             write_text(folder / name, text)
     write_text(REPORT_FILE, report)
     write_text(TABLE_FILE, markdown_tables(analysis.comparison))
-    write_json(TIMINGS_FILE, {name: time.to_dict() for name, time in times.items()})
+    write_json(TIMINGS_FILE, {name: asdict(time) for name, time in times.items()})
     write_json(METRICS_FILE, tree)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -165,13 +165,13 @@ def write_audit(rows: Sequence[AuditRow]) -> None:
     """Write ``audit.json``, nested by filter, condition and stratum, and ``audit.csv``, one line per entry."""
     nested: dict[str, Any] = {} if rows else {"note": NO_TRUTH}
     for row in rows:
-        content = row.to_dict()
+        content = asdict(row)
         place = nested.setdefault(content.pop("filter"), {}).setdefault(content.pop("condition"), {})
         place[content.pop("stratum")] = content
     text = io.StringIO()
     writer = csv.DictWriter(text, [field.name for field in fields(AuditRow)], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(row.to_dict() for row in rows)
+    writer.writerows(map(asdict, rows))
     with whole_folder(AUDIT_FOLDER) as folder:
         write_json(folder / AUDIT_FILE.name, nested)
         write_text(folder / "audit.csv", text.getvalue())

@@ -84,7 +84,7 @@ def _metrics(kind: str, found: Identification) -> dict[str, float]:
 
 def _stribeck_content(found: Identification) -> dict[str, Any]:
     return {
-        "points": [point.to_dict() for point in found.points],
+        "points": [asdict(point) for point in found.points],
         "curve": asdict(found.curve),
         "units": {"velocity_m_s": "m/s", "friction_n": "N", "rows": "samples"},
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,9 +36,6 @@ class SteadyPoint:
     lower_quartile_n: float
     upper_quartile_n: float
     rows: int  # How many samples the point stands for
-
-    def to_dict(self) -> dict[str, float]:
-        return asdict(self)
 
 
 def _has_slid(recording: Recording, slowest_m_s: float) -> Mask:
