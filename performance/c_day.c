@@ -34,7 +34,7 @@ static void note(timing *into, double ns)
     ++into->blocks;
 }
 
-static void say(const char *what, const timing *measured)
+static void print_timing(const char *what, const timing *measured)
 {
     printf("%-22s mean %7.1f ns a step, blocks of %d from %.1f to %.1f ns\n", what,
            measured->sum / (double)measured->blocks, BLOCK, measured->least, measured->most);
@@ -52,7 +52,7 @@ int main(int argc, char **argv)
     static friction_state day, fresh;
     friction_output now, then;
     timing first = {0}, last = {0}, hold = {0};
-    double worst = 0.0, apart_sum = 0.0, began = 0.0, *samples;
+    double worst = 0.0, difference_sum = 0.0, began = 0.0, *samples;
     long rows, step, steps, bad = 0, above = 0;
     FILE *file = argc == 3 ? fopen(argv[1], "rb") : NULL;
     if (file == NULL) {
@@ -95,18 +95,18 @@ int main(int argc, char **argv)
         friction_step(&day, (friction_real)row[0], (friction_real)row[1], (friction_real)row[2], &now);
         friction_step(&fresh, (friction_real)row[0], (friction_real)row[1], (friction_real)row[2], &then);
         if (step >= steps + FRESH_STEPS) {
-            const double apart = fabs((double)now.friction_n - (double)then.friction_n);
-            worst = apart > worst ? apart : worst;
-            apart_sum += apart;
-            above += apart > 0.5;
+            const double difference = fabs((double)now.friction_n - (double)then.friction_n);
+            worst = difference > worst ? difference : worst;
+            difference_sum += difference;
+            above += difference > 0.5;
         }
     }
     printf("%ld steps, %ld of them not a number\n", steps, bad);
-    printf("apart from a fresh start, after its first %d steps: mean %.3g N, greatest %.3g N, above 0.5 N in %.3f %%\n",
-           FRESH_STEPS, apart_sum / FRESH_STEPS, worst, 100.0 * (double)above / FRESH_STEPS);
-    say("motion, first hour", &first);
-    say("motion, last hour", &last);
-    say("holds, from minute 5", &hold);
+    printf("difference from a fresh start, after its first %d steps: mean %.3g N, greatest %.3g N, above 0.5 N in %.3f %%\n",
+           FRESH_STEPS, difference_sum / FRESH_STEPS, worst, 100.0 * (double)above / FRESH_STEPS);
+    print_timing("motion, first hour", &first);
+    print_timing("motion, last hour", &last);
+    print_timing("holds, from minute 5", &hold);
     free(samples);
     return 0;
 }

@@ -146,7 +146,8 @@ def _over_limit(f: Any, y: Any, state: Any, i: int) -> float:
     force = state[8 + i]
     if force * state[VELOCITY] <= 0.0:
         return -1.0
-    return abs(force) - f.share[i] * direction_factor(f, force) * _level(f, y, state)
+    excess: float = abs(force) - f.share[i] * direction_factor(f, force) * _level(f, y, state)
+    return excess
 
 
 def _right_hand_side(f: Any, y: Any, lever: NDArray[np.float64], load: Any, slips: NDArray[np.bool_]) -> Any:

@@ -27,10 +27,8 @@ WORDS: dict[str, str] = {
     r"tracks|even runs?|clock grids?|clock repeats?": "channel timelines, uniform segments, sample grid",
     r"fingerprints?": "duplicate detection; hash",
     r"spoilt|spoils?|nought|what (it|they|the \w+) leaves": "corrupted, zero, residual",
-    rf"(one|two|three|\d+|number|value|figure|line|row|column|module|file|estimate|plot|run|entry)s? (a|an) {THING}":
-        "one value per sample",
-    r"(?-i:Of) (weights|everything|all|the|a|dropout|order|rows|noise)\b(?=[^.]{0,80}(seed|random|order|bootstrap))":
-        "Seeds weights, dropout and batch order",
+    rf"(one|two|three|\d+|number|value|figure|line|row|column|module|file|estimate|plot|run|entry)s? (a|an) {THING}": "one value per sample",  # noqa: E501
+    r"(?-i:Of) (weights|everything|all|the|a|dropout|order|rows|noise)\b(?=[^.]{0,80}(seed|random|order|bootstrap))": "Seeds weights, dropout and batch order",  # noqa: E501
     r"conducting|conducted": "runner",
     r"(?<!study\.)(told|tells?|says?|said)": "given, determines, states",
 }

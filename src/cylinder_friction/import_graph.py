@@ -158,7 +158,7 @@ def _strings(path: Path, source: Path) -> tuple[set[str], set[Path]]:
             elif place.is_file():
                 data.add(place)
             elif place.is_dir() and not any(place.rglob("*.py")):
-                data |= {file for file in place.rglob("*") if file.is_file()}
+                data |= {file for file in place.rglob("*") if file.is_file() and file.suffix != ".pyc"}
     return names, data
 
 
