@@ -123,10 +123,7 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
 def names_from_path(path: str, pattern: re.Pattern[str]) -> PathNames:
     """Return what a path, relative to the ingested folder and with ``/``, states about its recording.
 
-    The pattern is searched for anywhere in the path.
-
-    Raises:
-        RecordingError: The pattern is not found, or finds an empty condition or session.
+    The pattern is searched for anywhere in the path; it must find a condition and a session that are not empty.
     """
     match = pattern.search(path)
     groups = match.groupdict() if match else {}
@@ -145,11 +142,7 @@ def name_of(path: str) -> str:
 
 
 def read_names_table(path: Path) -> tuple[TableLine, ...]:
-    """Return the lines of a table of names; its delimiter is a comma, a semicolon or a tab.
-
-    Raises:
-        RecordingError: As ``NameRules``; the message names the line, counted from 1 for the header.
-    """
+    """Return the lines of a table of names; its delimiter is a comma, a semicolon or a tab."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.checks.limits import LoadMode
     from cylinder_friction.recordings.recording import Recording
 
-ONE_CONDITION = "1"
-"""The condition of files whose names state none."""
+ONE_CONDITION = "1"  # the condition of files whose names state none
 
 
 def read_logs(

@@ -40,7 +40,7 @@ class RecordingMetadata:
     """Who and when.
 
     Attributes:
-        name: Unique name of the recording; also the stem of its file.
+        name: Unique; also the stem of the recording's file.
         condition: Label of the operating condition, for example ``"1"`` for the paper's Test 1 (no load).
         session: One uninterrupted stretch of laboratory work with one calibration; splits keep it whole.
         sample_time_s: Constant time between two rows [s].

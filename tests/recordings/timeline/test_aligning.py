@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.signal import Piece, Signal
 from cylinder_friction.recordings.timeline.aligning import align
-from cylinder_friction.recordings.timeline.resampling import OVERSHOOT
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+OVERSHOOT = 2.2  # as in test_resampling
 SHARED = Path(__file__).parents[3] / "../shared/data"
 ROWS = 2000
 EVEN_S = 0.005 * np.arange(ROWS)

@@ -7,11 +7,14 @@ from hypothesis import strategies as st
 
 from cylinder_friction.recordings.timeline.resampling import (
     HALF_WIDTH,
-    OVERSHOOT,
     fill_lost,
     shape_preserving_cubic,
     windowed_sinc,
 )
+
+OVERSHOOT = 2.2
+"""No resampled value is further from the middle of its inputs than this many times half their range, and three times
+as far within the kernel of an end, where the continuation may triple the range."""
 
 AWAY = 40
 """Samples of the lower rate from an end beyond which its continuation plays no part."""

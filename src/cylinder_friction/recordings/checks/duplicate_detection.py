@@ -23,26 +23,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Hashes = NDArray[np.uint64]
 
-WINDOW = 24
-"""Rows per window."""
-
-KEPT = 64
-"""One window in so many is kept; a power of two."""
-
-LEAST_CHANGES = 8
-"""A window in which rounded values change less often is too common to identify a recording."""
-
-LEAST_MATCHES = 4
-"""Fewer windows in common may be chance."""
-
-LEAST_SHARE = 0.02
-"""So may a smaller share of the shorter recording's windows."""
+WINDOW = 24  # rows per window
+KEPT = 64  # one window in so many is kept; a power of two
+LEAST_CHANGES = 8  # a window in which rounded values change less often is too common to identify a recording
+LEAST_MATCHES = 4  # fewer windows in common may be chance
+LEAST_SHARE = 0.02  # so may a smaller share of the shorter recording's windows
 
 FINEST = {"pressure": 512.0, "force": 0.125}
 """Rounding is never finer than this, in the column's unit: 0.001 bar is what exports keep [Pa, N]."""
 
-PLACES = 4096
-"""Samples at most from which the noise is estimated."""
+PLACES = 4096  # samples at most from which the noise is estimated
 
 OFFSET = 0.3819
 """Moves the borders of rounding away from zero and from round numbers, where sensors rest, in roundings."""

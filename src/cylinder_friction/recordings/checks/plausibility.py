@@ -29,11 +29,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-HALF_WINDOW_S = 0.05
-"""Velocity is the difference over twice this time."""
-
-ROWS = 5_000
-"""Rows used at most, spread evenly: more do not make the result more certain."""
+HALF_WINDOW_S = 0.05  # velocity is the difference over twice this time
+ROWS = 5_000  # rows used at most, spread evenly: more do not make the result more certain
 
 SURE = 3.0
 """A mean differs from zero if it is this many standard errors away; strokes count as independent, rows do not."""

@@ -22,29 +22,19 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-RATE_TOLERANCE = 1e-3
-"""A logger's clock may be off by this share of its rate."""
+RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 
 HELD_S = 0.1
 """A position that does not change for this long is at rest, or held by a logger that got no new sample."""
 
-HELD_JUMP = 10.0
-"""A held position that continues with a step this many times the usual ones was not at rest."""
-
-PLACES = 8192
-"""Steps at most from which the usual one is estimated."""
+HELD_JUMP = 10.0  # a held position that continues with a step this many times the usual ones was not at rest
+PLACES = 8192  # steps at most from which the usual one is estimated
 
 
 def check_recording(
     metadata: RecordingMetadata, table: pd.DataFrame, limits: CheckLimits, sample_time_s: float
 ) -> Recording:
-    """Return the recording; what the checks only noted stands among its repairs.
-
-    Args:
-        metadata: Who and when; its sample time is replaced.
-        table: Uniformly sampled columns in SI units.
-        limits: What is plausible.
-        sample_time_s: Constant time between two rows [s].
+    """Return the recording at its sample time; what the checks only noted stands among its repairs.
 
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
@@ -222,8 +212,8 @@ def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits
     )
     if not held.any():
         return Finding("position_stuck", "ok", "position_m never stays constant and then jumps")
-    first = int(np.flatnonzero(held)[0])
-    end, start = int(ends[first]), int(ends[first] - lengths[first])
+    end = int(ends[held][0])
+    start = end - int(lengths[held][0])
     text = (
         f"position_m stays at exactly {position_m[start]:.6g} m from row {start + 1} to row {end} and goes on at "
         f"{position_m[end]:.6g} m ({held.sum()} such stretches in all); the sensor or the logger held its value while "

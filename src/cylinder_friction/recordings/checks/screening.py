@@ -45,8 +45,7 @@ MOST_ODD = 3
 QUIET = 0.1
 """The others lie within this share of a spike's height; after a pressure surge they settle elsewhere."""
 
-PLACES = 4096
-"""Samples at most from which a signal's own scale is estimated."""
+PLACES = 4096  # samples at most from which a signal's own scale is estimated
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,9 @@ TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel that is read when it is asked for.
+    """One channel, by its path within the file, that is read when it is asked for: values of shape ``(length,)``.
 
-    Attributes:
-        name: Its path within the file.
-        length: Of it [samples].
-        read: Returns its values, shape ``(length,)``.
-        unit: As the file states it, or ''.
-        sample_time_s: Where the file states it in place of a time channel [s].
+    ``sample_time_s`` is what the file states in place of a time channel [s].
     """
 
     name: str
@@ -67,9 +62,6 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
     """Return one table for all channels of a length (and of a stated sample time), in the order of the file.
 
     Where there are several, a table is named by the group its channels share, otherwise by its length.
-
-    Raises:
-        RecordingError: There is no channel at all.
     """
     if not found.channels and wanted is not None and found.others:
         return [LoggedTable(pd.DataFrame(), unread=tuple(found.others))]

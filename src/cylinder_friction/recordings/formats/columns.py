@@ -42,11 +42,6 @@ def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], boo
 
     Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
 
-    Args:
-        column: A ``pyarrow.ChunkedArray`` of strings.
-        decimal: ``.`` or ``,``.
-        name: Of the channel, for messages.
-
     Returns:
         The values, and whether they are seconds since midnight.
     """

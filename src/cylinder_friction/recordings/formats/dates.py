@@ -38,10 +38,6 @@ def date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
     With dots the day comes first. With strokes the first row that can only be read one way settles it for the column.
     A time zone is taken off: the stamps are then in UTC.
 
-    Args:
-        text: A ``pyarrow.ChunkedArray`` of strings.
-        name: Of the channel, for the message.
-
     Raises:
         RecordingError: Day and month are ambiguous.
     """

@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
-_MOST_UNPACKED = 1100
-"""DEFLATE packs at most 1032 to 1; a dataset that claims more than this is damaged."""
+_MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a dataset that claims more than this is damaged
 
 
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -39,9 +38,6 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. Where a
     dataset, its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time
     among the channels, a channel ``time`` is made of it.
-
-    Raises:
-        RecordingError: h5py is not installed.
     """
     h5py = optional_library("h5py", "HDF5", "hdf5")
     with h5py.File(source.handle(), "r") as file:

@@ -29,11 +29,9 @@ if TYPE_CHECKING:
 
     from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
-LIMIT_S = 60.0
-"""So long may reading take [s], and longer where the file is large:"""
+LIMIT_S = 60.0  # so long may reading take [s], and longer where the file is large
 LIMIT_PER_BYTE_S = 1.0 / 2e6
-LIMIT_BYTES = 4 << 30
-"""So much memory may it take, and for each byte of the file:"""
+LIMIT_BYTES = 4 << 30  # so much memory may it take, and more for each byte of the file
 LIMIT_BYTES_PER_BYTE = 50
 
 LIBRARIES = {

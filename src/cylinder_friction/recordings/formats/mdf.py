@@ -12,8 +12,7 @@ from cylinder_friction.recordings.formats.libraries import optional_library
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError
 
-_MOST_UNPACKED = 1100
-"""DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged."""
+_MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -26,10 +25,7 @@ if TYPE_CHECKING:
 def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return one table a channel group, its master (time) first; conversions are applied, text stays text.
 
-    A sample that the file marks as invalid is NaN.
-
-    Raises:
-        RecordingError: asammdf is not installed, or the file claims what it cannot hold.
+    A sample that the file marks as invalid is NaN; a file that claims what it cannot hold is refused.
     """
     asammdf = optional_library("asammdf", "MDF4", "mdf")
     # It finishes an unfinished file in place, so it gets a copy of that.

@@ -13,8 +13,7 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from pathlib import Path
 
-HEAD_SIZE = 65536
-"""So many bytes are looked at to find out what a file is [bytes]."""
+HEAD_SIZE = 65536  # so many bytes are looked at to find out what a file is [bytes]
 
 GZIP = b"\x1f\x8b"
 

@@ -25,10 +25,8 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     """Return one table a group, or several where a group's channels differ in length or rate.
 
     Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
-    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time.
-
-    Raises:
-        RecordingError: npTDMS is not installed, or a channel claims more samples than the file could hold.
+    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time. A channel that
+    claims more samples than the file could hold is refused.
     """
     nptdms = optional_library("nptdms", "TDMS", "tdms", "npTDMS")
     with source.opened() as opened, nptdms.TdmsFile.open(opened) as file:

@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 
 NOT_CORRECTED = "zeros of the pressure sensors not corrected"
 
-FEWEST_BLOCKS = 8
-"""Means of fewer blocks scatter too little or too much to be meaningful."""
+FEWEST_BLOCKS = 8  # means of fewer blocks scatter too little or too much to be meaningful
 
 
 def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, int]:
@@ -147,8 +146,7 @@ class ZeroReading:
     Attributes:
         offsets: Mean reading by column, in the column's unit.
         uncertainty: Standard uncertainty of each, autocorrelation and converter steps accounted for.
-        from_s: Start of the stretch [s].
-        to_s: End of the stretch [s].
+        from_s, to_s: Start and end of the stretch [s].
         recording: Name of the recording in which it was read.
     """
 
@@ -258,12 +256,6 @@ def apply_zero(
 
     Without a reading the table is returned as it is, and the sensors' stated accuracy stands in full. A sensor whose
     accuracy is not stated gets no uncertainty, zeroed or not: its span is not known.
-
-    Args:
-        table: In SI units.
-        metadata: Offsets, uncertainty and a sentence are added to it.
-        reading: Of this recording or of its session; None where there is none to speak of.
-        mapping: For the sensors' accuracy and steps.
     """
     uncertainty = {column: stated for column, stated in sensor_uncertainty(mapping).items() if column in table.columns}
     offsets: dict[str, float] = {}

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MOSTLY = 0.99
-"""Time may have a few repeated or backward stamps and still be time."""
+MOSTLY = 0.99  # time may have a few repeated or backward stamps and still be time
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
 SIDE_WORDS = {1: "piston side", 2: "rod side"}
 
-NEARLY = 3.0
-"""Candidates within this distance of the best score are named beside it."""
+NEARLY = 3.0  # candidates within this distance of the best score are named beside it
 
 BELOW_ZERO = 0.05
 """A position that falls below zero by more than this share of its travel does not count from the retracted end."""
@@ -59,8 +58,7 @@ PLAUSIBLE = {
 }
 """Least and greatest for a cylinder, in the column's unit; the unit of messages and its scale; and the name."""
 
-AREA_RATIOS = (0.5, 0.7, 0.9)
-"""A2 over A1, which is not known yet: the sign must be the same for all of them."""
+AREA_RATIOS = (0.5, 0.7, 0.9)  # A2 over A1, which is not known yet: the sign must be the same for all of them
 
 STROKE_SHARE = 0.02
 """Steps over which direction is taken are this share of the travel, so that noise does not count as motion."""

@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-MOST_NAMES = 40
-"""Channels that a message lists; a measurement file may have thousands."""
+MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
 
 
 def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: str) -> int:
@@ -70,8 +69,7 @@ def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
     """Return a channel's cells as numbers, shape ``(n,)``; an empty cell is NaN. No copy where they are float64.
 
     Raises:
-        RecordingError: A cell holds text, the first of which is named with its row, counted from 1; or the cells are
-            dates or complex numbers.
+        RecordingError: The cells are dates or complex numbers, or one holds text.
     """
     kind = raw.dtype.kind
     if kind in "mMc" or isinstance(raw.dtype, pd.DatetimeTZDtype):
@@ -126,11 +124,7 @@ class _Clock(NamedTuple):
 
 
 def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapping]) -> MappedFile:
-    """Return the mapped columns of a file; channels that are not mapped are left out.
-
-    Args:
-        tables: As a reader gave them.
-        mapping: Column to channel; ``check_mapping`` has passed it.
+    """Return the columns of a file that the mapping, which passed ``check_mapping``, finds a channel for.
 
     Raises:
         RecordingError: A channel or its time is missing or occurs twice, a cell holds text, the file states another

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 NOT_FOUND = "NOT FOUND"
 """Stands where a channel's name must be filled in; no file has such a channel, so ingest lists those there are."""
 
-LISTED = 60
-"""Channels that the comment below the mapping lists."""
+LISTED = 60  # channels that the comment below the mapping lists
 
 TEMPLATE = """\
 # First mapping of {file}, made from its names, units and values.
@@ -95,19 +94,22 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
 
 
 def _not_found(column: GuessedColumn) -> list[str]:
-    unit = {"pressure": "bar", "length": "mm"}.get(QUANTITIES[column.column], COMMON[QUANTITIES[column.column]][0])
     line = f"# {NOT_FOUND}: name the channel"
     if column.column == "time_s":
         line += ", or write {rate_hz: ...} if the rows come at a constant rate"
-    return [line, f'{column.column}: {{channel: "{NOT_FOUND}", unit: {unit}}}']
+    return [line, f'{column.column}: {{channel: "{NOT_FOUND}", unit: {_usual_unit(column.column)}}}']
 
 
 def _sensor(column: str, channel: ChannelFacts) -> str:
     """Return a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
     kind = electrical(channel.unit)
     signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(kind or "", "[0, 10]")
-    unit = {"pressure": "bar", "length": "mm", "force": "N"}.get(QUANTITIES[column], COMMON[QUANTITIES[column]][0])
-    return f"{{range: [0, 1], unit: {_unit(unit)}, signal: {signal}}}"
+    return f"{{range: [0, 1], unit: {_unit(_usual_unit(column))}, signal: {signal}}}"
+
+
+def _usual_unit(column: str) -> str:
+    quantity = QUANTITIES[column]
+    return {"pressure": "bar", "length": "mm"}.get(quantity, COMMON[quantity][0])
 
 
 def _unit(unit: str) -> str:

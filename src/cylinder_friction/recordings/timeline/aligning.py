@@ -12,6 +12,7 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.signal import Piece
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
+from cylinder_friction.recordings.timeline.stamp_repair import counted
 from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, even_rate, whole_hertz
 
 if TYPE_CHECKING:
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Spans = list[tuple[float, float]]
 
-HIGHEST_RATIO = 10.0
-"""A rate more than this many times that of the fastest channel is a mistake."""
+HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake
 
 
 def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
@@ -101,11 +101,9 @@ def _check(signals: Mapping[str, Signal]) -> None:
 def _unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> Piece | None:
     """Return columns that need no repair and no resampling, not copied; None if they do."""
     time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
-    if not all(np.array_equal(time_s, other) for other in others):
-        return None
-    if not all(np.isfinite(signal.values).all() for signal in signals.values()):
-        return None
-    rate_hz = even_rate(time_s, rules.jitter_share)
+    one_clock = all(np.array_equal(time_s, other) for other in others)
+    complete = one_clock and all(np.isfinite(signal.values).all() for signal in signals.values())
+    rate_hz = even_rate(time_s, rules.jitter_share) if complete else None
     if rate_hz is None:
         return None
     wanted_hz = whole_hertz(rate_hz) if rules.rate_hz is None else rules.rate_hz
@@ -236,8 +234,8 @@ def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[st
     columns = gaps[(before_s, after_s)]
     without = "" if len(columns) == len(timelines) else f" without {', '.join(columns)}"
     return [
-        f"time: split at {_counted(len(gaps), 'gap')} of more than "
-        f"{_counted(rules.longest_bridge_samples, 'lost sample')} (first: {after_s - before_s:.4g} s{without} after "
+        f"time: split at {counted(len(gaps), 'gap')} of more than "
+        f"{counted(rules.longest_bridge_samples, 'lost sample')} (first: {after_s - before_s:.4g} s{without} after "
         f"{before_s:.6g} s)"
     ]
 
@@ -250,7 +248,7 @@ def _bridged_note(timelines: Sequence[ChannelTimeline], first_s: float, last_s: 
         lost = lost[(time_s[lost] < last_s) & (time_s[lost + 1] > first_s) & (each.segments[lost] == segment)]
         if len(lost):
             text = (
-                f"{_counted(int(each.lost[lost].sum()), 'lost sample')} interpolated (at most {each.lost[lost].max()} "
+                f"{counted(int(each.lost[lost].sum()), 'lost sample')} interpolated (at most {each.lost[lost].max()} "
                 f"in a row, first after {time_s[lost[0]]:.6g} s)"
             )
             done.setdefault(text, []).append(each.column)
@@ -279,13 +277,8 @@ def _edge_note(timelines: Sequence[ChannelTimeline], rate_hz: float) -> list[str
 
 
 def _short_note(short: Spans, rules: TimeRules) -> list[str]:
-    if not short:
-        return []
     return [
-        f"time: {_counted(len(short), 'stretch', 'es')} of fewer than {rules.shortest_piece_samples} samples between "
-        f"gaps left out (first: {short[0][0]:.6g} to {short[0][1]:.6g} s)"
+        f"time: {counted(len(short), 'stretch', 'es')} of fewer than {rules.shortest_piece_samples} samples between "
+        f"gaps left out (first: {first_s:.6g} to {last_s:.6g} s)"
+        for first_s, last_s in short[:1]
     ]
-
-
-def _counted(count: int, thing: str, plural: str = "s") -> str:
-    return f"{count} {thing}{'' if count == 1 else plural}"

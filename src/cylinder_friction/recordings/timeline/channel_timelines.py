@@ -32,8 +32,7 @@ rows at most, or the slower shares all of its own."""
 ROUNDING = 1e-4
 """Stamps of two tables this close, as a share of a step, are one: 0.1 s + 37·0.001 s is not 137·0.001 s to the bit."""
 
-SHORT_BLOCK = 32
-"""Samples over which the step is taken where the stamps' rounding hides it from step to step."""
+SHORT_BLOCK = 32  # samples over which the step is taken where the stamps' rounding hides it from step to step
 
 
 @dataclass(frozen=True)
@@ -143,12 +142,9 @@ def _share_stamps(tables: list[tuple[Array, dict[str, Array]]]) -> list[tuple[Ar
     result: list[tuple[Array, dict[str, Array]]] = []
     for time_s, values in tables:
         for place, (other_s, others) in enumerate(result):
-            union = _union(other_s, time_s)
-            if union is not None:
+            if (union := _union(other_s, time_s)) is not None:
                 union_s, other_rows, rows = union
-                filled = {name: _placed(column, other_rows, len(union_s)) for name, column in others.items()}
-                filled |= {name: _placed(column, rows, len(union_s)) for name, column in values.items()}
-                result[place] = (union_s, filled)
+                result[place] = (union_s, _placed(others, other_rows, union_s) | _placed(values, rows, union_s))
                 break
         else:
             result.append((time_s, dict(values)))
@@ -177,9 +173,10 @@ def _union(one_s: Array, other_s: Array) -> tuple[Array, Indices, Indices] | Non
     return (both_s[order][new], one_rows, other_rows) if common >= TOGETHER * max(len(one_s), len(other_s)) else None
 
 
-def _placed(values: Array, rows: Indices, length: int) -> Array:
-    result = np.full(length, np.nan)
-    result[rows] = values
+def _placed(columns: Mapping[str, Array], rows: Indices, union_s: Array) -> dict[str, Array]:
+    result = {name: np.full(len(union_s), np.nan) for name in columns}
+    for name, column in columns.items():
+        result[name][rows] = column
     return result
 
 
@@ -188,7 +185,7 @@ def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> lis
     ordered = {name: column[stamps.rows] for name, column in values.items()}
     valid = {name: np.isfinite(column) for name, column in ordered.items()}
     for name, rows in valid.items():
-        _refuse_few(name, int(rows.sum()), len(rows))
+        _refuse_few(name, rows)
     groups: list[tuple[dict[str, Array], Mask]] = []
     for name in sorted(ordered, key=lambda name: -int(valid[name].sum())):
         for place, (columns, together) in enumerate(groups):
@@ -200,11 +197,10 @@ def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> lis
     return groups
 
 
-def _refuse_few(column: str, valid: int, rows: int) -> None:
-    if valid < 3:
-        raise RecordingError(
-            f"{column} has {valid} finite values in {rows} rows, expected at least 3; check its channel in the mapping"
-        )
+def _refuse_few(column: str, valid: Mask) -> None:
+    if valid.sum() < 3:
+        found = f"{valid.sum()} finite values in {len(valid)} rows"
+        raise RecordingError(f"{column} has {found}, expected at least 3; check its channel in the mapping")
 
 
 def _timelines_of(
@@ -223,7 +219,7 @@ def _timelines_of(
 def _timeline(column: str, grid: SampleGrid, values: Array, rules: TimeRules) -> ChannelTimeline:
     valid = np.isfinite(values)
     at = np.flatnonzero(valid).astype(np.int64)
-    _refuse_few(column, len(at), len(values))
+    _refuse_few(column, valid)
     distances = np.diff(grid.index[at])
     gap_before = np.concatenate([[0], np.cumsum(grid.gaps)])
     across = np.diff(gap_before[at]) > 0

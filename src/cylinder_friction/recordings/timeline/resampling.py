@@ -34,17 +34,12 @@ ENTRIES = 512
 ON_THE_LINE = 1e-3
 """A segment whose stamps follow one straight line this closely, as a share of a step, is read off that line."""
 
-OVERSHOOT = 2.2
-"""No resampled value is further from the middle of its inputs than this many times half their range (at a step, 1.26
-times: 13 % of its height); within ``HALF_WIDTH`` of an end, where the continuation may triple the range, three times
-as far."""
-
 
 def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
     """Return values between samples, shape ``(m,)``, never beyond the two samples they lie between.
 
     Args:
-        at: Where the samples lie, increasing, shape ``(n,)``, ``n`` at least 1.
+        at: Where the samples lie, increasing, shape ``(n,)``.
         values: Shape ``(n,)``.
         wanted: Where values are wanted, shape ``(m,)``; beyond the first or last sample, that sample.
 
@@ -62,23 +57,16 @@ def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
 
 
 def fill_lost(numbers: NDArray[np.int64], values: Array) -> Array:
-    """Return one value per sample number, first to last; lost ones interpolated (shape-preserving cubic).
-
-    Args:
-        numbers: Sample numbers that are there, increasing, shape ``(n,)``.
-        values: Their values, shape ``(n,)``; they come out as they are.
-    """
+    """Return one value per sample number, first to last; lost ones interpolated (shape-preserving cubic)."""
     if numbers[-1] - numbers[0] + 1 == len(numbers):
         return values
-    filled = np.empty(int(numbers[-1] - numbers[0]) + 1)
-    there = np.zeros(len(filled), dtype=np.bool_)
-    there[numbers - numbers[0]] = True
-    filled[there] = values
-    lost = np.flatnonzero(~there) + numbers[0]
+    filled = np.full(int(numbers[-1] - numbers[0]) + 1, np.nan)
+    filled[numbers - numbers[0]] = values
+    lost = np.setdiff1d(np.arange(numbers[0], numbers[-1]), numbers)
     # The cubic looks at two samples to either side; the many others need not be gone through.
     beside = np.searchsorted(numbers, lost)[:, None] + np.arange(-3, 3)
     used = np.unique(np.clip(beside, 0, len(numbers) - 1))
-    filled[~there] = shape_preserving_cubic(numbers[used].astype(np.float64), values[used], lost.astype(np.float64))
+    filled[lost - numbers[0]] = shape_preserving_cubic(numbers[used] * 1.0, values[used], lost * 1.0)
     return filled
 
 
@@ -91,7 +79,7 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
     extension (the mirror image through the end point), so that a straight line goes on straight.
 
     Args:
-        values: At a constant rate, shape ``(n,)``, ``n`` at least 1.
+        values: At a constant rate, shape ``(n,)``.
         positions: Wanted instants as sample numbers, fractions allowed, shape ``(m,)``, within 0 to ``n - 1``.
         rate_ratio: Wanted rate over the rate of ``values``.
 
@@ -153,8 +141,7 @@ class UniformSegment:
         knot_s: Instants at which the sample number is known, increasing, two or more [s].
         knot_number: Sample number at these, from 0, fractions allowed.
         rate_hz: Rate of the samples [Hz].
-        first_s: Instant of the first sample [s].
-        last_s: Instant of the last sample [s].
+        first_s, last_s: Instants of the first and the last sample [s].
         method: How uneven stamps became uniform, empty if they were.
     """
 
@@ -231,9 +218,8 @@ def _knots(time_s: Array, numbers: NDArray[np.int64], step_s: float) -> tuple[Ar
     blocks = len(time_s) // BLOCK
     if blocks < 3 or np.abs(time_s - line_s).max() <= ON_THE_LINE * step_s:
         return line_s[[0, -1]], numbers[[0, -1]].astype(np.float64)
-    parts = np.array_split(np.arange(len(time_s)), blocks)
-    knot_s = np.array([float(time_s[part].mean()) for part in parts])
-    return knot_s, np.array([float(numbers[part].mean()) for part in parts])
+    knot_s, knot_number = (np.array([p.mean() for p in np.array_split(each, blocks)]) for each in (time_s, numbers))
+    return knot_s, knot_number
 
 
 def _made_uniform(timeline: ChannelTimeline, a: int, b: int, start_s: float) -> UniformSegment | None:

@@ -25,11 +25,8 @@ if TYPE_CHECKING:
 LONGEST_WILD = 5
 """A stamp that fits neither neighbour is damage; more than this many in a row are a clock that restarted."""
 
-WINDOWS = (4, 16, 64)
-"""Rows to either side within which swapped rows are looked for."""
-
-FEWEST_STAMPS = 10
-"""A coarse clock is distinguished from chance by at least this many different stamps."""
+WINDOWS = (4, 16, 64)  # rows to either side within which swapped rows are looked for
+FEWEST_STAMPS = 10  # a coarse clock is distinguished from chance by at least this many different stamps
 
 LAG = 32
 """Stamps over which the first estimate of a coarse clock's rate is taken, so that their rounding averages out."""
@@ -55,14 +52,10 @@ class OrderedStamps:
 def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
     """Return the stamps in order.
 
-    Rows that hold neither stamp nor value are ignored. Stamps that are not finite (or 1e15 s and more), and up to five
-    in a row that fit neither of their neighbours, are left out. Rows that fall into place when sorted (out of order by
-    up to 64 rows) are sorted. Any other step backwards is a clock that restarted, was set back, or rolled over.
-
-    Args:
-        time_s: As logged, shape ``(n,)`` [s].
-        blank: Rows without any value, shape ``(n,)``.
-        rules: How much damage is too much.
+    Rows that hold neither stamp nor value (``blank``) are ignored. Stamps that are not finite (or 1e15 s and more), and
+    up to five in a row that fit neither of their neighbours, are left out. Rows that fall into place when sorted (out
+    of order by up to 64 rows) are sorted. Any other step backwards is a clock that restarted, was set back, or rolled
+    over.
 
     Raises:
         RecordingError: Fewer than three rows, time that stands still, or too many damaged stamps.
@@ -82,7 +75,7 @@ def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
                 f"{lost[0] + 1}), expected at most {100.0 * rules.damaged_share:.3g} %; check the time channel and its "
                 "unit or date format"
             )
-        repairs.append(f"{_rows(len(lost))} without a time stamp left out (first: row {lost[0] + 1})")
+        repairs.append(f"{counted(len(lost), 'row')} without a time stamp left out (first: row {lost[0] + 1})")
     stamps = time_s[rows]
     forward_s = np.diff(stamps)
     if not (forward_s > 0.0).any():
@@ -178,20 +171,18 @@ class _Sorting:
         return True
 
     def result(self, repairs: list[str]) -> OrderedStamps:
-        segments = np.zeros(len(self.time_s), dtype=np.int64)
-        segments[self.restarts] = 1
-        segments = np.cumsum(segments)
+        segments = np.searchsorted(self.restarts, np.arange(len(self.time_s)), side="right")
         if self.wild.any():
-            first = int(self.rows[self.wild].min()) + 1
-            repairs.append(
-                f"{_rows(int(self.wild.sum()))} with a stamp that fits neither neighbour left out (first: row {first})"
-            )
+            wild, first = counted(int(self.wild.sum()), "row"), int(self.rows[self.wild].min()) + 1
+            repairs.append(f"{wild} with a stamp that fits neither neighbour left out (first: row {first})")
         if self.swapped:
-            repairs.append(f"{_rows(len(self.swapped))} out of order sorted (first: row {min(self.swapped) + 1})")
+            repairs.append(
+                f"{counted(len(self.swapped), 'row')} out of order sorted (first: row {min(self.swapped) + 1})"
+            )
         if self.restarts:
             at = self.restarts[0]
             repairs.append(
-                f"split at {len(self.restarts)} {'restart' if len(self.restarts) == 1 else 'restarts'} of the clock "
+                f"split at {counted(len(self.restarts), 'restart')} of the clock "
                 f"(first: row {self.rows[at] + 1}, from {self.time_s[at - 1]:.9g} to {self.time_s[at]:.9g} s)"
             )
         kept = ~self.wild
@@ -210,7 +201,7 @@ def _next_backward(time_s: Array, start: int) -> int:
 def resolve_duplicates(
     stamps: OrderedStamps, values: Sequence[Array], rules: TimeRules
 ) -> tuple[Array, Mask, list[str]]:
-    """Return stamps that increase, the rows to keep, and what was done.
+    """Return stamps of all rows that increase over the rows to keep, these rows, and what was done.
 
     - Copies of the row before (same stamp, same values) are left out, however many there are.
     - Where more than ``damaged_share`` of the rows repeat a stamp with other values, the clock is coarse (a tick of
@@ -219,25 +210,16 @@ def resolve_duplicates(
       time between two of them were not sampled evenly. Fewer lost samples than that are hidden by the rounding.
     - Fewer duplicates with other values: the first row of a stamp stays.
 
-    Args:
-        stamps: In order, shape ``(n,)``.
-        values: Columns in the same order, shape ``(n,)`` each.
-        rules: How much is too much.
-
-    Returns:
-        Stamps of all rows, shape ``(n,)``, increasing within a segment over the rows to keep; those rows, shape
-        ``(n,)``; one text for each repair.
+    Columns are in the order of the stamps, shape ``(n,)`` each, as the results are.
 
     Raises:
         RecordingError: Many rows repeat a stamp and were not sampled evenly.
     """
     keep = np.ones(len(stamps.time_s), dtype=np.bool_)
-    repeated = np.zeros(len(keep), dtype=np.bool_)
-    repeated[1:] = (np.diff(stamps.time_s) == 0.0) & (np.diff(stamps.segments) == 0)
+    repeated = np.append(False, (np.diff(stamps.time_s) == 0.0) & (np.diff(stamps.segments) == 0))
     if not repeated.any():
         return stamps.time_s, keep, []
-    same = np.ones(len(keep), dtype=np.bool_)
-    same[0] = False
+    same = np.append(False, keep[1:])
     for column in values:
         same[1:] &= (column[:-1] == column[1:]) | (np.isnan(column[:-1]) & np.isnan(column[1:]))
     copies = repeated & same
@@ -310,9 +292,9 @@ def _means(values: Array, groups: Indices) -> Array:
     return means
 
 
-def _rows(count: int) -> str:
-    return "1 row" if count == 1 else f"{count} rows"
+def counted(count: int, thing: str, plural: str = "s") -> str:
+    return f"{count} {thing}{'' if count == 1 else plural}"
 
 
 def _first(mask: Mask, stamps: OrderedStamps, what: str) -> str:
-    return f"{_rows(int(mask.sum()))} with {what} left out (first: row {int(stamps.rows[mask].min()) + 1})"
+    return f"{counted(int(mask.sum()), 'row')} with {what} left out (first: row {int(stamps.rows[mask].min()) + 1})"

@@ -72,11 +72,7 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime
 
     Args:
         stamps: Numbers in seconds, which pass unchanged, or dates (``datetime64``, with or without time zone).
-        origin: The date that is 0 s, in UTC where the stamps have a time zone; None for the first stamp. Exact to
-            better than 1 µs over 200 years.
-
-    Raises:
-        RecordingError: The stamps are neither numbers nor dates.
+        origin: The date that is 0 s, in UTC where the stamps have a time zone; None for the first stamp.
     """
     series = pd.Series(stamps, copy=False)
     if isinstance(series.dtype, pd.DatetimeTZDtype):
@@ -100,12 +96,7 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime
 
 
 def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
-    """Return the rate; a whole number of hertz if it is within 1e-4 of one.
-
-    Args:
-        rate_hz: As computed from the stamps [Hz].
-        uncertainty: Of that rate, as a share; above 1e-4 in a short log with coarse stamps, limited to 1e-3.
-    """
+    """Return the rate; a whole number of hertz if it is within 1e-4 of one, or its uncertainty (a share, to 1e-3)."""
     whole = float(round(rate_hz))
     return whole if abs(rate_hz - whole) <= max(WHOLE_HERTZ, min(uncertainty, 1e-3)) * rate_hz else rate_hz
 
@@ -116,10 +107,6 @@ def even_rate(time_s: Array, jitter_share: float) -> float | None:
     Even means: within every 1024 samples the stamps are off a straight line by no more than ``jitter_share`` of a
     step, or than their printed resolution explains, and the rate stays the same within 1e-3. A clock that is fast,
     slow or drifts by some parts per million is even. A lost sample moves the line by half a step, so it is not.
-
-    Args:
-        time_s: Stamps, shape ``(n,)`` [s]; one that is not finite makes them uneven.
-        jitter_share: Allowed deviation as a share of the step.
     """
     if len(time_s) < 3 or not (abs(time_s[0]) < LATEST_S and abs(time_s[-1]) < LATEST_S):
         return None
@@ -169,13 +156,9 @@ def printed_resolution(time_s: Array) -> float:
 
 @numba.njit(cache=True)
 def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s: float) -> bool:
-    """Return whether increasing stamps follow sample numbers on straight lines of 1024 samples, as in ``even_rate``.
+    """Return whether stamps, shape ``(n,)``, follow sample numbers on lines of 1024 samples, as in ``even_rate``.
 
-    Args:
-        time_s: Shape ``(n,)`` [s].
-        index: Sample number of each stamp, shape ``(n,)``, increasing; a missing number was lost.
-        step_s: Time between two sample numbers, overall [s].
-        tolerance_s: Allowed deviation from the line [s].
+    ``step_s`` is the time between two numbers overall; a number that is missing in ``index`` was lost.
     """
     rows = len(time_s)
     start = 0
