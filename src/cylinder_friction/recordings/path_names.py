@@ -42,21 +42,18 @@ class TableLine(PathNames):
 class NameRules:
     """Where condition, session and load of a file come from: exactly one of the three.
 
-    Attributes:
-        pattern: Regular expression on the path below the source, with groups ``condition``, ``session``, optionally
-            ``load``.
-        table: CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path
-            below the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out
-            takes precedence over any glob.
-        condition: The condition of every file; each is then a session of its own, named as its recording.
-
     Raises:
         RecordingError: None or more than one is given, the pattern is wrong, or the table cannot be read, lacks a
             column, has an empty cell or one file twice.
     """
 
+    # Regular expression on the path below the source, with groups ``condition``, ``session``, optionally ``load``
     pattern: str | None = None
+    # CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path below the
+    # source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out takes precedence over
+    # any glob.
     table: Path | None = None
+    # The condition of every file; each is then a session of its own, named as its recording
     condition: str | None = None
     _compiled: re.Pattern[str] | None = field(init=False, repr=False, compare=False, default=None)
     _lines: tuple[TableLine, ...] = field(init=False, repr=False, compare=False, default=())

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array, Mask
+
 
 class RecordingError(ValueError):
     """A recording that cannot be used; the message states what, where, found, expected and what to do."""
@@ -22,47 +24,30 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True)
 class SensorUncertainty:
-    """Standard uncertainty (k = 1) of what a sensor reads.
+    """Standard uncertainty (k = 1) of what a sensor reads."""
 
-    Attributes:
-        zero: Of its zero, constant within a recording, in the column's unit.
-        span: Of its gain, as a share of the reading.
-        resolution: One step of its converter, in the column's unit; 0 if not known.
-    """
-
-    zero: float
-    span: float
-    resolution: float = 0.0
+    zero: float  # Of its zero, constant within a recording, in the column's unit
+    span: float  # Of its gain, as a share of the reading
+    resolution: float = 0.0  # One step of its converter, in the column's unit; 0 if not known
 
 
 @dataclass(frozen=True)
 class RecordingMetadata:
-    """Who and when.
+    """Who and when."""
 
-    Attributes:
-        name: Unique; also the stem of the recording's file.
-        condition: Label of the operating condition, for example ``"1"`` for the paper's Test 1 (no load).
-        session: One uninterrupted stretch of laboratory work with one calibration; splits keep it whole.
-        sample_time_s: Constant time between two rows [s].
-        cylinder: Name of the cylinder.
-        load: What the cylinder carried or worked against, in words.
-        source_file: Where the recording came from, relative to the folder that was ingested.
-        source_sha256: Hash of that file's bytes.
-        zero_offset: What was taken off a column as its sensor's reading at zero, in the column's unit.
-        uncertainty: Of the sensor behind a column; absent where nobody stated it.
-        repairs: What ingest repaired, one sentence each; empty for a recording that came in as it should.
-    """
-
-    name: str
-    condition: str
-    session: str
-    sample_time_s: float
-    cylinder: str = ""
-    load: str = ""
-    source_file: str = ""
-    source_sha256: str = ""
+    name: str  # Unique; also the stem of the recording's file
+    condition: str  # Label of the operating condition, for example ``"1"`` for the paper's Test 1 (no load)
+    session: str  # One uninterrupted stretch of laboratory work with one calibration; splits keep it whole
+    sample_time_s: float  # Constant time between two rows [s]
+    cylinder: str = ""  # Name of the cylinder
+    load: str = ""  # What the cylinder carried or worked against, in words
+    source_file: str = ""  # Where the recording came from, relative to the folder that was ingested
+    source_sha256: str = ""  # Hash of that file's bytes
+    # What was taken off a column as its sensor's reading at zero, in the column's unit
     zero_offset: Mapping[str, float] = field(default_factory=dict)
+    # Of the sensor behind a column; absent where nobody stated it
     uncertainty: Mapping[str, SensorUncertainty] = field(default_factory=dict)
+    # What ingest repaired, one sentence each; empty for a recording that came in as it should
     repairs: tuple[str, ...] = ()
 
     @classmethod
@@ -124,7 +109,7 @@ class Recording:
     def __len__(self) -> int:
         return len(self.table)
 
-    def column(self, name: str) -> NDArray[np.float64]:
+    def column(self, name: str) -> Array:
         """Return one column as float64, shape ``(n,)``; raises ``RecordingError`` if it is not there."""
         if name not in self.table.columns:
             raise RecordingError(
@@ -133,7 +118,7 @@ class Recording:
             )
         return self.table[name].to_numpy(dtype=np.float64)
 
-    def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> NDArray[np.float64]:
+    def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> Array:
         """Return what an estimator is given, shape ``(n, k)``: by default the raw sample, P1 [Pa], P2 [Pa], x [m].
 
         Raises:
@@ -147,7 +132,7 @@ class Recording:
                 )
         return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
 
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> Mask:
         """Return the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""
         if "usable" not in self.table.columns:
             return np.ones(len(self.table), dtype=np.bool_)
@@ -163,7 +148,7 @@ class Recording:
         return replace(self, table=self.table[[column for column in self.table.columns if column not in names]])
 
 
-def refuse_not_finite(where: str, samples: NDArray[np.float64], columns: Sequence[str] = SAMPLE_COLUMNS) -> None:
+def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPLE_COLUMNS) -> None:
     """Raise ``RecordingError`` naming column and row if ``samples``, one column a name, holds NaN or infinity."""
     bad = ~np.isfinite(samples)
     if bad.any():

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -17,26 +17,19 @@ class Signal:
 
     Columns of one logged table share their ``time_s`` array (the same object), so that what is done to time is done
     once.
-
-    Attributes:
-        time_s: Time stamps as logged, shape ``(n,)`` [s]: perhaps uneven, doubled, backward or not finite.
-        values: In the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN where a sample is missing.
     """
 
-    time_s: NDArray[np.float64]
-    values: NDArray[np.float64]
+    # Time stamps as logged, shape ``(n,)`` [s]: perhaps uneven, doubled, backward or not finite
+    time_s: Array
+    # In the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN where a sample is missing
+    values: Array
 
 
 @dataclass(frozen=True)
 class Piece:
-    """An unbroken stretch of a file at one constant rate.
+    """An unbroken stretch of a file at one constant rate."""
 
-    Attributes:
-        table: ``time_s`` and one column a signal, without NaN.
-        sample_time_s: Constant time between two rows [s].
-        repairs: What was done to get there, one sentence each with its numbers; empty if nothing was.
-    """
-
-    table: pd.DataFrame
-    sample_time_s: float
+    table: pd.DataFrame  # ``time_s`` and one column a signal, without NaN
+    sample_time_s: float  # Constant time between two rows [s]
+    # What was done to get there, one sentence each with its numbers; empty if nothing was
     repairs: tuple[str, ...] = ()

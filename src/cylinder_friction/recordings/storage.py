@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
 _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048
@@ -45,7 +45,7 @@ def write_recording(folder: Path, recording: Recording) -> Path:
     return path
 
 
-def _holds_few_values(values: NDArray[np.float64]) -> bool:
+def _holds_few_values(values: Array) -> bool:
     """Return whether values come from a converter: one in five of a spread sample has been seen before."""
     some = values[:: max(len(values) // DRAWN_ROWS, 1)][:DRAWN_ROWS]
     return len(np.unique(some)) <= 0.8 * len(some)

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
+
     Hashes = NDArray[np.uint64]
 
 WINDOW = 24  # rows per window

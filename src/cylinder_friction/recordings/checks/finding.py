@@ -11,17 +11,11 @@ Outcome = Literal["ok", "noted", "repaired", "refused"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One check of one recording.
+    """One check of one recording."""
 
-    Attributes:
-        check: Short and stable name of the check, for example ``pressure_stuck``.
-        outcome: What follows from it.
-        text: One sentence with its numbers; where something is wrong also what was expected and what to do.
-    """
-
-    check: str
-    outcome: Outcome
-    text: str
+    check: str  # Short and stable name of the check, for example ``pressure_stuck``
+    outcome: Outcome  # What follows from it
+    text: str  # One sentence with its numbers; where something is wrong also what was expected and what to do
 
     @classmethod
     def of(cls, check: str, passed: bool, text: str, refusal: str) -> Self:

@@ -14,41 +14,29 @@ LoadMode = Literal["none", "measured", "position"]
 class CheckLimits:
     """What is plausible for a cylinder.
 
-    Attributes:
-        stroke_m: Length of travel [m].
-        piston_area_m2, annulus_area_m2: A1 and A2; without them the force balance is not checked [m²].
-        load: What the cylinder carries, see ``LoadMode``.
-        minimum_duration_s: A shorter recording is refused [s].
-        minimum_rate_hz: A slower one is refused: velocity and its reversals come out of the filters too late [Hz].
-        lowest_pressure_pa: Gauge; vacuum and a sensor's offset [Pa].
-        highest_pressure_pa: Beyond any hydraulic cylinder; better that of the cylinder, 1.5 times its rated pressure:
-            nothing else shows for sure that bar were read as MPa [Pa].
-        least_pressure_span_pa: A live sensor on a moving cylinder shows more than this [Pa].
-        least_peak_pressure_pa: The higher of the two pressures gets above this once in a recording. To be lowered for
-            pneumatics [Pa].
-        least_force_span_n: A live force sensor on a moving cylinder shows more than this [N].
-        position_slack: How far beyond the stroke position may read, as a share of it.
-        least_travel: Less motion than this share of the stroke is none.
-        stuck_travel: A pressure that stays exactly constant over this share of the stroke is stuck.
-
     Raises:
         ValueError: A number is not what it must be; the message names it.
     """
 
-    stroke_m: float
+    stroke_m: float  # Length of travel [m]
+    # piston_area_m2, annulus_area_m2: A1 and A2; without them the force balance is not checked [m²]
     piston_area_m2: float | None = None
     annulus_area_m2: float | None = None
-    load: LoadMode = "none"
-    minimum_duration_s: float = 5.0
+    load: LoadMode = "none"  # What the cylinder carries, see ``LoadMode``
+    minimum_duration_s: float = 5.0  # A shorter recording is refused [s]
+    # A slower one is refused: velocity and its reversals come out of the filters too late [Hz]
     minimum_rate_hz: float = 50.0
-    lowest_pressure_pa: float = -2e5
+    lowest_pressure_pa: float = -2e5  # Gauge; vacuum and a sensor's offset [Pa]
+    # Beyond any hydraulic cylinder; better that of the cylinder, 1.5 times its rated pressure: nothing else shows for
+    # sure that bar were read as MPa [Pa]
     highest_pressure_pa: float = 7e7
-    least_pressure_span_pa: float = 1e3
+    least_pressure_span_pa: float = 1e3  # A live sensor on a moving cylinder shows more than this [Pa]
+    # The higher of the two pressures gets above this once in a recording. To be lowered for pneumatics [Pa].
     least_peak_pressure_pa: float = 2e5
-    least_force_span_n: float = 1e-3
-    position_slack: float = 0.05
-    least_travel: float = 0.01
-    stuck_travel: float = 0.25
+    least_force_span_n: float = 1e-3  # A live force sensor on a moving cylinder shows more than this [N]
+    position_slack: float = 0.05  # How far beyond the stroke position may read, as a share of it
+    least_travel: float = 0.01  # Less motion than this share of the stroke is none
+    stuck_travel: float = 0.25  # A pressure that stays exactly constant over this share of the stroke is stuck
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stroke_m) and self.stroke_m > 0.0):

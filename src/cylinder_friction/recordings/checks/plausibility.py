@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.checks.limits import LoadMode
 
-    Array = NDArray[np.float64]
 
 HALF_WINDOW_S = 0.05  # velocity is the difference over twice this time
 ROWS = 5_000  # rows used at most, spread evenly: more do not make the result more certain
@@ -47,35 +47,23 @@ GREATEST_N_MM, HIGH_N_MM, LOW_N_MM = 100.0, 10.0, 0.2
 
 @dataclass(frozen=True)
 class ClearMotion:
-    """Rows in which the piston moves clearly, evenly and away from the end stops.
+    """Rows in which the piston moves clearly, evenly and away from the end stops."""
 
-    Attributes:
-        rows: Their indices.
-        direction: 1 extending, -1 retracting, one per row.
-        strokes: How many times the direction changes, plus one.
-    """
-
-    rows: NDArray[np.int64]
-    direction: Array
-    strokes: int
+    rows: NDArray[np.int64]  # Their indices
+    direction: Array  # 1 extending, -1 retracting, one per row
+    strokes: int  # How many times the direction changes, plus one
 
 
 @dataclass(frozen=True)
 class Balance:
-    """The force balance of one interpretation of the signals.
+    """The force balance of one interpretation of the signals."""
 
-    Attributes:
-        friction_n: Half the difference between extension and retraction, b [N].
-        residual_n: Root mean square of what neither b nor position explains [N].
-        extending_n, retracting_n: Mean force against the motion, by direction [N].
-        sure_n: Smallest size of ``friction_n`` that differs from zero [N].
-    """
-
-    friction_n: float
-    residual_n: float
+    friction_n: float  # Half the difference between extension and retraction, b [N]
+    residual_n: float  # Root mean square of what neither b nor position explains [N]
+    # extending_n, retracting_n: Mean force against the motion, by direction [N]
     extending_n: float
     retracting_n: float
-    sure_n: float
+    sure_n: float  # Smallest size of ``friction_n`` that differs from zero [N]
 
     @property
     def dissipates(self) -> bool:

@@ -16,11 +16,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
-    from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.checks.limits import CheckLimits
 
-    Array = NDArray[np.float64]
 
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 

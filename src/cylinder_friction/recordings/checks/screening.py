@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.mapping.sensor import SensorLimits
     from cylinder_friction.recordings.signal import Signal
 
-    Array = NDArray[np.float64]
 
 OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4
 """What a sample is marked as; 0 is valid."""
@@ -52,29 +52,21 @@ PLACES = 4096  # samples at most from which a signal's own scale is estimated
 class ScreenRules:
     """When a sample is bad, and how many may be.
 
-    Attributes:
-        overrange: How far beyond the sensor's range a reading may lie, as a share of its span: 4-20 mA is live from
-            3.2 to 20.8 mA, close to what NAMUR NE 43 takes for the limits of a failure.
-        most_bad: Share of a signal's rows that may be bad in one way; more make the file unusable.
-        few_rows: As many may be bad however short the signal is.
-        longest_bad: More rows in a row than this are a failed or saturated sensor, not single samples.
-        spike_noise: A spike is this many times the ordinary excursion of a sample from its neighbours.
-        spike_range: And this share of the range over which the signal moves.
-        spike_steps: And this many steps of the converter.
-        stroke_m: Length of travel: a position sensor may rest at the end of its range if that is the end of the
-            stroke. None if not known; then no position is called saturated [m].
-
     Raises:
         ValueError: A number is not what it must be; the message names it.
     """
 
+    # How far beyond the sensor's range a reading may lie, as a share of its span: 4-20 mA is live from 3.2 to 20.8 mA,
+    # close to what NAMUR NE 43 takes for the limits of a failure
     overrange: float = 0.05
-    most_bad: float = 1e-3
-    few_rows: int = 5
-    longest_bad: int = 10
-    spike_noise: float = 12.0
-    spike_range: float = 0.03
-    spike_steps: float = 5.0
+    most_bad: float = 1e-3  # Share of a signal's rows that may be bad in one way; more make the file unusable
+    few_rows: int = 5  # As many may be bad however short the signal is
+    longest_bad: int = 10  # More rows in a row than this are a failed or saturated sensor, not single samples
+    spike_noise: float = 12.0  # A spike is this many times the ordinary excursion of a sample from its neighbours
+    spike_range: float = 0.03  # And this share of the range over which the signal moves
+    spike_steps: float = 5.0  # And this many steps of the converter
+    # Length of travel: a position sensor may rest at the end of its range if that is the end of the stroke. None if not
+    # known; then no position is called saturated [m].
     stroke_m: float | None = None
 
     def __post_init__(self) -> None:

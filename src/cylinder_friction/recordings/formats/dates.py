@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
+
 _CLOCK = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:](?P<f>\d{1,9}))?)?"
 _REST = rf"(?:[T ,]+{_CLOCK}\s*(?P<half>[AaPp][Mm])?)?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"
 _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
@@ -23,7 +25,7 @@ _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
 
 
-def clock_seconds(text: Any) -> NDArray[np.float64] | None:
+def clock_seconds(text: Any) -> Array | None:
     """Return times of day (08:15:00,125) as seconds since midnight, or None if a cell is none; null is NaN."""
     parts = pc.extract_regex(text, pattern=f"^{_CLOCK}$")
     if parts.null_count > text.null_count:

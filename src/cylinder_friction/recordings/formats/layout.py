@@ -21,20 +21,14 @@ _LEAST_SCORE = 0.3
 
 @dataclass(frozen=True)
 class Layout:
-    """Of a text table.
+    """Of a text table."""
 
-    Attributes:
-        delimiter: One character or ``whitespace``.
-        decimal: ``.`` or ``,``; None where the rows looked at hold whole numbers only.
-        names, units: As in ``Header``.
-        first_row: Lines above the first row.
-    """
-
-    delimiter: str
-    decimal: str | None
+    delimiter: str  # One character or ``whitespace``
+    decimal: str | None  # ``.`` or ``,``; None where the rows looked at hold whole numbers only
+    # names, units: As in ``Header``
     names: list[str]
     units: dict[str, str]
-    first_row: int
+    first_row: int  # Lines above the first row
 
 
 @dataclass(frozen=True)

@@ -15,22 +15,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoggedTable:
-    """Channels of a file that share their rows, as the logger names them, in its units.
+    """Channels of a file that share their rows, as the logger names them, in its units."""
 
-    Attributes:
-        channels: One column per channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number.
-            A missing value is NaN. Names are stripped of blanks; a name may occur twice.
-        units: The unit that the file itself states, by channel; a channel without one is absent.
-        name: Of the table or group within the file; empty where the file has only one.
-        unread: Names of channels that were there but not asked for.
-        notes: What the reader repaired, one sentence each, for example a last line that was cut off.
-    """
-
+    # One column per channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number. A missing
+    # value is NaN. Names are stripped of blanks; a name may occur twice.
     channels: pd.DataFrame
+    # The unit that the file itself states, by channel; a channel without one is absent
     units: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""
-    unread: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    name: str = ""  # Of the table or group within the file; empty where the file has only one
+    unread: tuple[str, ...] = ()  # Names of channels that were there but not asked for
+    notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
 
 
 def named_columns(columns: Sequence[tuple[str, NDArray[Any]]]) -> pd.DataFrame:

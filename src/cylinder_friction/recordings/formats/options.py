@@ -12,21 +12,15 @@ HEADERS = ("auto", "none", "names", "names_units")
 class CsvOptions:
     """How a text file is to be read.
 
-    Attributes:
-        delimiter: Between two values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``.
-        decimal: The decimal sign, ``.`` or ``,``, or ``auto``.
-        encoding: Of the characters, for example ``utf-8`` or ``cp1252``, or ``auto``.
-        header: ``none`` (channels are then named column_1, column_2, ...), ``names`` (one line of names),
-            ``names_units`` (a line of names and a line of units), or ``auto``, which also skips what a logger writes
-            above the names.
-
     Raises:
         ValueError: An option is none of these.
     """
 
-    delimiter: str = "auto"
-    decimal: str = "auto"
-    encoding: str = "auto"
+    delimiter: str = "auto"  # Between two values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``
+    decimal: str = "auto"  # The decimal sign, ``.`` or ``,``, or ``auto``
+    encoding: str = "auto"  # Of the characters, for example ``utf-8`` or ``cp1252``, or ``auto``
+    # ``none`` (channels are then named column_1, column_2, ...), ``names`` (one line of names), ``names_units`` (a line
+    # of names and a line of units), or ``auto``, which also skips what a logger writes above the names
     header: str = "auto"
 
     def __post_init__(self) -> None:

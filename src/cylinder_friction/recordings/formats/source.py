@@ -20,16 +20,11 @@ GZIP = b"\x1f\x8b"
 
 @dataclass(frozen=True)
 class FileSource:
-    """Where a reader finds its bytes: the path, or the unpacked bytes of a gzipped file.
-
-    Attributes:
-        head: The first ``HEAD_SIZE`` bytes.
-        size: Of the whole [bytes].
-    """
+    """Where a reader finds its bytes: the path, or the unpacked bytes of a gzipped file."""
 
     origin: Path | bytes
-    head: bytes
-    size: int
+    head: bytes  # The first ``HEAD_SIZE`` bytes
+    size: int  # Of the whole [bytes]
 
     def handle(self) -> str | io.BytesIO:
         """Return what a library opens: the path as text, or the bytes as a file."""

@@ -21,19 +21,12 @@ _TAIL = 1 << 16
 
 @dataclass(frozen=True)
 class Text:
-    """A text as UTF-8.
+    """A text as UTF-8."""
 
-    Attributes:
-        file: A ``pyarrow.NativeFile``: the file itself, or its characters in memory where they had to be converted.
-        start: Where the text begins, behind a byte order mark [bytes].
-        end: Where its last whole line ends, less the line end [bytes].
-        notes: What was left out to get there.
-    """
-
-    file: Any
-    start: int
-    end: int
-    notes: tuple[str, ...]
+    file: Any  # A ``pyarrow.NativeFile``: the file itself, or its characters in memory where they had to be converted
+    start: int  # Where the text begins, behind a byte order mark [bytes]
+    end: int  # Where its last whole line ends, less the line end [bytes]
+    notes: tuple[str, ...]  # What was left out to get there
 
 
 def open_text(source: FileSource, encoding: str) -> Text:

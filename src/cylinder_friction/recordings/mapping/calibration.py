@@ -28,10 +28,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
     from cylinder_friction.recordings.recording import RecordingMetadata
-
-    Array = NDArray[np.float64]
 
 
 NOT_CORRECTED = "zeros of the pressure sensors not corrected"
@@ -100,27 +99,21 @@ of raw noise grow with the length of the stretch, and a position sensor of ±0.1
 class ZeroRules:
     """How the zeros of the pressure sensors are found.
 
-    Attributes:
-        method: ``none`` leaves pressures as they are; ``window`` takes a stated stretch of every recording in which
-            both chambers are vented; ``found`` looks for the longest stretch that may be one.
-        window_s: From and to, of the recording's time [s]; for ``window``.
-        band_pa: A vented sensor reads less than this either way [Pa].
-        steady_pa: Within a vented stretch a pressure stays within this, noise averaged over ``AVERAGED_S`` [Pa].
-        still_m: Within a vented stretch the position stays within this, averaged alike [m].
-        minimum_s: A shorter stretch is none [s].
-        accuracy_factor: A zero further off than this many times the sensor's accuracy is trapped pressure, or a
-            broken sensor; where the accuracy is not stated, the band alone decides.
-
     Raises:
         RecordingError: The method is not known or lacks its window, or a limit is not positive.
     """
 
+    # ``none`` leaves pressures as they are; ``window`` takes a stated stretch of every recording in which both chambers
+    # are vented; ``found`` looks for the longest stretch that may be one
     method: ZeroMethod = "none"
-    window_s: tuple[float, float] | None = None
-    band_pa: float = 3e5
+    window_s: tuple[float, float] | None = None  # From and to, of the recording's time [s]; for ``window``
+    band_pa: float = 3e5  # A vented sensor reads less than this either way [Pa]
+    # Within a vented stretch a pressure stays within this, noise averaged over ``AVERAGED_S`` [Pa]
     steady_pa: float = 0.5e5
-    still_m: float = 5e-4
-    minimum_s: float = 2.0
+    still_m: float = 5e-4  # Within a vented stretch the position stays within this, averaged alike [m]
+    minimum_s: float = 2.0  # A shorter stretch is none [s]
+    # A zero further off than this many times the sensor's accuracy is trapped pressure, or a broken sensor; where the
+    # accuracy is not stated, the band alone decides
     accuracy_factor: float = 2.0
 
     def __post_init__(self) -> None:
@@ -141,20 +134,14 @@ class ZeroRules:
 
 @dataclass(frozen=True)
 class ZeroReading:
-    """What vented sensors read.
+    """What vented sensors read."""
 
-    Attributes:
-        offsets: Mean reading by column, in the column's unit.
-        uncertainty: Standard uncertainty of each, autocorrelation and converter steps accounted for.
-        from_s, to_s: Start and end of the stretch [s].
-        recording: Name of the recording in which it was read.
-    """
-
-    offsets: Mapping[str, float]
-    uncertainty: Mapping[str, float]
+    offsets: Mapping[str, float]  # Mean reading by column, in the column's unit
+    uncertainty: Mapping[str, float]  # Standard uncertainty of each, autocorrelation and converter steps accounted for
+    # from_s, to_s: Start and end of the stretch [s]
     from_s: float
     to_s: float
-    recording: str = ""
+    recording: str = ""  # Name of the recording in which it was read
 
 
 @dataclass(frozen=True)

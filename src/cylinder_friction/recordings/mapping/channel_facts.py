@@ -16,11 +16,9 @@ from cylinder_friction.recordings.mapping.units import electrical, quantity_of
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
-    Array = NDArray[np.float64]
 
 MOSTLY = 0.99  # time may have a few repeated or backward stamps and still be time
 
@@ -70,28 +68,18 @@ _BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)|/\s*\S+$")
 
 @dataclass(frozen=True)
 class Words:
-    """What a name means.
+    """What a name means."""
 
-    Attributes:
-        quantity: Which quantity, ``other`` for one that a recording does not hold, None if unknown.
-        side: 1 for the piston side, 2 for the rod side, 0 if unknown, -1 for a pressure elsewhere.
-        unit: Unit that the name itself ends in, for example of ``jib_x_m``; empty if none.
-        wanted_value: Whether it is a set point.
-        at_valve, at_cylinder: Where it is measured.
-        carried: Whether a force is called a load.
-        rest: All other words of the name: cylinders of one machine differ here.
-        side_word: The word from which the side was concluded.
-    """
-
-    quantity: str | None
-    side: int
-    unit: str
-    wanted_value: bool
+    quantity: str | None  # Which quantity, ``other`` for one that a recording does not hold, None if unknown
+    side: int  # 1 for the piston side, 2 for the rod side, 0 if unknown, -1 for a pressure elsewhere
+    unit: str  # Unit that the name itself ends in, for example of ``jib_x_m``; empty if none
+    wanted_value: bool  # Whether it is a set point
+    # at_valve, at_cylinder: Where it is measured
     at_valve: bool
     at_cylinder: bool
-    carried: bool
-    rest: tuple[str, ...]
-    side_word: str
+    carried: bool  # Whether a force is called a load
+    rest: tuple[str, ...]  # All other words of the name: cylinders of one machine differ here
+    side_word: str  # The word from which the side was concluded
 
 
 def words_of(name: str) -> Words:
@@ -170,31 +158,21 @@ def _side(tokens: Collection[str], quantity: str | None) -> tuple[int, str]:
 
 @dataclass(frozen=True)
 class ChannelFacts:
-    """One channel.
+    """One channel."""
 
-    Attributes:
-        table: Place of its table among the file's.
-        unit: Unit that the file or the name states; empty if neither does.
-        stated_by: ``file`` or ``name``; empty without a unit.
-        values: As numbers, shape ``(n,)``; NaN where a cell is none. Empty for dates and text.
-        dates: Whether it holds dates.
-        low, high: Of the finite values; NaN if there are none.
-        rising: Whether the values, or dates, hardly ever fall or stay.
-        step: Median step between two rows.
-    """
-
-    table: int
+    table: int  # Place of its table among the file's
     table_name: str
     name: str
     words: Words
-    unit: str
-    stated_by: str
-    values: Array
-    dates: bool
+    unit: str  # Unit that the file or the name states; empty if neither does
+    stated_by: str  # ``file`` or ``name``; empty without a unit
+    values: Array  # As numbers, shape ``(n,)``; NaN where a cell is none. Empty for dates and text.
+    dates: bool  # Whether it holds dates
+    # low, high: Of the finite values; NaN if there are none
     low: float
     high: float
-    rising: bool
-    step: float
+    rising: bool  # Whether the values, or dates, hardly ever fall or stay
+    step: float  # Median step between two rows
 
     def described(self) -> str:
         """Return its values in words."""

@@ -23,9 +23,8 @@ from cylinder_friction.recordings.recording import RecordingError, SensorUncerta
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 STANDARD_ATMOSPHERE_PA = 101325.0
 """What an absolute pressure is above gauge pressure (ISO 2533); the weather's ±3 kPa is left in the zero."""
@@ -38,32 +37,25 @@ class ChannelMapping:
     With x what the sensor reads, in its unit, the column is sign · (x - offset), in the column's own unit, less one
     standard atmosphere where pressure is absolute.
 
-    Attributes:
-        channel: The logger's name of the channel; empty only for a ``time_s`` that is made from ``rate_hz``.
-        unit: What the logger writes it in: a unit of the column's quantity, or V, mA or count with a ``sensor``.
-            Empty only for a time channel that holds dates.
-        sign: -1 where the sensor is mounted backwards, so that extension and what drives it are positive.
-        table: Name of the file's table that holds the channel; needed where its name occurs in several.
-        time: Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of
-            this one's own table.
-        reference: What pressure is counted from; a unit such as ``bara`` states it itself.
-        sensor: What the channel's signal means, and what the sensor can read.
-        offset: What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its
-            reading with the rod in.
-        rate_hz: Of ``time_s`` alone, in place of a channel: rows come at this rate, the first at 0 s [Hz].
-
     Raises:
         RecordingError: A value is out of the question, or a signal is without its sensor.
     """
 
-    channel: str = ""
+    channel: str = ""  # The logger's name of the channel; empty only for a ``time_s`` that is made from ``rate_hz``
+    # What the logger writes it in: a unit of the column's quantity, or V, mA or count with a ``sensor``. Empty only for
+    # a time channel that holds dates.
     unit: str = ""
-    sign: int = 1
-    table: str = ""
+    sign: int = 1  # -1 where the sensor is mounted backwards, so that extension and what drives it are positive
+    table: str = ""  # Name of the file's table that holds the channel; needed where its name occurs in several
+    # Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of this one's
+    # own table
     time: str = ""
-    reference: Reference = "gauge"
-    sensor: SensorScale | None = None
+    reference: Reference = "gauge"  # What pressure is counted from; a unit such as ``bara`` states it itself
+    sensor: SensorScale | None = None  # What the channel's signal means, and what the sensor can read
+    # What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its reading with
+    # the rod in
     offset: float = 0.0
+    # Of ``time_s`` alone, in place of a channel: rows come at this rate, the first at 0 s [Hz]
     rate_hz: float | None = None
 
     def __post_init__(self) -> None:

@@ -24,11 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
-    Array = NDArray[np.float64]
     Ranked = Sequence[tuple[ChannelFacts, float]]
 
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
@@ -66,41 +64,28 @@ STROKE_SHARE = 0.02
 
 @dataclass(frozen=True)
 class GuessedColumn:
-    """Where a column may come from.
-
-    Attributes:
-        channel: The best guess; None if nothing fits.
-        unit: Of that channel; empty where it holds dates.
-        reasons, checks: For the guess, and what the user should look at, one sentence each.
-        others: Other channels that could be meant, best first.
-        needed: Whether there is no recording without it.
-    """
+    """Where a column may come from."""
 
     column: str
-    channel: ChannelFacts | None
-    unit: str = ""
+    channel: ChannelFacts | None  # The best guess; None if nothing fits
+    unit: str = ""  # Of that channel; empty where it holds dates
     sign: int = 1
+    # reasons, checks: For the guess, and what the user should look at, one sentence each
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
-    others: tuple[ChannelFacts, ...] = ()
-    needed: bool = True
+    others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
+    needed: bool = True  # Whether there is no recording without it
 
 
 @dataclass(frozen=True)
 class GuessedMapping:
-    """A first mapping.
-
-    Attributes:
-        columns: By column, those that a recording needs first.
-        unused: Channels that no column took.
-        several_tables: Whether a channel's name may not be enough to find it.
-        stamps: Time channel of each table that has one, by the table's place in the file.
-    """
+    """A first mapping."""
 
     path: Path
-    columns: dict[str, GuessedColumn]
-    unused: tuple[ChannelFacts, ...]
-    several_tables: bool = False
+    columns: dict[str, GuessedColumn]  # By column, those that a recording needs first
+    unused: tuple[ChannelFacts, ...]  # Channels that no column took
+    several_tables: bool = False  # Whether a channel's name may not be enough to find it
+    # Time channel of each table that has one, by the table's place in the file
     stamps: dict[int, ChannelFacts] = field(default_factory=dict)
 
 

@@ -25,12 +25,9 @@ from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.formats.logged_table import LoggedTable
     from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-
-    Array = NDArray[np.float64]
 
 
 MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
@@ -105,15 +102,11 @@ def _nearest(name: str, there: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class MappedFile:
-    """What a file holds, in the project's terms.
+    """What a file holds, in the project's terms."""
 
-    Attributes:
-        signals: By column, in its own unit; those of one table share their time stamps, the same object.
-        notes: What the reader repaired and what stays unknown, one sentence each.
-    """
-
+    # By column, in its own unit; those of one table share their time stamps, the same object
     signals: dict[str, Signal]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # What the reader repaired and what stays unknown, one sentence each
 
 
 class _Clock(NamedTuple):

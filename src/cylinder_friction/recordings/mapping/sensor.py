@@ -12,10 +12,8 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
 """From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""
@@ -25,25 +23,20 @@ HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
 class SensorScale:
     """A sensor as its data sheet states it.
 
-    Attributes:
-        range: What it reads at the two ends of its signal, in ``unit``; the first may be the larger one.
-        unit: Of ``range``, for example bar.
-        signal: What the channel holds at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V,
-            (0, 4095) counts. None where the logger has done that sum already.
-        bits: Of the converter that spreads ``range`` over 2^bits steps, if known.
-        accuracy_percent: Stated accuracy, ± percent of full scale, if known.
-        zero_uncertainty: Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration states it; it takes
-            the accuracy's place for the zero, and the accuracy then holds for the span alone.
-
     Raises:
         RecordingError: A number is not finite, a pair has no extent, bits or an uncertainty is out of the question.
     """
 
+    # What it reads at the two ends of its signal, in ``unit``; the first may be the larger one
     range: tuple[float, float]
-    unit: str
+    unit: str  # Of ``range``, for example bar
+    # What the channel holds at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V, (0, 4095)
+    # counts. None where the logger has done that sum already.
     signal: tuple[float, float] | None = None
-    bits: int | None = None
-    accuracy_percent: float | None = None
+    bits: int | None = None  # Of the converter that spreads ``range`` over 2^bits steps, if known
+    accuracy_percent: float | None = None  # Stated accuracy, ± percent of full scale, if known
+    # Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration states it; it takes the accuracy's
+    # place for the zero, and the accuracy then holds for the span alone
     zero_uncertainty: float | None = None
 
     def __post_init__(self) -> None:
@@ -86,17 +79,12 @@ class SensorScale:
 
 @dataclass(frozen=True)
 class SensorLimits:
-    """What a sensor can read, in the column's unit.
-
-    Attributes:
-        step: One step of its converter; None if not known.
-        described: The range as the logger's user knows it, for messages: ``0 to 250 bar (4 to 20 mA)``.
-    """
+    """What a sensor can read, in the column's unit."""
 
     low: float
     high: float
-    step: float | None
-    described: str
+    step: float | None  # One step of its converter; None if not known
+    described: str  # The range as the logger's user knows it, for messages: ``0 to 250 bar (4 to 20 mA)``
 
 
 def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> float | None:

@@ -13,8 +13,7 @@ from cylinder_friction.recordings.columns import QUANTITIES
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
 
 Reference = Literal["gauge", "absolute"]
@@ -162,7 +161,7 @@ def check_unit(column: str, unit: str) -> None:
     )
 
 
-def to_column_unit(values: NDArray[np.float64], unit: str, column: str) -> NDArray[np.float64]:
+def to_column_unit(values: Array, unit: str, column: str) -> Array:
     """Return values given in ``unit`` in the column's own unit; values already in it are returned untouched.
 
     Temperatures are converted with their zero, so 32 °F is 0 °C. Refuses as ``check_unit``.

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.signal import Signal
     from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-    Array = NDArray[np.float64]
     Spans = list[tuple[float, float]]
 
 HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake

@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.recordings.signal import Signal
     from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-    Array = NDArray[np.float64]
     Indices = NDArray[np.int64]
-    Mask = NDArray[np.bool_]
 
 TOGETHER = 0.8
 """Columns that share this share of their rows were sampled together. Two raster rates of one table share half of their
@@ -37,49 +36,30 @@ SHORT_BLOCK = 32  # samples over which the step is taken where the stamps' round
 
 @dataclass(frozen=True)
 class SampleGrid:
-    """Sample numbers of the stamps of columns that were sampled together.
+    """Sample numbers of the stamps of columns that were sampled together."""
 
-    Attributes:
-        time_s: Stamps in order, shape ``(n,)`` [s].
-        segments: The clock restarted where this number changes, shape ``(n,)``.
-        step_s: Time between two samples [s].
-        even: Whether the stamps lie on an even clock, lost samples aside; else their step is the median one.
-        index: Sample number of each stamp, shape ``(n,)``; meaningless across a gap or a restart.
-        gaps: Whether more samples than may be bridged are lost, or the clock restarts, between a stamp and the next,
-            shape ``(n - 1,)``.
-    """
-
-    time_s: Array
-    segments: Indices
-    step_s: float
-    even: bool
-    index: Indices
+    time_s: Array  # Stamps in order, shape ``(n,)`` [s]
+    segments: Indices  # The clock restarted where this number changes, shape ``(n,)``
+    step_s: float  # Time between two samples [s]
+    even: bool  # Whether the stamps lie on an even clock, lost samples aside; else their step is the median one
+    index: Indices  # Sample number of each stamp, shape ``(n,)``; meaningless across a gap or a restart
+    # Whether more samples than may be bridged are lost, or the clock restarts, between a stamp and the next, shape ``(n
+    # - 1,)``
     gaps: Mask
 
 
 @dataclass(frozen=True)
 class ChannelTimeline:
-    """Valid samples of one column.
+    """Valid samples of one column."""
 
-    Attributes:
-        column: Its name.
-        grid: The grid it was sampled on.
-        at: Which of the grid's stamps each sample has, shape ``(m,)``.
-        values: Shape ``(m,)``, all finite.
-        stride: Numbers of the grid from one sample to the next; 1 unless the column is slower than its table.
-        even: Whether its samples lie ``stride`` numbers from each other, lost samples aside, on an even clock.
-        lost: Samples lost between one and the next, shape ``(m - 1,)``.
-        gaps: Whether too many are lost to be bridged, or the clock restarts, shape ``(m - 1,)``.
-    """
-
-    column: str
-    grid: SampleGrid
-    at: Indices
-    values: Array
-    stride: int
-    even: bool
-    lost: Indices
-    gaps: Mask
+    column: str  # Its name
+    grid: SampleGrid  # The grid it was sampled on
+    at: Indices  # Which of the grid's stamps each sample has, shape ``(m,)``
+    values: Array  # Shape ``(m,)``, all finite
+    stride: int  # Numbers of the grid from one sample to the next; 1 unless the column is slower than its table
+    even: bool  # Whether its samples lie ``stride`` numbers from each other, lost samples aside, on an even clock
+    lost: Indices  # Samples lost between one and the next, shape ``(m - 1,)``
+    gaps: Mask  # Whether too many are lost to be bridged, or the clock restarts, shape ``(m - 1,)``
 
     @cached_property
     def time_s(self) -> Array:

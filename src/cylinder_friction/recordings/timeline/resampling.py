@@ -14,10 +14,10 @@ from cylinder_friction.recordings.timeline.timestamps import BLOCK, WHOLE_HERTZ,
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
     from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-    Array = NDArray[np.float64]
 
 CUT_OFF = 0.45
 """Where the windowed sinc lets half of the amplitude through, as a share of the lower of the two rates."""
@@ -134,24 +134,16 @@ def _sinc(values: Array, positions: Array, lower: float, kernel: Array, half_wid
 
 @dataclass(frozen=True)
 class UniformSegment:
-    """Uniformly sampled values of one column without a gap.
+    """Uniformly sampled values of one column without a gap."""
 
-    Attributes:
-        values: Shape ``(n,)``.
-        knot_s: Instants at which the sample number is known, increasing, two or more [s].
-        knot_number: Sample number at these, from 0, fractions allowed.
-        rate_hz: Rate of the samples [Hz].
-        first_s, last_s: Instants of the first and the last sample [s].
-        method: How uneven stamps became uniform, empty if they were.
-    """
-
-    values: Array
-    knot_s: Array
-    knot_number: Array
-    rate_hz: float
+    values: Array  # Shape ``(n,)``
+    knot_s: Array  # Instants at which the sample number is known, increasing, two or more [s]
+    knot_number: Array  # Sample number at these, from 0, fractions allowed
+    rate_hz: float  # Rate of the samples [Hz]
+    # first_s, last_s: Instants of the first and the last sample [s]
     first_s: float
     last_s: float
-    method: str = ""
+    method: str = ""  # How uneven stamps became uniform, empty if they were
 
 
 def own_rate(timeline: ChannelTimeline) -> float:

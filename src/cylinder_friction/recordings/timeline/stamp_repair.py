@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-    Array = NDArray[np.float64]
     Indices = NDArray[np.int64]
-    Mask = NDArray[np.bool_]
 
 LONGEST_WILD = 5
 """A stamp that fits neither neighbour is damage; more than this many in a row are a clock that restarted."""
@@ -34,19 +33,12 @@ LAG = 32
 
 @dataclass(frozen=True)
 class OrderedStamps:
-    """Stamps that never run backwards between two starts of the clock.
+    """Stamps that never run backwards between two starts of the clock."""
 
-    Attributes:
-        time_s: Shape ``(m,)`` [s]; finite, equal or increasing within a segment.
-        rows: Row of the table (from 0) that each came from, shape ``(m,)``.
-        segments: Number of the segment, from 0 up, shape ``(m,)``: the clock restarted where it changes.
-        repairs: What was done, one text each, without its subject.
-    """
-
-    time_s: Array
-    rows: Indices
-    segments: Indices
-    repairs: tuple[str, ...]
+    time_s: Array  # Shape ``(m,)`` [s]; finite, equal or increasing within a segment
+    rows: Indices  # Row of the table (from 0) that each came from, shape ``(m,)``
+    segments: Indices  # Number of the segment, from 0 up, shape ``(m,)``: the clock restarted where it changes
+    repairs: tuple[str, ...]  # What was done, one text each, without its subject
 
 
 def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:

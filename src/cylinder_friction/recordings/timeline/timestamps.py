@@ -15,7 +15,8 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
+
     Indices = NDArray[np.int64]
 
 BLOCK = 1024
@@ -38,22 +39,17 @@ USUAL_STEP_SHARE = 0.9
 class TimeRules:
     """How raw time stamps become one constant rate.
 
-    Attributes:
-        rate_hz: Rate of the recording [Hz]; None for the slowest channel's own, oil temperature not counted.
-        longest_bridge_samples: Up to this many lost samples in a row are interpolated; more split the recording.
-        jitter_share: Stamps off an even clock by less than this share of a step count as even.
-        damaged_share: With more damaged stamps than this share of the rows, the order of the rows is unknown.
-        shortest_piece_samples: A stretch between two gaps that is shorter is left out.
-
     Raises:
         ValueError: A value is out of its range.
     """
 
+    # Rate of the recording [Hz]; None for the slowest channel's own, oil temperature not counted
     rate_hz: float | None = None
-    longest_bridge_samples: int = 2
-    jitter_share: float = 0.02
+    longest_bridge_samples: int = 2  # Up to this many lost samples in a row are interpolated; more split the recording
+    jitter_share: float = 0.02  # Stamps off an even clock by less than this share of a step count as even
+    # With more damaged stamps than this share of the rows, the order of the rows is unknown
     damaged_share: float = 0.05
-    shortest_piece_samples: int = 10
+    shortest_piece_samples: int = 10  # A stretch between two gaps that is shorter is left out
 
     def __post_init__(self) -> None:
         for name, valid, wanted in (
