@@ -40,12 +40,7 @@ class TableLine(PathNames):
 
 @dataclass(frozen=True)
 class NameRules:
-    """Where condition, session and load of a file come from: exactly one of the three.
-
-    Raises:
-        RecordingError: None or more than one is given, the pattern is wrong, or the table cannot be read, lacks a
-            column, has an empty cell or one file twice.
-    """
+    """Where condition, session and load of a file come from: exactly one of the three."""
 
     # Regular expression on the path below the source, with groups ``condition``, ``session``, optionally ``load``
     pattern: str | None = None

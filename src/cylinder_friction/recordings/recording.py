@@ -67,9 +67,6 @@ class Recording:
     with ``drive_force_n``: ``pressure_1_pa`` (piston side, gauge) and ``pressure_2_pa`` (rod side, gauge). Later stages
     add ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive velocity) and
     ``usable`` (mask).
-
-    Raises:
-        RecordingError: A required column is missing or a required value is not finite.
     """
 
     metadata: RecordingMetadata

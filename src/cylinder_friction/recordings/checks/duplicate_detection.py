@@ -64,7 +64,6 @@ class DuplicateDetection:
         A recording is not compared with itself: a motion may repeat within one recording.
 
         Args:
-            name: Unique name.
             table: ``position_m`` and both pressures or ``drive_force_n``, as logged: a zero offset that is subtracted
                 may differ between two exports.
         """

@@ -12,11 +12,7 @@ LoadMode = Literal["none", "measured", "position"]
 
 @dataclass(frozen=True)
 class CheckLimits:
-    """What is plausible for a cylinder.
-
-    Raises:
-        ValueError: A number is not what it must be; the message names it.
-    """
+    """What is plausible for a cylinder."""
 
     stroke_m: float  # Length of travel [m]
     # piston_area_m2, annulus_area_m2: A1 and A2; without them the force balance is not checked [m²]

@@ -96,7 +96,6 @@ def check_friction(
         sample_time_s: Its sample time [s].
         stroke_m: Length of travel [m].
         areas_m2: A1 and A2 [m²]; without them only a recording with a ``drive_force_n`` can be checked.
-        load: What the cylinder carries.
     """
     motion = clear_motion(table["position_m"].to_numpy(dtype=np.float64), sample_time_s, stroke_m)
     problem = _undecidable(table, motion, areas_m2, load)

@@ -50,11 +50,7 @@ PLACES = 4096  # samples at most from which a signal's own scale is estimated
 
 @dataclass(frozen=True)
 class ScreenRules:
-    """When a sample is bad, and how many may be.
-
-    Raises:
-        ValueError: A number is not what it must be; the message names it.
-    """
+    """When a sample is bad, and how many may be."""
 
     # How far beyond the sensor's range a reading may lie, as a share of its span: 4-20 mA is live from 3.2 to 20.8 mA,
     # close to what NAMUR NE 43 takes for the limits of a failure

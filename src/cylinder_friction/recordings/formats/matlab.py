@@ -40,9 +40,6 @@ def walk(name: str, value: Any, found: Found, unit: str = "", depth: int = 0) ->
     Args:
         name: Of the variable, or the path to the field: ``log.P1``; ``log_2.P1`` within an array of structs.
         value: A ``Leaf``, a mapping (struct), a list (array of structs, cell array), or anything else (no channel).
-        found: Is added to.
-        unit: Stated by the struct that holds the value.
-        depth: Of structs within structs.
     """
     if depth > _DEEPEST:
         found.others.append(name)

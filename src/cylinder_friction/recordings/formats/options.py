@@ -10,11 +10,7 @@ HEADERS = ("auto", "none", "names", "names_units")
 
 @dataclass(frozen=True)
 class CsvOptions:
-    """How a text file is to be read.
-
-    Raises:
-        ValueError: An option is none of these.
-    """
+    """How a text file is to be read."""
 
     delimiter: str = "auto"  # Between two values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``
     decimal: str = "auto"  # The decimal sign, ``.`` or ``,``, or ``auto``

@@ -31,7 +31,6 @@ def read_logged_file(
     """Return what a logger's file holds, one table for channels that share their rows.
 
     Args:
-        path: The file, gzipped or not.
         file_format: One of ``FORMATS``, or ``auto`` to go by the content.
         csv: How text is to be read; by default everything is found out.
         wanted: Names of the channels to load; the others are only named, as ``unread``. None loads all.

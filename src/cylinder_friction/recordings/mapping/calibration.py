@@ -97,11 +97,7 @@ of raw noise grow with the length of the stretch, and a position sensor of ±0.1
 
 @dataclass(frozen=True)
 class ZeroRules:
-    """How the zeros of the pressure sensors are found.
-
-    Raises:
-        RecordingError: The method is not known or lacks its window, or a limit is not positive.
-    """
+    """How the zeros of the pressure sensors are found."""
 
     # ``none`` leaves pressures as they are; ``window`` takes a stated stretch of every recording in which both chambers
     # are vented; ``found`` looks for the longest stretch that may be one
@@ -158,7 +154,6 @@ def find_zero(
 
     Args:
         table: Of a recording or piece, in SI units, at one constant rate, shape ``(n, columns)``.
-        rules: How to look.
 
     Raises:
         RecordingError: In the stated window the chambers were not vented: something moves, or a pressure changes, or

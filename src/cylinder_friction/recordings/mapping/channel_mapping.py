@@ -36,9 +36,6 @@ class ChannelMapping:
 
     With x what the sensor reads, in its unit, the column is sign · (x - offset), in the column's own unit, less one
     standard atmosphere where pressure is absolute.
-
-    Raises:
-        RecordingError: A value is out of the question, or a signal is without its sensor.
     """
 
     channel: str = ""  # The logger's name of the channel; empty only for a ``time_s`` that is made from ``rate_hz``

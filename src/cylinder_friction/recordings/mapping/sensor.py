@@ -21,11 +21,7 @@ HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
 
 @dataclass(frozen=True)
 class SensorScale:
-    """A sensor as its data sheet states it.
-
-    Raises:
-        RecordingError: A number is not finite, a pair has no extent, bits or an uncertainty is out of the question.
-    """
+    """A sensor as its data sheet states it."""
 
     # What it reads at the two ends of its signal, in ``unit``; the first may be the larger one
     range: tuple[float, float]

@@ -42,7 +42,6 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
 
     Args:
         signals: Columns; those of one logged table share their ``time_s`` array.
-        rules: The wanted rate and what may be repaired.
 
     Returns:
         Pieces, at least one. ``time_s`` continues the logger's time, and starts anew where its clock did.

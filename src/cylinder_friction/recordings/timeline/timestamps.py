@@ -37,11 +37,7 @@ USUAL_STEP_SHARE = 0.9
 
 @dataclass(frozen=True)
 class TimeRules:
-    """How raw time stamps become one constant rate.
-
-    Raises:
-        ValueError: A value is out of its range.
-    """
+    """How raw time stamps become one constant rate."""
 
     # Rate of the recording [Hz]; None for the slowest channel's own, oil temperature not counted
     rate_hz: float | None = None
