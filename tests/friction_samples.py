@@ -9,7 +9,7 @@ import numpy as np
 from cylinder_friction.friction_models.coulomb_stribeck import CoulombStribeckParameters
 from cylinder_friction.friction_models.dahl import DahlParameters
 from cylinder_friction.friction_models.film_lugre import FilmLugreParameters
-from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
 
 if TYPE_CHECKING:
@@ -72,3 +72,19 @@ def held_path(sample_time_s: float) -> NDArray[np.float64]:
         (-0.2, 0.05),
     ]
     return np.concatenate([np.full(round(lasting / sample_time_s), speed) for speed, lasting in stretches])
+
+
+def new_bristle() -> NDArray[np.float64]:
+    """Return the bristle deflection before the first sample, shape ``(1,)`` [m]."""
+    return LuGre().new_state()
+
+
+def simulate(
+    parameters: LugreParameters,
+    velocity_m_s: NDArray[np.float64],
+    sample_time_s: float,
+    bristle_m: NDArray[np.float64],
+    pressure_pa: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Return LuGre's friction [N], shape ``(n,)``; changes the bristle deflection."""
+    return LuGre().simulate(parameters.packed(), velocity_m_s, sample_time_s, bristle_m, pressure_pa)

@@ -16,8 +16,9 @@ from cylinder_friction.friction_models.identification.procedure import Identific
 from cylinder_friction.friction_models.identification.search import Coordinates
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.identification.steady_points import steady_points
-from cylinder_friction.friction_models.lugre import LuGre, LugreParameters, new_bristle, simulate
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from friction_samples import new_bristle, simulate
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, simulate
+from cylinder_friction.friction_models.lugre import LugreParameters
+from friction_samples import new_bristle, simulate
 
 PLAIN = LugreParameters(
     coulomb_n=240.0,

@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 
-from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, simulate
+from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import RecordingError
+from friction_samples import new_bristle, simulate
 
 Array = NDArray[np.float64]
 STEP_S = 1e-3

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numba
-import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import SCALING, STRIBECK, ParameterSpec, StribeckParameters
@@ -54,11 +53,8 @@ class CoulombStribeck(FrictionModel):
     short_name = "stribeck"
     short_title = "Coulomb–viscous–Stribeck"
     parameter_class = CoulombStribeckParameters
+    start = (0.0,)  # Direction of the last motion
     multiply_adds = 75
-
-    def new_state(self) -> Array:
-        """Return the direction of the last motion, shape ``(1,)``."""
-        return np.zeros(1)
 
     @property
     def kernel(self) -> Kernel:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numba
-import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
@@ -49,11 +48,8 @@ class Dahl(FrictionModel):
     short_name = "dahl"
     short_title = "Dahl"
     parameter_class = DahlParameters
+    start = (0.0,)  # Friction without its viscous part [N]
     multiply_adds = 30
-
-    def new_state(self) -> Array:
-        """Return friction without its viscous part, shape ``(1,)`` [N]."""
-        return np.zeros(1)
 
     @property
     def kernel(self) -> Kernel:

@@ -79,11 +79,8 @@ class FilmLuGre(FrictionModel):
     short_name = "film_lugre"
     short_title = "LuGre with lubricant film"
     parameter_class = FilmLugreParameters
+    start = (0.0, 0.0, math.nan)  # Bristle deflection [m], film [1] and last velocity [m/s; NaN before the first]
     multiply_adds = 160
-
-    def new_state(self) -> Array:
-        """Return bristle deflection [m], film [1] and last velocity [m/s; NaN before the first], shape ``(3,)``."""
-        return np.array([0.0, 0.0, np.nan])
 
     @property
     def kernel(self) -> Kernel:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numba
-import numpy as np
 
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
@@ -94,10 +93,8 @@ class LuGre(FrictionModel):
     short_name = "lugre"
     short_title = "LuGre"
     parameter_class = LugreParameters
+    start = (0.0,)  # Bristle deflection [m]
     multiply_adds = LUGRE_STEP_MULTIPLY_ADDS
-
-    def new_state(self) -> Array:
-        return new_bristle()
 
     @property
     def kernel(self) -> Kernel:
@@ -109,36 +106,6 @@ def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m:
     if bristle_damping_n_s_m == 0.0:
         return math.inf
     return 4.0 * math.sqrt(2.0 * math.e) * least_dry_friction_n / bristle_damping_n_s_m
-
-
-def new_bristle() -> Array:
-    """Return the bristle deflection before the first sample, shape ``(1,)`` [m]; ``simulate`` changes it in place."""
-    return np.zeros(1)
-
-
-def simulate(
-    parameters: LugreParameters,
-    velocity_m_s: Array,
-    sample_time_s: float,
-    bristle_m: Array,
-    pressure_pa: Array | None = None,
-) -> Array:
-    """Return friction [N], shape ``(n,)``, at the end of each sample, over which velocity and pressure are held.
-
-    Each step is the exact solution at the held velocity, so it is stable however stiff the bristles are. Cutting
-    the samples into pieces does not change one bit.
-
-    Args:
-        parameters: The model.
-        velocity_m_s: Velocity, shape ``(n,)``.
-        sample_time_s: Time between two samples [s].
-        bristle_m: State from ``new_bristle``, changed in place.
-        pressure_pa: Gauge pressure that scales dry friction, shape ``(n,)``; zero where there is none.
-    """
-    return _LUGRE.simulate(parameters.packed(), velocity_m_s, sample_time_s, bristle_m, pressure_pa)
-
-
-_LUGRE = LuGre()
 
 
 @numba.njit(cache=True)

@@ -68,11 +68,8 @@ class GeneralisedMaxwellSlip(FrictionModel):
     short_name = "gms"
     short_title = "Generalised Maxwell-slip"
     parameter_class = MaxwellSlipParameters
+    start = (0.0,) * (2 * ELEMENTS + 1)  # Each element's force [N], whether it slips (1 or 0), and the direction last
     multiply_adds = 120
-
-    def new_state(self) -> Array:
-        """Return each element's force [N], whether it slips (1 or 0), and the direction last, shape ``(2 N + 1,)``."""
-        return np.zeros(2 * ELEMENTS + 1)
 
     @property
     def kernel(self) -> Kernel:

@@ -25,7 +25,7 @@ _PRESLIDING_S = 0.02
 class FrictionModel(ABC):
     """Friction as a function of motion, stepped at a velocity that is held over each sample.
 
-    A subclass sets the class attributes and gives ``new_state`` and ``kernel``. Its numbers travel as an array, in
+    A subclass sets the class attributes and gives the ``kernel``. Its numbers travel as an array, in
     the order of ``parameter_class.specs``: ``parameters`` and ``ModelParameters.packed`` translate.
 
     Args:
@@ -35,12 +35,14 @@ class FrictionModel(ABC):
         name: In files; with pressure scaling, ``pressure_`` stands before it.
         title: In words.
         parameter_class: What holds its numbers.
+        start: State before the first sample.
         multiply_adds: Operations of one step; an exponential, a logarithm or a power counts as 16.
     """
 
     short_name: ClassVar[str]
     short_title: ClassVar[str]
     parameter_class: ClassVar[type[ModelParameters]]
+    start: ClassVar[tuple[float, ...]] = (0.0,)
     multiply_adds: ClassVar[int]
 
     def __init__(self, pressure_scaled: bool = False) -> None:
@@ -48,10 +50,6 @@ class FrictionModel(ABC):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r})"
-
-    @abstractmethod
-    def new_state(self) -> Array:
-        """Return the state before the first sample, which ``simulate`` changes in place."""
 
     @property
     @abstractmethod
@@ -61,6 +59,10 @@ class FrictionModel(ABC):
         It changes ``state`` and fills ``friction``. ``log_speed`` is ``ln |velocity|``, which a search over
         parameters computes once; where its length is zero, the loop computes it.
         """
+
+    def new_state(self) -> Array:
+        """Return the state before the first sample, which ``simulate`` changes in place."""
+        return np.array(self.start)
 
     @property
     def name(self) -> str:

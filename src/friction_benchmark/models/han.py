@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from cylinder_friction.estimators.front_end import fit_front_end
-from cylinder_friction.friction_models.lugre import LugreParameters, new_bristle, passive_damping_velocity, simulate
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters, passive_damping_velocity
 from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator, new_perceptron, train_perceptron
 from friction_benchmark.models.related_work import last_motion, places_of, task_columns
 from friction_benchmark.models.velocity_window import WINDOW_INPUTS, WindowState, advance_window, new_window
@@ -248,4 +248,5 @@ def smooth_velocity(recording: Recording) -> Array:
 
 def synthetic_friction(parameters: LugreParameters, velocity_m_s: Array, sample_time_s: float) -> Array:
     """Return LuGre friction [N] along a motion, shape ``(n,)``."""
-    return simulate(parameters, velocity_m_s, sample_time_s, new_bristle())
+    model = LuGre()
+    return model.simulate(parameters.packed(), velocity_m_s, sample_time_s, model.new_state())
