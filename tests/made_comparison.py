@@ -93,7 +93,7 @@ def compared(strokes: list[Recording]) -> Callable[..., Comparison]:
         for name, offset in offsets_n.items():
             estimators[name] = OffsetEstimator(*offset) if isinstance(offset, tuple) else OffsetEstimator(offset)
             estimators[name].fit(strokes)
-        return compare(estimators, strokes, SETTINGS, truth_n, progress=False)
+        return compare(estimators, strokes, SETTINGS, truth_n)
 
     return run
 

@@ -76,7 +76,7 @@ def test_with_gaps_puts_unusable_zeros_between_parts():
 
 def test_nothing_to_compare_is_refused(strokes):
     with pytest.raises(RecordingError, match="got 0 estimators and 8 held-out recordings"):
-        compare({}, strokes, progress=False)
+        compare({}, strokes)
 
 
 def test_truth_of_another_length_is_refused(compared, strokes):

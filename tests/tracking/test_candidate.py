@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 
 import pytest
 
@@ -23,4 +24,4 @@ CANDIDATE = Candidate(
 @pytest.mark.parametrize("incumbent", [None, Incumbent("12" * 32, {"1": 2.5, "2": 1.5})])
 def test_a_registration_comes_back_from_its_file(incumbent: Incumbent | None) -> None:
     registered = Registered(CANDIDATE, "champion", True, "promoted: better", 0.1, incumbent)
-    assert Registered.from_dict(json.loads(json.dumps(registered.to_dict()))) == registered
+    assert Registered.from_dict(json.loads(json.dumps(asdict(registered)))) == registered

@@ -129,7 +129,6 @@ def compare(
     recordings: Sequence[Recording],
     settings: ComparisonSettings | None = None,
     truth_n: Mapping[str, Array] | None = None,
-    progress: bool | None = None,
 ) -> Comparison:
     """Run every estimator over every recording and score it, one operating condition at a time.
 
@@ -138,7 +137,6 @@ def compare(
         recordings: Held-out recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
         settings: How they are compared; None for the defaults.
         truth_n: True friction [N] by recording name, shape ``(n,)``, as far as it is known.
-        progress: Whether a progress bar is shown; None for a terminal only.
 
     Raises:
         RecordingError: Nothing to compare on; a condition without usable rows or without friction; an estimate or
@@ -150,12 +148,7 @@ def compare(
             f"nothing to compare: got {len(estimators)} estimators and {len(recordings)} held-out recordings; "
             "expected at least one of each; hold at least one session out of training"
         )
-    with tqdm(
-        total=len(recordings) * len(estimators),
-        desc="compare",
-        unit="estimate",
-        disable=None if progress is None else not progress,
-    ) as bar:
+    with tqdm(total=len(recordings) * len(estimators), desc="compare", unit="estimate", disable=None) as bar:
         traces = tuple(_trace(estimators, recording, truth_n.get(recording.name), bar) for recording in recordings)
     conditions = tuple(sorted({trace.condition for trace in traces}))
     label: Scores = {name: {} for name in estimators}

@@ -37,13 +37,6 @@ class LugreParameters(StribeckParameters):
     friction is ``Fc + k * p`` and static friction keeps its ratio to it; ``k = 0`` is the plain model.
     ``StribeckParameters`` describes the numbers of the curve.
 
-    Attributes:
-        bristle_stiffness_n_m: Bristle stiffness s0 [N/m].
-        bristle_damping_n_s_m: Bristle damping s1 at standstill [N s/m].
-        damping_velocity_m_s: Speed vc over which bristle damping fades [m/s].
-        retract_ratio: Dry friction while retracting over dry friction while extending.
-        pressure_slope_n_pa: Coulomb friction per pascal k [N/Pa]; which pressure is the user's choice.
-
     Raises:
         ValueError: A number is not finite or has an impossible sign, or static is below Coulomb.
 
@@ -52,11 +45,11 @@ class LugreParameters(StribeckParameters):
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, STIFFNESS, DAMPING, DAMPING_VELOCITY, *SCALING)
 
-    bristle_stiffness_n_m: float
-    bristle_damping_n_s_m: float
-    damping_velocity_m_s: float
-    retract_ratio: float = 1.0
-    pressure_slope_n_pa: float = 0.0
+    bristle_stiffness_n_m: float  # Bristle stiffness s0 [N/m]
+    bristle_damping_n_s_m: float  # Bristle damping s1 at standstill [N s/m]
+    damping_velocity_m_s: float  # Speed vc over which bristle damping fades [m/s]
+    retract_ratio: float = 1.0  # Dry friction while retracting over dry friction while extending
+    pressure_slope_n_pa: float = 0.0  # Coulomb friction per pascal k [N/Pa]; which pressure is the user's choice
 
     @property
     def curve(self) -> StribeckCurve:

@@ -51,22 +51,16 @@ StiffnessMode = Literal["none", "trapped_oil", "external", "paper_literal"]
 class Stiffness:
     """Which spring, if any, enters the equation of motion; the module's docstring explains each mode.
 
-    Attributes:
-        mode: ``none`` (default), ``trapped_oil``, ``external`` or ``paper_literal``.
-        bulk_modulus_pa: Of the oil, β [Pa]; for ``trapped_oil`` and ``paper_literal``.
-        external_stiffness_n_m: Of the spring between rod and frame, k [N/m]; for ``external``.
-        reference_m: Position at which the spring gives no force, x_ref [m]; for ``trapped_oil`` and ``external``.
-        dead_volume_m3: Oil of each chamber that the piston cannot displace [m³]; for both oil springs.
-
     Raises:
         ValueError: The mode is not known.
     """
 
     mode: StiffnessMode = "none"
-    bulk_modulus_pa: float = 1.4e9
-    external_stiffness_n_m: float = 0.0
+    bulk_modulus_pa: float = 1.4e9  # Of the oil, β [Pa]; for ``trapped_oil`` and ``paper_literal``
+    external_stiffness_n_m: float = 0.0  # Of the spring between rod and frame, k [N/m]; for ``external``
+    # Position at which the spring gives no force, x_ref [m]; for ``trapped_oil`` and ``external``
     reference_m: float = 0.125
-    dead_volume_m3: float = 1.2e-4
+    dead_volume_m3: float = 1.2e-4  # Oil of each chamber that the piston cannot displace [m³]; for both oil springs
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(StiffnessMode):

@@ -52,26 +52,19 @@ NO_STIFFNESS = Stiffness()
 class Labeller:
     """How labels are made.
 
-    Attributes:
-        cylinder: Areas, stroke and moving mass.
-        stiffness: Which spring enters the equation of motion, if any.
-        end_stop_margin_m: Rows this near an end stop are not usable [m].
-        load: The external force: ``none``, it is zero; ``measured`` by a load cell; ``position``, a smooth function of
-            position that is identified in each session.
-        inertia: ``given``, the moving mass is the cylinder's; ``identified`` in each session.
-        load_plan: How a load is identified, for ``load="position"``.
-        motion_plan: How a mass is identified, for ``inertia="identified"``.
-
     Raises:
         ValueError: A mode is not known.
     """
 
-    cylinder: Cylinder
-    stiffness: Stiffness = field(default_factory=Stiffness)
-    end_stop_margin_m: float = 0.003
+    cylinder: Cylinder  # Areas, stroke and moving mass
+    stiffness: Stiffness = field(default_factory=Stiffness)  # Which spring enters the equation of motion, if any
+    end_stop_margin_m: float = 0.003  # Rows this near an end stop are not usable [m]
+    # The external force: ``none``, it is zero; ``measured`` by a load cell; ``position``, a smooth function of position
+    # that is identified in each session
     load: LoadMode = "none"
-    inertia: InertiaMode = "given"
-    load_plan: LoadPlan = field(default_factory=LoadPlan)
+    inertia: InertiaMode = "given"  # ``given``, the moving mass is the cylinder's; ``identified`` in each session
+    load_plan: LoadPlan = field(default_factory=LoadPlan)  # How a load is identified, for ``load="position"``
+    # How a mass is identified, for ``inertia="identified"``
     motion_plan: MotionPlan = field(default_factory=MotionPlan)
 
     def __post_init__(self) -> None:

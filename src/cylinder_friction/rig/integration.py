@@ -71,7 +71,7 @@ def _run(f: Any, y: Any, script: Any, actions: Any, drift: Any, load: Any, begin
     """Fill ``trace``, one row per tick; without ``actions`` the ``script`` is the lever itself, else its remnant."""
     dt, tick_steps = timing
     scripted = len(actions) == 0
-    p1, p2, ps, x, film, temperature = begin
+    x, p1, p2, ps, temperature, film = begin
     load_n, load_share, load_along_n = load
     v = spool = volume_1 = volume_2 = 0.0
     force = np.zeros(ELEMENTS)

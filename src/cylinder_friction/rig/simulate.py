@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,14 +102,6 @@ def simulate(
         raise ValueError(f"lever: got {len(script)} values, but {duration_s} s need {ticks}, one each millisecond")
     load = _load(external_force, ticks, duration_s)
     trace = np.empty((rows, len(TRACE_COLUMNS)))
-    begin = (
-        start.pressure_1_pa,
-        start.pressure_2_pa,
-        start.supply_pressure_pa,
-        start.position_m,
-        start.film,
-        start.oil_temperature_c,
-    )
     compiled_run()(
         friction_constants(rig.friction),
         hydraulic_constants(rig.hydraulics),
@@ -117,7 +109,7 @@ def simulate(
         np.asarray(cycle.actions, dtype=np.float64),
         np.asarray(drift, dtype=np.float64),
         load,
-        begin,
+        astuple(start),
         (time_step_s, tick_steps),
         trace,
     )

@@ -74,14 +74,10 @@ class MovingAverage(CausalFir):
     Pressures: moving average. Velocity: backward differences of the position's moving average. Acceleration:
     backward differences of that velocity, moving average of ``acceleration_window``. With windows of 10 and 30 at
     200 Hz pressures are delayed by 22.5 ms, velocity by 25 ms and acceleration by 100 ms.
-
-    Attributes:
-        window: Of pressures and position, in samples.
-        acceleration_window: In samples.
     """
 
-    window: int = 10
-    acceleration_window: int = 30
+    window: int = 10  # Of pressures and position, in samples
+    acceleration_window: int = 30  # In samples
 
     def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
         average, difference = moving_average_taps(self.window), difference_taps(sample_time_s)
@@ -91,15 +87,10 @@ class MovingAverage(CausalFir):
 
 @dataclass(frozen=True)
 class OneSidedSavitzkyGolay(CausalFir):
-    """Polynomials fitted to the last samples and evaluated at the present one: the causal form of ``SavitzkyGolay``.
+    """Polynomials fitted to the last samples and evaluated at the present one: the causal form of ``SavitzkyGolay``."""
 
-    Attributes:
-        pressure_window, velocity_window, acceleration_window: In samples.
-        pressure_order, velocity_order, acceleration_order: Of the polynomials.
-    """
-
-    pressure_window: int = 11
-    pressure_order: int = 2
+    pressure_window: int = 11  # Samples, as the other windows
+    pressure_order: int = 2  # Of the polynomial, as the other orders
     velocity_window: int = 21
     velocity_order: int = 3
     acceleration_window: int = 41

@@ -22,14 +22,10 @@ class CentredMovingAverage(SignalFilter):
 
     A filter with an even number of taps has no middle sample; it is averaged with itself one sample later, so that
     a window of 10 becomes 11 samples whose outer two count half.
-
-    Attributes:
-        window: Of pressures and position, in samples.
-        acceleration_window: In samples.
     """
 
-    window: int = 10
-    acceleration_window: int = 30
+    window: int = 10  # Of pressures and position, in samples
+    acceleration_window: int = 30  # In samples
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         return run_centred(self._taps(sample_time_s)[0], force_n)
@@ -50,16 +46,12 @@ class CentredMovingAverage(SignalFilter):
 class SavitzkyGolay(SignalFilter):
     """Polynomials fitted around each sample (Savitzky and Golay 1964), from raw signals.
 
-    Attributes:
-        pressure_window, velocity_window, acceleration_window: In samples, odd.
-        pressure_order, velocity_order, acceleration_order: Of the polynomials.
-
     Raises:
         ValueError: A window is even or not longer than its order, or the order is too low to differentiate.
     """
 
-    pressure_window: int = 11
-    pressure_order: int = 2
+    pressure_window: int = 11  # Samples, odd, as the other windows
+    pressure_order: int = 2  # Of the polynomial, as the other orders
     velocity_window: int = 21
     velocity_order: int = 3
     acceleration_window: int = 41

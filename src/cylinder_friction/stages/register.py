@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,7 +60,7 @@ def run(params: Params) -> RunRecord:
         example=_example(test_folder),
     )
     registered = register(candidate, Path(), settings.tolerance_percent, measured_errors)
-    write_json(REGISTERED_FILE, registered.to_dict())
+    write_json(REGISTERED_FILE, asdict(registered))
     return RunRecord(
         name="register",
         params=flat(settings),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Self
 
 from cylinder_friction.tracking.versions import Origin
 
 Errors = dict[str, float]
-"""Error a test [percent of mean |label|]."""
+"""Error by condition [percent of mean |label|]."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Candidate:
     model_name: str  # Name in the registry
     folder: str  # Folder of the saved estimator, relative to the repository's root
     model_key: str  # Hash of that folder's content
-    errors_percent: Errors  # Its error a test on the held-out recordings
+    errors_percent: Errors  # Its error in each condition on the held-out recordings
     test_data_md5: str  # Hash of these recordings
     origin: Origin  # What it was made from
     example: dict[str, list[float]]  # A few rows of raw samples, by column
@@ -43,12 +43,9 @@ class Registered:
     tolerance_percent: float
     incumbent: Incumbent | None
 
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
         stored = content["candidate"]
-        candidate = Candidate(**{**stored, "origin": Origin.from_dict(stored["origin"])})
+        candidate = Candidate(**{**stored, "origin": Origin(**stored["origin"])})
         incumbent = None if content["incumbent"] is None else Incumbent(**content["incumbent"])
         return cls(**{**content, "candidate": candidate, "incumbent": incumbent})

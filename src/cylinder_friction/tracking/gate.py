@@ -26,7 +26,7 @@ def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None
     operating condition at a time, not in their average.
 
     Args:
-        candidate: Error a test [percent of mean |friction|], measured on the held-out recordings.
+        candidate: Error by condition [percent of mean |friction|], measured on the held-out recordings.
         incumbent: The same of the model in use, on the same recordings; None where there is none.
         tolerance_percent: How many percentage points worse in one condition still count as not worse.
 

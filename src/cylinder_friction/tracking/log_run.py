@@ -53,10 +53,6 @@ def log_run(record: RunRecord, root: Path) -> str:
     A run that is already there whole is returned as it is; one that a kill left half-written is deleted and
     logged anew. Two records with equal content are one run.
 
-    Args:
-        record: What a stage did.
-        root: Where its artifacts lie; within the repository.
-
     Raises:
         TrackingError: The store cannot be reached, or an artifact is missing or not the one that was recorded.
     """

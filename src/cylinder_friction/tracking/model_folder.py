@@ -56,12 +56,8 @@ def save_model_folder(
 ) -> None:
     """Write an MLflow model folder that holds everything the served model needs.
 
-    Args:
-        path: Where; must not be there yet.
-        estimator: Folder of a saved estimator; its files go in as they are.
-        lineage: What the model came from; written as ``lineage.json`` inside it.
-        example: A few rows that the model takes.
-        mlflow_model: Carries the ids that MLflow gave the model.
+    The files of ``estimator``, a folder, go in as they are, ``lineage`` as ``lineage.json``; ``mlflow_model`` carries
+    the ids that MLflow gave the model.
     """
     lineage_path = path.with_name(LINEAGE_FILE)
     lineage_path.write_text(json.dumps(lineage, indent=2, sort_keys=True) + "\n", encoding="utf-8")

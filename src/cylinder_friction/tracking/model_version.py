@@ -94,7 +94,7 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> tupl
         lineage = {
             MODEL_KEY: candidate.model_key,
             **asdict(commit_of(root)),
-            **origin.to_dict(),
+            **asdict(origin),
             "params_sha256": origin.params_sha256,
         }
         mlflow_model = Model(

@@ -32,19 +32,12 @@ _CONNECT_TIMEOUT_S = 3.0
 
 @dataclass(frozen=True)
 class Store:
-    """An open tracking store.
+    """An open tracking store."""
 
-    Attributes:
-        uri: Tracking and registry URI.
-        root: Absolute root of the repository.
-        client: Talks to that URI.
-        experiment_id: The project's main experiment.
-    """
-
-    uri: str
-    root: Path
-    client: MlflowClient
-    experiment_id: str
+    uri: str  # Tracking and registry URI
+    root: Path  # Absolute root of the repository
+    client: MlflowClient  # Talks to that URI
+    experiment_id: str  # The project's main experiment
 
     def experiment(self, part: str) -> str:
         """Return the id of one of the project's experiments, made if it is not there yet; ``""`` is the main one."""

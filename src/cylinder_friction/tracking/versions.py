@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from dvc.exceptions import NotDvcRepoError
@@ -50,13 +50,6 @@ class Origin:
         }
         raw = {"data_raw_path": self.raw, "data_raw_md5": self.data[self.raw]}
         return {**raw, **processed, "params_sha256": self.params_sha256}
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> Self:
-        return cls(**content)
 
 
 def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
