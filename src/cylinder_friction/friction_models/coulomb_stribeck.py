@@ -14,7 +14,6 @@ from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import Kernel
 
 REGULARISING_VELOCITY = ParameterSpec(
     "regularising_velocity_m_s", "m/s", "speed over which friction rises to its curve", 1e-5, 2e-2
@@ -37,28 +36,6 @@ class CoulombStribeckParameters(StribeckParameters):
     standstill_share: float
     retract_ratio: float = 1.0
     pressure_slope_n_pa: float = 0.0
-
-
-class CoulombStribeck(FrictionModel):
-    """The static curve, with the least memory that standstill needs: the direction of the last motion.
-
-    A static curve is undefined at standstill, where friction balances the drive. Here friction keeps a share of its
-    static value in the direction of the last motion, as oil stays trapped; slow motion blends into the curve as a
-    hyperbolic tangent. Share and speed are identified; a share near 0 is the usual regularisation.
-
-    Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1; tanh: Andersson, Soederberg and
-    Bjoerklund 2007.
-    """
-
-    short_name = "stribeck"
-    short_title = "Coulomb–viscous–Stribeck"
-    parameter_class = CoulombStribeckParameters
-    start = (0.0,)  # Direction of the last motion
-    multiply_adds = 75
-
-    @property
-    def kernel(self) -> Kernel:
-        return _simulate
 
 
 @numba.njit(cache=True)
@@ -87,3 +64,22 @@ def _simulate(
         dry *= side_factor(direction, packed[7], coulomb, packed[8], pressure[row])
         friction[row] = direction * dry * risen + viscous * v
     state[0] = direction
+
+
+class CoulombStribeck(FrictionModel):
+    """The static curve, with the least memory that standstill needs: the direction of the last motion.
+
+    A static curve is undefined at standstill, where friction balances the drive. Here friction keeps a share of its
+    static value in the direction of the last motion, as oil stays trapped; slow motion blends into the curve as a
+    hyperbolic tangent. Share and speed are identified; a share near 0 is the usual regularisation.
+
+    Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1; tanh: Andersson, Soederberg and
+    Bjoerklund 2007.
+    """
+
+    short_name = "stribeck"
+    short_title = "Coulomb–viscous–Stribeck"
+    parameter_class = CoulombStribeckParameters
+    start = (0.0,)  # Direction of the last motion
+    kernel = staticmethod(_simulate)
+    multiply_adds = 75

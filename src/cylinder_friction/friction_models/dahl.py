@@ -21,7 +21,6 @@ from cylinder_friction.friction_models.stribeck import side_factor
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import Kernel
 
 
 @dataclass(frozen=True)
@@ -35,25 +34,6 @@ class DahlParameters(ModelParameters):
     bristle_stiffness_n_m: float
     retract_ratio: float = 1.0
     pressure_slope_n_pa: float = 0.0
-
-
-class Dahl(FrictionModel):
-    """Dahl's model with exponent 1, and viscous friction beside it, without which it could not slide in oil.
-
-    At a held velocity the equation is linear and is stepped exactly. It knows no Stribeck effect and no rate.
-
-    Source: Dahl 1968, with exponent 1.
-    """
-
-    short_name = "dahl"
-    short_title = "Dahl"
-    parameter_class = DahlParameters
-    start = (0.0,)  # Friction without its viscous part [N]
-    multiply_adds = 30
-
-    @property
-    def kernel(self) -> Kernel:
-        return _simulate
 
 
 @numba.njit(cache=True)
@@ -77,3 +57,19 @@ def _simulate(
             dry = limit + (dry - limit) * math.exp(-stiffness * abs(v) * sample_time / strength)
         friction[row] = dry + viscous * v
     state[0] = dry
+
+
+class Dahl(FrictionModel):
+    """Dahl's model with exponent 1, and viscous friction beside it, without which it could not slide in oil.
+
+    At a held velocity the equation is linear and is stepped exactly. It knows no Stribeck effect and no rate.
+
+    Source: Dahl 1968, with exponent 1.
+    """
+
+    short_name = "dahl"
+    short_title = "Dahl"
+    parameter_class = DahlParameters
+    start = (0.0,)  # Friction without its viscous part [N]
+    kernel = staticmethod(_simulate)
+    multiply_adds = 30

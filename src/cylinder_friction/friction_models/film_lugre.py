@@ -23,7 +23,6 @@ from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import Kernel
 
 FILM_VELOCITY = ParameterSpec("film_velocity_m_s", "m/s", "speed above which the film grows no more", 5e-3, 0.3, 0.04)
 FILM_BUILD = ParameterSpec("film_build_s", "s", "time constant of a film that builds", 2e-3, 1.0, 0.05)
@@ -67,26 +66,6 @@ class FilmLugreParameters(StribeckParameters):
     pressure_slope_n_pa: float = 0.0
 
 
-class FilmLuGre(FrictionModel):
-    """LuGre with lubricant-film dynamics and the inertia of the fluid film; bristle damping fades with speed.
-
-    At a held velocity the film is stepped exactly, and the bristles exactly for the mean film over the step.
-    ``dv/dt`` is the difference of two samples over their distance. ``film_inertia_s`` near 0 is the model of 2008.
-
-    Source: Yanada and Sekikawa 2008; ``T dv/dt``: Tran, Hafizah and Yanada 2012.
-    """
-
-    short_name = "film_lugre"
-    short_title = "LuGre with lubricant film"
-    parameter_class = FilmLugreParameters
-    start = (0.0, 0.0, math.nan)  # Bristle deflection [m], film [1] and last velocity [m/s; NaN before the first]
-    multiply_adds = 160
-
-    @property
-    def kernel(self) -> Kernel:
-        return _simulate
-
-
 @numba.njit(cache=True)
 def _simulate(
     packed: Array, velocity: Array, log_speed: Array, pressure: Array, sample_time: float, state: Array, friction: Array
@@ -127,3 +106,20 @@ def _simulate(
         friction[row] = stiffness * after + damping * (after - bristle) / sample_time + viscous_part
         bristle = after
     state[0], state[1], state[2] = bristle, film, last
+
+
+class FilmLuGre(FrictionModel):
+    """LuGre with lubricant-film dynamics and the inertia of the fluid film; bristle damping fades with speed.
+
+    At a held velocity the film is stepped exactly, and the bristles exactly for the mean film over the step.
+    ``dv/dt`` is the difference of two samples over their distance. ``film_inertia_s`` near 0 is the model of 2008.
+
+    Source: Yanada and Sekikawa 2008; ``T dv/dt``: Tran, Hafizah and Yanada 2012.
+    """
+
+    short_name = "film_lugre"
+    short_title = "LuGre with lubricant film"
+    parameter_class = FilmLugreParameters
+    start = (0.0, 0.0, math.nan)  # Bristle deflection [m], film [1] and last velocity [m/s; NaN before the first]
+    kernel = staticmethod(_simulate)
+    multiply_adds = 160

@@ -22,7 +22,6 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import Kernel
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
 """Cost of one step: five exponentials or logarithms at about 16, and the rest."""
@@ -76,31 +75,6 @@ class LugreParameters(StribeckParameters):
         return self.damping_velocity_m_s <= self.passive_damping_velocity_m_s
 
 
-class LuGre(FrictionModel):
-    """Bristles that bend and slip (``LugreParameters`` has the equations), with or without pressure scaling.
-
-    Source: Canudas de Wit, Olsson, Astrom and Lischinsky 1995. Coulomb friction with a preload and a pressure
-    coefficient times the sum of pressures is the usual law in simulation tools (Simscape's Cylinder Friction).
-    """
-
-    short_name = "lugre"
-    short_title = "LuGre"
-    parameter_class = LugreParameters
-    start = (0.0,)  # Bristle deflection [m]
-    multiply_adds = LUGRE_STEP_MULTIPLY_ADDS
-
-    @property
-    def kernel(self) -> Kernel:
-        return _simulate
-
-
-def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
-    """Return the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive."""
-    if bristle_damping_n_s_m == 0.0:
-        return math.inf
-    return 4.0 * math.sqrt(2.0 * math.e) * least_dry_friction_n / bristle_damping_n_s_m
-
-
 @numba.njit(cache=True)
 def lugre_step(
     packed: Array, velocity: float, log_speed: float, pressure: float, sample_time: float, bristle: float
@@ -147,3 +121,25 @@ def _simulate(
             logarithm = log_speed[row] if known else math.log(speed)
         deflection, friction[row] = lugre_step(packed, velocity[row], logarithm, pressure[row], sample_time, deflection)
     bristle[0] = deflection
+
+
+class LuGre(FrictionModel):
+    """Bristles that bend and slip (``LugreParameters`` has the equations), with or without pressure scaling.
+
+    Source: Canudas de Wit, Olsson, Astrom and Lischinsky 1995. Coulomb friction with a preload and a pressure
+    coefficient times the sum of pressures is the usual law in simulation tools (Simscape's Cylinder Friction).
+    """
+
+    short_name = "lugre"
+    short_title = "LuGre"
+    parameter_class = LugreParameters
+    start = (0.0,)  # Bristle deflection [m]
+    kernel = staticmethod(_simulate)
+    multiply_adds = LUGRE_STEP_MULTIPLY_ADDS
+
+
+def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
+    """Return the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive."""
+    if bristle_damping_n_s_m == 0.0:
+        return math.inf
+    return 4.0 * math.sqrt(2.0 * math.e) * least_dry_friction_n / bristle_damping_n_s_m

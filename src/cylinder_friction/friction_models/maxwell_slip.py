@@ -15,7 +15,6 @@ from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import Kernel
 
 ELEMENTS = 6
 
@@ -54,26 +53,6 @@ class MaxwellSlipParameters(StribeckParameters):
     def elements(self) -> tuple[Array, Array]:
         """Return the elements' stiffnesses ``ki`` [N/m] and shares ``ni``, each of shape ``(N,)``."""
         return _elements(self.packed(), ELEMENTS)
-
-
-class GeneralisedMaxwellSlip(FrictionModel):
-    """GMS: presliding hysteresis with memory of its turning points, no drift, and frictional lag in sliding.
-
-    At a held velocity every element is stepped exactly: straight while it sticks, from the moment within the step at
-    which it slips on its limit, and exponentially towards the limit when it slips.
-
-    Source: Al-Bender, Lampaert and Swevers 2005.
-    """
-
-    short_name = "gms"
-    short_title = "Generalised Maxwell-slip"
-    parameter_class = MaxwellSlipParameters
-    start = (0.0,) * (2 * ELEMENTS + 1)  # Each element's force [N], whether it slips (1 or 0), and the direction last
-    multiply_adds = 120
-
-    @property
-    def kernel(self) -> Kernel:
-        return _simulate
 
 
 @numba.njit(cache=True)
@@ -124,3 +103,20 @@ def _simulate(
         for element in range(count):
             total += state[element]
         friction[row] = total + viscous * v
+
+
+class GeneralisedMaxwellSlip(FrictionModel):
+    """GMS: presliding hysteresis with memory of its turning points, no drift, and frictional lag in sliding.
+
+    At a held velocity every element is stepped exactly: straight while it sticks, from the moment within the step at
+    which it slips on its limit, and exponentially towards the limit when it slips.
+
+    Source: Al-Bender, Lampaert and Swevers 2005.
+    """
+
+    short_name = "gms"
+    short_title = "Generalised Maxwell-slip"
+    parameter_class = MaxwellSlipParameters
+    start = (0.0,) * (2 * ELEMENTS + 1)  # Each element's force [N], whether it slips (1 or 0), and the direction last
+    kernel = staticmethod(_simulate)
+    multiply_adds = 120

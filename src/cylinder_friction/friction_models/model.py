@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -22,10 +21,10 @@ _PRESLIDING_S = 0.02
 """How long presliding lasts in quick motion; what stiffness is to a model with memory, a speed is to one without."""
 
 
-class FrictionModel(ABC):
+class FrictionModel:
     """Friction as a function of motion, stepped at a velocity that is held over each sample.
 
-    A subclass sets the class attributes and gives the ``kernel``. Its numbers travel as an array, in
+    A subclass sets the class attributes. Its numbers travel as an array, in
     the order of ``parameter_class.specs``: ``parameters`` and ``ModelParameters.packed`` translate.
 
     Args:
@@ -36,6 +35,9 @@ class FrictionModel(ABC):
         title: In words.
         parameter_class: What holds its numbers.
         start: State before the first sample.
+        kernel: Compiled loop ``(values, velocity, log_speed, pressure, sample_time_s, state, friction)``, which changes
+            ``state`` and fills ``friction``. ``log_speed`` is ``ln |velocity|``, which a search over parameters
+            computes once; where its length is zero, the loop computes it.
         multiply_adds: Operations of one step; an exponential, a logarithm or a power counts as 16.
     """
 
@@ -43,6 +45,7 @@ class FrictionModel(ABC):
     short_title: ClassVar[str]
     parameter_class: ClassVar[type[ModelParameters]]
     start: ClassVar[tuple[float, ...]] = (0.0,)
+    kernel: Kernel
     multiply_adds: ClassVar[int]
 
     def __init__(self, pressure_scaled: bool = False) -> None:
@@ -50,15 +53,6 @@ class FrictionModel(ABC):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r})"
-
-    @property
-    @abstractmethod
-    def kernel(self) -> Kernel:
-        """The compiled loop: ``(values, velocity, log_speed, pressure, sample_time_s, state, friction)``.
-
-        It changes ``state`` and fills ``friction``. ``log_speed`` is ``ln |velocity|``, which a search over
-        parameters computes once; where its length is zero, the loop computes it.
-        """
 
     def new_state(self) -> Array:
         """Return the state before the first sample, which ``simulate`` changes in place."""

@@ -11,20 +11,18 @@ from cylinder_friction.recordings.recording import RecordingMetadata
 from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.external_load import varied_load
 from cylinder_friction.rig.faults import with_fault
-from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig
+from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig, refuse_unknown
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
 from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session, draw_wide_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Iterator
 
     import pandas as pd
     from numpy.random import Generator
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.rig.external_load import ExternalLoad
-    from cylinder_friction.rig.parameters import RigParameters
 
 TRUTH_COLUMNS = (
     "time_s",
@@ -96,8 +94,8 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     Raises:
         ValueError: A time does not fit another, or the supply, the fault, the load or the specimen is not known.
     """
-    _refuse_unknown("external_load", plan.external_load, EXTERNAL_LOADS)
-    _refuse_unknown("specimen", plan.specimen, SPECIMENS)
+    refuse_unknown("external_load", plan.external_load, EXTERNAL_LOADS)
+    refuse_unknown("specimen", plan.specimen, SPECIMENS)
     specimen = SPECIMENS[plan.specimen](default_rig(cylinder, plan.supply), _generator(plan, 0, 0, 0))
     specimen = with_fault(specimen, plan.fault)
     specimen = replace(specimen, sensors=replace(specimen.sensors, sample_time_s=plan.sample_time_s))
@@ -123,7 +121,10 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
         generator = _generator(plan, int(condition), number, take)
         began_s = (take - 1) * (plan.duration_s + PAUSE_S)
         rig = session.rig
-        load = _external_load(plan, rig, condition, number, take)
+        load = None
+        if plan.external_load != "none":
+            load_generator = _generator(plan, int(condition), number, take, LOAD_SEED)
+            load = varied_load(load_generator, plan.duration_s, rig.hydraulics.stroke_m)
         position_m = rig.hydraulics.stroke_m * generator.uniform(0.2, 0.8)
         start = balanced_state(
             rig,
@@ -144,15 +145,6 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
         yield RigRecording(_metadata(plan, rig.cylinder.name, condition, number, take), logger, truth)
 
 
-def _external_load(
-    plan: CampaignPlan, rig: RigParameters, condition: str, number: int, take: int
-) -> ExternalLoad | None:
-    if plan.external_load == "none":
-        return None
-    generator = np.random.default_rng([plan.seed, int(condition), number, take, LOAD_SEED])
-    return varied_load(generator, plan.duration_s, rig.hydraulics.stroke_m)
-
-
 def _metadata(plan: CampaignPlan, cylinder: str, condition: str, number: int, take: int) -> RecordingMetadata:
     return RecordingMetadata(
         name=f"condition{condition}_session{number:02d}_recording{take:02d}",
@@ -164,10 +156,5 @@ def _metadata(plan: CampaignPlan, cylinder: str, condition: str, number: int, ta
     )
 
 
-def _refuse_unknown(key: str, name: str, known: Collection[str]) -> None:
-    if name not in known:
-        raise ValueError(f"record.{key}: got {name!r}, but expected one of {sorted(known)}")
-
-
-def _generator(plan: CampaignPlan, condition: int, session: int, recording: int) -> Generator:
-    return np.random.default_rng([plan.seed, condition, session, recording])
+def _generator(plan: CampaignPlan, *words: int) -> Generator:
+    return np.random.default_rng([plan.seed, *words])

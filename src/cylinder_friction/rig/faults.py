@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cylinder_friction.rig.parameters import BAR_PA
+from cylinder_friction.rig.parameters import BAR_PA, refuse_unknown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,8 +19,7 @@ def with_fault(rig: RigParameters, fault: str, severity: float = 1.0) -> RigPara
     Raises:
         ValueError: The fault is not known, or the severity is negative.
     """
-    if fault not in FAULTS:
-        raise ValueError(f"record.fault: got {fault!r}, but expected one of {sorted(FAULTS)}")
+    refuse_unknown("fault", fault, FAULTS)
     if severity < 0.0:
         raise ValueError(f"severity: got {severity}, but expected 0 (healthy) or more")
     return FAULTS[fault](rig, severity)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from cylinder_friction.cylinder import Cylinder
 
 BAR_PA = 1e5
@@ -154,8 +156,7 @@ def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters
     Raises:
         ValueError: The supply is not known.
     """
-    if supply not in PUMP_FLOWS_M3_S:
-        raise ValueError(f"record.supply: got {supply!r}, but expected one of {sorted(PUMP_FLOWS_M3_S)}")
+    refuse_unknown("supply", supply, PUMP_FLOWS_M3_S)
     hydraulics = HydraulicParameters(
         piston_area_m2=cylinder.piston_area_m2,
         annulus_area_m2=cylinder.annulus_area_m2,
@@ -164,6 +165,12 @@ def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters
         pump_flow_m3_s=PUMP_FLOWS_M3_S[supply],
     )
     return RigParameters(cylinder, hydraulics, sensors=SensorParameters(position_span_m=cylinder.stroke_m))
+
+
+def refuse_unknown(key: str, name: str, known: Collection[str]) -> None:
+    """Raise ``ValueError`` unless the value of ``record.<key>`` is one of those known."""
+    if name not in known:
+        raise ValueError(f"record.{key}: got {name!r}, but expected one of {sorted(known)}")
 
 
 def _tuple_class(name: str, parameters: type) -> Any:
