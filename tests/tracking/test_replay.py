@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import pytest
@@ -29,7 +30,7 @@ def registered_pipeline(pipeline: Path) -> Path:
 
 
 def write_registered(root: Path, decide: Callable[[], Registered]) -> None:
-    (root / REGISTERED_FILE).write_text(json.dumps(decide().to_dict()), encoding="utf-8")
+    (root / REGISTERED_FILE).write_text(json.dumps(asdict(decide())), encoding="utf-8")
 
 
 def test_a_replay_fills_an_empty_store_and_never_twice(
