@@ -90,7 +90,7 @@ class OneSidedSavitzkyGolay(CausalFir):
     """Polynomials fitted to the last samples and evaluated at the present one: the causal form of ``SavitzkyGolay``."""
 
     pressure_window: int = 11  # Samples, as the other windows
-    pressure_order: int = 2  # Of the polynomial, as the other orders
+    pressure_order: int = 2  # the polynomial's, as the other orders
     velocity_window: int = 21
     velocity_order: int = 3
     acceleration_window: int = 41

@@ -51,7 +51,7 @@ class SavitzkyGolay(SignalFilter):
     """
 
     pressure_window: int = 11  # Samples, odd, as the other windows
-    pressure_order: int = 2  # Of the polynomial, as the other orders
+    pressure_order: int = 2  # the polynomial's, as the other orders
     velocity_window: int = 21
     velocity_order: int = 3
     acceleration_window: int = 41
