@@ -26,14 +26,10 @@ class StepTime:
 def time_steps(
     estimator: FrictionEstimator, recording: Recording, steps: int, warm_up: int = 50, maximum_seconds: float = 3.0
 ) -> StepTime:
-    """Step a fresh stream through the recording's first samples, over again if it is short, and times every step.
+    """Step a fresh stream through the recording's first samples, over again if it is short, and time every step.
 
-    Args:
-        estimator: A fitted estimator.
-        recording: Where the samples come from.
-        steps: Steps to time, at least 1.
-        warm_up: Steps taken first and not timed, so that compilation and caches do not count.
-        maximum_seconds: No further step is timed after this, so that a slow estimator does not hold up the rest.
+    The steps of ``warm_up`` come first and are not timed, so that compilation and caches do not count. No further step
+    is timed after ``maximum_seconds``, so that a slow estimator does not hold up the rest.
     """
     samples = [(float(row[0]), float(row[1]), float(row[2])) for row in recording.samples()[: steps + warm_up]]
     stream = estimator.stream()

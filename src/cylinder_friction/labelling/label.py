@@ -130,12 +130,8 @@ class Labeller:
         """Return a filtered recording with ``friction_n`` and ``usable``.
 
         An identified load is added as ``load_force_n``, and where the sensors' uncertainty is stated,
-        ``friction_uncertainty_n``, which includes that of an identified load.
-
-        Args:
-            recording: Filtered.
-            support: Support of its filter.
-            identified: Load and mass of its session; required if ``needs_identification``.
+        ``friction_uncertainty_n``, which includes that of an identified load. Load and mass of the session are required
+        if ``needs_identification``.
 
         Raises:
             RecordingError: The recording's columns and ``load`` contradict each other.

@@ -33,13 +33,8 @@ def label_uncertainty(
     which the reading is uniformly distributed. A measured drive force takes the place of both pressures. The terms add
     in quadrature, as two sensors are independent. The label's filter is left out, and the inertia, whose uncertainty is
     newtons where the sensors' is hundreds. A sensor's zero is constant within a recording, so that averaging rows does
-    not reduce it.
-
-    Args:
-        recording: Its metadata state the sensors' uncertainty.
-        cylinder: Its areas.
-        load_uncertainty_n: Standard uncertainty (k = 1) of an identified load [N], a number or shape ``(n,)``.
-        measured_load: Whether ``load_force_n``, where the recording has it, is subtracted in the label.
+    not reduce it. ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, one or ``(n,)``;
+    ``measured_load`` states whether ``load_force_n``, where the recording has it, is subtracted in the label.
 
     Returns None where the uncertainty of a sensor that enters the label is not stated, as unknown is not zero; that of
     a measured load may come from ``load_uncertainty_n`` instead.

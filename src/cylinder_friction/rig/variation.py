@@ -86,15 +86,9 @@ def draw_session(
 ) -> Session:
     """Return one session on this rig.
 
-    Friction keeps within about ±5 % from run to run: a level for the day and a slow wander about it.
-
-    Args:
-        rig: One specimen, with the throttle set.
-        generator: Random numbers of this session.
-        duration_s: Of the session, for the drift [s].
-        zeroed: Whether the transmitters were zeroed on vented chambers. If not, their data sheet's ±0.5 % of the span
-            stays in the offset and ±0.3 % in the gain.
-        residual_offset_pa: Largest offset that zeroing leaves [Pa].
+    Friction keeps within about ±5 % from run to run: a level for the day and a slow wander about it. Zeroing the
+    transmitters on vented chambers leaves at most the residual offset; without it, their data sheet's ±0.5 % of the
+    span stays in the offset and ±0.3 % in the gain.
     """
     day = float(np.clip(generator.normal(1.0, 0.03), 0.95, 1.05))
     count = math.ceil(duration_s / DRIFT_STEP_S) + 4

@@ -68,11 +68,7 @@ class Lineage:
 
 
 def lineage(uri: str, root: Path) -> Lineage:
-    """Follow the way back from a registered model and check every link.
-
-    Args:
-        uri: ``models:/<name>@<alias>`` or ``models:/<name>/<version>``.
-        root: Anywhere in the repository.
+    """Follow the way back from ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` and check every link.
 
     Raises:
         LineageError: The URI has another form, or the registry has no such version.
