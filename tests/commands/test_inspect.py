@@ -91,7 +91,7 @@ def test_what_is_refused_is_told_and_shown_all_the_same(tmp_path: Path, log: pd.
     assert refused
     assert any(line.split()[:2] == ["refused", check] for line in report.splitlines()), report
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert 'data-figure="recording-1-figure-1"' in page
+    assert '<div class="plot"' in page
     assert "Refused: what follows is drawn to show what is wrong, and is no result." in page
 
 
@@ -108,7 +108,7 @@ def test_odd_recordings_make_a_page_too(tmp_path: Path, log: pd.DataFrame, name:
     path = write(tmp_path / "logs", damages[name](log))
     report, _ = inspect_path(path, params_for(f"ingest.load={load}"), tmp_path / "page.html")
     assert report.startswith(path.name)
-    assert 'data-figure="recording-1-figure-1"' in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert '<div class="plot"' in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_what_is_no_recording_at_all_has_its_reason_in_the_table(tmp_path: Path, log: pd.DataFrame) -> None:
@@ -128,7 +128,8 @@ def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> No
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     for part in (1, 2, 3):
         assert f"(part {part}): repaired" in report
-        assert f'data-figure="recording-{part}-figure-1"' in page
+        assert f'<section id="recording-{part}"' in page
+    assert page.count('<div class="plot"') >= 3
     assert report.endswith("1 file: 1 repaired")
 
 
