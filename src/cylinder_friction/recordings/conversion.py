@@ -73,11 +73,7 @@ class Recipe:
 
 
 def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
-    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
-
-    Raises:
-        RecordingError: The file cannot be read, a channel is missing, a sensor is broken, or time is unusable.
-    """
+    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired."""
     tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
     mapped = map_signals(tables, recipe.channels)
     signals, screened = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
@@ -108,10 +104,8 @@ def zeroed(
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
     """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that record it.
 
-    The zeros of its ``session`` are for a piece that shows none itself.
-
-    Raises:
-        RecordingError: The chambers were not vented in the stated window.
+    The zeros of its ``session`` are for a piece that shows none itself; a stated window without vented chambers is
+    refused.
     """
     own = find_zero(piece.table, recipe.zero, recipe.channels, metadata.name)
     # Where neither shows a zero, the recording's own reason is more specific than the session's.
@@ -122,10 +116,6 @@ def zeroed(
 def checked(
     piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
 ) -> Recording:
-    """Return a piece as a recording: pressures zeroed, every check passed; arguments as for ``zeroed``.
-
-    Raises:
-        RecordingError: The first check that is not passed.
-    """
+    """Return a piece as a recording: pressures zeroed, every check passed; the first that is not refuses it."""
     table, with_zero = zeroed(piece, metadata, recipe, session)
     return check_recording(with_zero, table, recipe.limits, piece.sample_time_s)

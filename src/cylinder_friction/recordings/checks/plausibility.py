@@ -186,12 +186,11 @@ def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding |
     better = opposes or as_is.residual_n > (BETTER + 1.0) * turned.residual_n
     if load != "measured" or not (turned.dissipates and better):
         return None
-    return Finding(
-        "direction",
-        "refused",
+    text = (
         f"load_force_n is inverted: as it stands, {_against(as_is)}; the other way round, {_against(turned)}; change "
-        "its sign in the mapping (it is positive where the load resists extension)",
+        "its sign in the mapping (it is positive where the load resists extension)"
     )
+    return Finding("direction", "refused", text)
 
 
 def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
@@ -209,12 +208,11 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
             "pressure_2_pa" + (", and change the sign of position_m" if also else ""),
         )
     if as_is.drives and 1.0 / ratio > BETTER:
-        return Finding(
-            "direction",
-            "refused",
+        text = (
             f"position_m is inverted: {_against(as_is)}, so friction would drive the piston; expected it to oppose the "
-            "motion; change the sign of position_m in the mapping (it must grow while the rod extends)",
+            "motion; change the sign of position_m in the mapping (it must grow while the rod extends)"
         )
+        return Finding("direction", "refused", text)
     remedy = "either position_m is inverted or the pressures are swapped; check both in the mapping"
     return _opposing(as_is, load, remedy)
 
@@ -253,17 +251,13 @@ def _size(as_is: Balance, areas_m2: tuple[float, float]) -> Finding:
     gradient = as_is.friction_n / (math.pi * (bore_m + rod_m) * 1e3)
     text = f"friction is {gradient:.3g} N per millimetre of seal ({as_is.friction_n:.3g} N)"
     if gradient > GREATEST_N_MM:
-        return Finding(
-            "friction_size",
-            "refused",
-            f"{text}, expected less than {GREATEST_N_MM:.0f}; check the unit of the pressures (kPa read as bar?), "
-            "bore and rod of the cylinder, and whether it works against a load that is not stated",
+        text += (
+            f", expected less than {GREATEST_N_MM:.0f}; check the unit of the pressures (kPa read as bar?), bore and "
+            "rod of the cylinder, and whether it works against a load that is not stated"
         )
+        return Finding("friction_size", "refused", text)
     if gradient > HIGH_N_MM or (as_is.dissipates and gradient < LOW_N_MM):
-        return Finding(
-            "friction_size",
-            "noted",
-            f"{text}, usual are {LOW_N_MM:g} to {HIGH_N_MM:g}; check the unit of the pressures "
-            f"({'bar read as MPa' if gradient > HIGH_N_MM else 'MPa read as bar'}?), bore and rod of the cylinder",
-        )
+        mistake = "bar read as MPa" if gradient > HIGH_N_MM else "MPa read as bar"
+        text += f", usual are {LOW_N_MM:g} to {HIGH_N_MM:g}; check the unit of the pressures ({mistake}?), bore and rod"
+        return Finding("friction_size", "noted", f"{text} of the cylinder")
     return Finding("friction_size", "ok", text)

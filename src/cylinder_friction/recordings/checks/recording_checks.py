@@ -54,7 +54,6 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
     ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
     both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
     ``load_alive``; ``direction`` and ``friction_size``. The last two need signals that passed and known areas.
-    Arguments as for ``check_recording``; rows count from 1.
     """
     return list(_findings(table, limits, sample_time_s))
 
@@ -97,12 +96,11 @@ def _survey(values: Array, position_m: Array) -> _Survey:
 def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
     missing = missing_columns(table.columns)
     if missing:
-        yield Finding(
-            "columns",
-            "refused",
+        text = (
             f"column {missing[0]!r} is missing; got columns {list(table.columns)}, expected at least "
-            f"{list(REQUIRED_COLUMNS)} (or time_s, position_m and {DRIVE_FORCE}); map it to a channel",
+            f"{list(REQUIRED_COLUMNS)} (or time_s, position_m and {DRIVE_FORCE}); map it to a channel"
         )
+        yield Finding("columns", "refused", text)
         return
     if len(table) < 3:
         yield Finding("length", "refused", f"has {len(table)} rows, expected at least 3")

@@ -16,7 +16,7 @@ from cylinder_friction.recordings.formats.channels import (
     table_of,
     tables_by_length,
 )
-from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
-_MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a dataset that claims more than this is damaged
 
 
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -61,7 +60,7 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 def refuse_absurd_size(node: Any, source: FileSource) -> None:
     """Refuse a dataset that claims to be far larger than its file could hold."""
     claimed = math.prod(node.shape) * node.dtype.itemsize
-    if claimed > _MOST_UNPACKED * source.size:
+    if claimed > MOST_UNPACKED * source.size:
         raise RecordingError(
             f"dataset {node.name!r} claims {claimed} bytes in a file of {source.size}; it is damaged; copy it again"
         )

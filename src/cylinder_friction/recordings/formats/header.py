@@ -6,21 +6,12 @@ import re
 from dataclasses import dataclass
 
 from cylinder_friction.recordings.formats.cells import is_number, split_cells
+from cylinder_friction.recordings.mapping.units import ELECTRICAL, OTHER_QUANTITIES, USUAL
 from cylinder_friction.recordings.recording import RecordingError
 
+_RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/s 1/s min-1 J ohm Ω m³/s cm³/s bit bits -"
 _KNOWN = frozenset(
-    unit.strip()
-    for line in (
-        "s, sec, second, seconds, ms, us, µs, μs, ns, min, h",
-        "pa, hpa, kpa, mpa, bar, mbar, psi, psig, psia, atm, kg/cm²",
-        "m, dm, cm, mm, um, µm, μm, nm, in, inch, ft, mil",
-        "n, kn, mn, un, µn, lbf, lb, lbs, kip, kgf, kg, t, g",
-        "v, mv, uv, µv, a, ma, ua, hz, khz, mhz, °c, degc, deg_c, celsius, c, k, °f, degf, f",
-        "m/s, mm/s, m/s², m/s2, m/s^2, mm/s², g/s, rpm, 1/min, 1/s, u/min, min-1, rad/s, °/s, rad, deg, °, %",
-        "l/min, lpm, l/s, m³/s, cm³/s, nm, n·m, n*m, w, kw, j, ohm, ω",
-        "counts, count, cnt, digits, digit, bit, bits, lsb, raw, -",
-    )
-    for unit in line.split(",")
+    unit.casefold() for units in (*USUAL.values(), ELECTRICAL, OTHER_QUANTITIES, _RARE.split()) for unit in units
 )
 """Units in use, in small letters."""
 

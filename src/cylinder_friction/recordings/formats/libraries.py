@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
+MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
+
+
 def optional_library(name: str, what: str, extra: str, package: str = "") -> Any:
     """Return a module that only some formats need, or raise ``missing_library``."""
     try:

@@ -128,10 +128,10 @@ def _to_load(source: FileSource, wanted: Collection[str] | None, found: Found) -
     """Return the variables that wanted channels may come from; the others are noted as found."""
     if wanted is None:
         return None
-    kept = []
-    handle: Any = source.handle()
     import scipy.io
 
+    kept = []
+    handle: Any = source.handle()
     for name, _, _ in scipy.io.whosmat(handle):
         origin = (f"{name}.", f"{name}_")
         if name.casefold() in ("unit", "units") or any(f"{want}.".startswith(origin) for want in wanted):

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.recordings.formats.channels import numeric
-from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError
-
-_MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -79,7 +77,7 @@ def _refuse_absurd_records(group: Any, size: int) -> None:
     about = group.channel_group
     record = about.samples_byte_nr + getattr(about, "invalidation_bytes_nr", 0)
     samples = about.cycles_nr
-    if samples * max(record, 1) > _MOST_UNPACKED * size:
+    if samples * max(record, 1) > MOST_UNPACKED * size:
         raise RecordingError(
             f"claims {samples} samples of {record} bytes in a file of {size}; it is damaged; copy it again"
         )

@@ -39,11 +39,7 @@ class FileSource:
 
 
 def read_head(path: Path) -> bytes:
-    """Return the first ``HEAD_SIZE`` bytes, unpacked.
-
-    Raises:
-        RecordingError: The file cannot be opened, is empty, or its gzip is damaged.
-    """
+    """Return the first ``HEAD_SIZE`` bytes, unpacked; refuse what cannot be opened, is empty, or a damaged gzip."""
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_SIZE)

@@ -160,9 +160,9 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
         return _Clock(place, name)
     if source.time:
         return _Clock(find_channel(tables, name, time.table if name == time.channel else "", column), name)
-    there = ", ".join(repr(str(other)) for other in tables[place].channels.columns if other != source.channel)
     if len(tables) == 1:
         find_channel(tables, name, "", "time_s")
+    there = ", ".join(repr(str(other)) for other in tables[place].channels.columns if other != source.channel)
     raise RecordingError(
         f"channel {source.channel!r} (for {column!r}) has no time channel {name!r} in its table "
         f"{tables[place].name!r}, which holds besides {there or 'nothing'}; name the channel that stamps it as "

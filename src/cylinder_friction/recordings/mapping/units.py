@@ -63,7 +63,7 @@ _BY_QUANTITY = {
 
 _ELECTRICAL = {name.casefold(): known for name, known in ELECTRICAL.items()}
 _PORTS = frozenset("ABCFHKPTXY")
-_OTHER_QUANTITIES = {
+OTHER_QUANTITIES = {
     "m/s", "mm/s", "cm/s", "in/s", "m/s2", "mm/s2", "m/min", "l/min", "lpm", "gpm", "l/s", "m3/s", "cm3/s", "mm2/s",
     "rpm", "1/min", "u/min", "rad/s", "°/s", "rad", "deg", "°", "%", "nm", "n·m", "n*m", "w", "kw", "hz", "khz", "a",
 }  # fmt: skip
@@ -112,7 +112,7 @@ def names_a_unit(text: str) -> bool:
     if len(text) == 1 and text in _PORTS:
         return False
     known = electrical(text) is not None or any(usual(text, quantity) is not None for quantity in USUAL)
-    return known or text.casefold() in _OTHER_QUANTITIES
+    return known or text.casefold() in OTHER_QUANTITIES
 
 
 def parsable(unit: str) -> str | None:
