@@ -97,7 +97,7 @@ def table_of(
         channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
     loaded = [channel for channel in channels if wanted is None or channel.name in wanted]
     unread = [channel.name for channel in channels if wanted is not None and channel.name not in wanted]
-    table = named_columns([(channel.name, channel.read()) for channel in loaded])
+    table = named_columns([(channel.name, channel.read()) for channel in loaded], object)
     units = {channel.name: channel.unit for channel in channels if channel.unit}
     return LoggedTable(table, units, name, (*unread, *others))
 

@@ -17,7 +17,6 @@ import threading
 import time
 from contextlib import suppress
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.recordings.formats.arrow_pipe import read_message, read_tables, write_message
@@ -26,6 +25,7 @@ from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Collection
+    from pathlib import Path
 
     from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
@@ -50,21 +50,12 @@ _NEEDS = {
 }
 """The optional module, its format in words, the extra that brings it, and the package if not named as its module."""
 
-_FORMATS = Path(__file__).parent
-# The packages' own __init__ would import all of the library, Numba and SciPy too; the readers need none of it.
 _START = """
-import json, sys, types
+import json, sys
 sys.path[:] = json.loads(sys.argv[1])
-for name, folder in json.loads(sys.argv[2]).items():
-    sys.modules[name] = types.ModuleType(name)
-    sys.modules[name].__path__ = [folder]
 from cylinder_friction.recordings.formats.isolated_worker import serve
 serve()
 """
-_BARE = {
-    "cylinder_friction.recordings.formats": str(_FORMATS),
-    "cylinder_friction.recordings": str(_FORMATS.parent),
-}
 
 
 def read_isolated(path: Path, kind: str, wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -136,7 +127,7 @@ class _Reader:
 
 
 def _started() -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-P", "-c", _START, json.dumps(sys.path), json.dumps(_BARE)]
+    command = [sys.executable, "-P", "-c", _START, json.dumps(sys.path)]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
     assert process.stdout is not None
     try:
@@ -165,14 +156,9 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _death(code: int, too_long: bool, limit_s: float, kind: str) -> RecordingError:
-    if too_long:
-        return RecordingError(
-            f"reading it took longer than {limit_s:.0f} s; it is damaged; copy it again, or export it anew"
-        )
     how = f"signal {-code}" if code < 0 else f"exit code {code}"
-    return RecordingError(
-        f"reading it crashed {LIBRARIES[kind]} ({how}); the file is damaged; copy it again, or export it anew"
-    )
+    what = f"took longer than {limit_s:.0f} s; it" if too_long else f"crashed {LIBRARIES[kind]} ({how}); the file"
+    return RecordingError(f"reading it {what} is damaged; copy it again, or export it anew")
 
 
 _READER = _Reader()

@@ -27,8 +27,8 @@ class LoggedTable:
     notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
 
 
-def named_columns(columns: Sequence[tuple[str, NDArray[Any]]]) -> pd.DataFrame:
-    """Return columns as a table, not copied; a name may occur twice."""
+def named_columns(columns: Sequence[tuple[str, NDArray[Any]]], kind: Any = None) -> pd.DataFrame:
+    """Return columns as a table, not copied; a name may occur twice, and is of ``kind`` object if it may be damaged."""
     table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
-    table.columns = pd.Index([name for name, _ in columns], dtype=object)
+    table.columns = pd.Index([name for name, _ in columns], dtype=kind)
     return table

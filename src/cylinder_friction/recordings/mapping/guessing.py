@@ -74,7 +74,6 @@ class GuessedColumn:
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
-    needed: bool = True  # Whether there is no recording without it
 
 
 @dataclass(frozen=True)
@@ -100,8 +99,7 @@ def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
         _take_first_free(column, ranked, chosen)
     # A force stands in where no pressure was found.
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
-    wanted = dict.fromkeys((TIME, *driven_by, POSITION), True)
-    wanted |= {column: False for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen}
+    wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
     stamps = _stamps(ranked[TIME], chosen)
     main = next((chosen[column].table for column in (*SAMPLE_COLUMNS, DRIVE_FORCE) if column in chosen), None)
@@ -112,7 +110,7 @@ def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
     return GuessedMapping(
         path=path,
-        columns={column: _guessed(column, chosen, ranked[column], needed, sign) for column, needed in wanted.items()},
+        columns={column: _guessed(column, chosen, ranked[column], sign) for column in wanted},
         unused=tuple(channel for channel in facts if id(channel) not in used),
         several_tables=len({channel.table for channel in facts}) > 1,
         stamps=stamps,
@@ -201,12 +199,10 @@ def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[int, Channe
     return best
 
 
-def _guessed(
-    column: str, chosen: dict[str, ChannelFacts], ranked: Ranked, needed: bool, position: tuple[int, str]
-) -> GuessedColumn:
+def _guessed(column: str, chosen: dict[str, ChannelFacts], ranked: Ranked, position: tuple[int, str]) -> GuessedColumn:
     channel = chosen.get(column)
     if channel is None:
-        return GuessedColumn(column, None, others=tuple(other for other, _ in ranked), needed=needed)
+        return GuessedColumn(column, None, others=tuple(other for other, _ in ranked))
     taken = {id(other) for other in chosen.values()}
     least = next(score for other, score in ranked if other is channel) - NEARLY
     unit, reasons, checks = _unit(column, channel)
@@ -223,7 +219,6 @@ def _guessed(
             for other, score in ranked
             if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
         ),
-        needed=needed,
     )
 
 
