@@ -46,23 +46,14 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class Input:
-    """One input of an exported estimator.
+    """One input of an exported estimator."""
 
-    Attributes:
-        column: Column of a recording.
-        name: The column as a C identifier.
-        quantity: The name without its unit.
-        unit: A value of ``UNITS``, or None.
-        meaning: In words, with its unit.
-        flag: Set while a value is invalid.
-    """
-
-    column: str
-    name: str
-    quantity: str
-    unit: str | None
-    meaning: str
-    flag: Flag
+    column: str  # Column of a recording
+    name: str  # The column as a C identifier
+    quantity: str  # The name without its unit
+    unit: str | None  # A value of ``UNITS``, or None
+    meaning: str  # In words, with its unit
+    flag: Flag  # Set while a value is invalid
 
 
 def described_inputs(columns: Sequence[str]) -> list[Input]:

@@ -34,17 +34,13 @@ LEARNING_RATE = 5e-3
 
 @dataclass(frozen=True)
 class DistilReport:
-    """The cost of a smaller network, on recordings that neither was trained on; errors are means over usable rows.
+    """The cost of a smaller network, on recordings that neither was trained on; errors are means over usable rows."""
 
-    Attributes:
-        original_mae_n, student_mae_n: Mean absolute error against the labels [N].
-        difference_n: Mean absolute difference between the two [N].
-        original_multiply_adds, student_multiply_adds: Of one step.
-    """
-
+    # Mean absolute error against the labels [N]
     original_mae_n: float
     student_mae_n: float
-    difference_n: float
+    difference_n: float  # Mean absolute difference between the two [N]
+    # Of one step
     original_multiply_adds: int
     student_multiply_adds: int
 

@@ -44,29 +44,18 @@ SMOOTH_POSITION = "position_m_20"
 
 @dataclass(frozen=True, eq=False)
 class FrontEnd:
-    """Filters and scaling before the network.
+    """Filters and scaling before the network."""
 
-    Attributes:
-        inputs: Columns of a recording, in the order of its samples.
-        names: What each feature is, with its unit: the linear ones, then those of the history.
-        taps: Shape ``(linear features, inputs, lags)``, on raw samples.
-        limits: Shape ``(linear features,)``; where positive, the filtered value y becomes ``y / (|y| + limit)``.
-        mean: Shape ``(linear features,)``; taken off before scaling.
-        scale: Shape ``(linear features,)``; divided by.
-        base_taps: Shape ``(1, inputs, lags)``; the force [N] that the network corrects; None: it starts from 0.
-        history: The features of the motion so far, with their scaling; None: there are none.
-        sample_time_s: Between two samples [s]; only the history depends on it.
-    """
-
-    inputs: tuple[str, ...]
-    names: tuple[str, ...]
-    taps: Array
-    limits: Array
-    mean: Array
-    scale: Array
+    inputs: tuple[str, ...]  # Columns of a recording, in the order of its samples
+    names: tuple[str, ...]  # What each feature is, with its unit: the linear ones, then those of the history
+    taps: Array  # Shape ``(linear features, inputs, lags)``, on raw samples
+    limits: Array  # Shape ``(linear features,)``; where positive, the filtered value y becomes ``y / (|y| + limit)``
+    mean: Array  # Shape ``(linear features,)``; taken off before scaling
+    scale: Array  # Shape ``(linear features,)``; divided by
+    # Shape ``(1, inputs, lags)``; the force [N] that the network corrects; None: it starts from 0
     base_taps: Array | None = None
-    history: History | None = None
-    sample_time_s: float = 1.0
+    history: History | None = None  # The features of the motion so far, with their scaling; None: there are none
+    sample_time_s: float = 1.0  # Between two samples [s]; only the history depends on it
 
     @property
     def has_base(self) -> bool:

@@ -49,23 +49,14 @@ DEFAULT_FOREST = ForestPlan()
 
 @dataclass(frozen=True)
 class HybridParts:
-    """A trained hybrid.
+    """A trained hybrid."""
 
-    Attributes:
-        design: How it is put together.
-        front_end: Filters, history and scaling.
-        network: The LSTM.
-        forest: The forest; None for the LSTM alone.
-        target_mean_n: Force that the network's output 0 stands for [N].
-        target_scale_n: Force that its output 1 adds to that [N].
-    """
-
-    design: Design
-    front_end: FrontEnd
-    network: LstmWeights
-    forest: Forest | None
-    target_mean_n: float
-    target_scale_n: float
+    design: Design  # How it is put together
+    front_end: FrontEnd  # Filters, history and scaling
+    network: LstmWeights  # The LSTM
+    forest: Forest | None  # The forest; None for the LSTM alone
+    target_mean_n: float  # Force that the network's output 0 stands for [N]
+    target_scale_n: float  # Force that its output 1 adds to that [N]
 
 
 @dataclass

@@ -32,28 +32,19 @@ class Architecture:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """How long and in which pieces a network is trained.
+    """How long and in which pieces a network is trained."""
 
-    Attributes:
-        epochs: Passes over the training recordings, at most.
-        patience: Epochs without a better validation error before training stops early; None: all epochs are trained,
-            on all recordings, and none is held out for validation.
-        sequence_length: Samples between two updates; the state is carried over, the gradient is not.
-        burn_in: First samples of each recording that are not scored, while the state settles.
-        batch_size: Recordings trained on side by side.
-        schedule: ``constant`` as in the paper, or ``cosine`` down to nothing over ``epochs``.
-        warm_up: Share of training over which the learning rate rises to its highest.
-        weight_decay: Of AdamW (Loshchilov and Hutter 2019).
-    """
-
-    epochs: int = 40
+    epochs: int = 40  # Passes over the training recordings, at most
+    # Epochs without a better validation error before training stops early; None: all epochs are trained, on all
+    # recordings, and none is held out for validation
     patience: int | None = 12
-    sequence_length: int = 200
-    burn_in: int = 100
-    batch_size: int = 16
+    sequence_length: int = 200  # Samples between two updates; the state is carried over, the gradient is not
+    burn_in: int = 100  # First samples of each recording that are not scored, while the state settles
+    batch_size: int = 16  # Recordings trained on side by side
+    # ``constant`` as in the paper, or ``cosine`` down to nothing over ``epochs``
     schedule: Literal["constant", "cosine"] = "cosine"
-    warm_up: float = 0.0
-    weight_decay: float = 0.0
+    warm_up: float = 0.0  # Share of training over which the learning rate rises to its highest
+    weight_decay: float = 0.0  # Of AdamW (Loshchilov and Hutter 2019)
 
     def __post_init__(self) -> None:
         if min(self.epochs, self.patience or 1, self.sequence_length, self.batch_size) < 1:
@@ -82,13 +73,10 @@ class LearningCurve:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Training state on disk after each epoch: plain arrays, no pickle, whole or not at all.
+    """Training state on disk after each epoch: plain arrays, no pickle, whole or not at all."""
 
-    Attributes:
-        folder: Holds ``checkpoint.npz``; name it after a hash of everything that training depends on, so that a
-            checkpoint of another configuration is never picked up.
-    """
-
+    # Holds ``checkpoint.npz``; name it after a hash of everything that training depends on, so that a checkpoint of
+    # another configuration is never picked up
     folder: Path
 
     @property

@@ -45,15 +45,10 @@ def invalid_flag(column: str) -> Flag:
 
 
 class Estimate(NamedTuple):
-    """One step's output.
+    """One step's output."""
 
-    Attributes:
-        friction_n: Friction [N], positive when it opposes positive velocity.
-        lower_n, upper_n: Bounds around it [N]; not to be trusted while a flag but ``OUTSIDE`` is set.
-        flags: Bits of ``Flag``.
-    """
-
-    friction_n: float
+    friction_n: float  # Friction [N], positive when it opposes positive velocity
+    # Bounds around it [N]; not to be trusted while a flag but ``OUTSIDE`` is set
     lower_n: float
     upper_n: float
-    flags: int
+    flags: int  # Bits of ``Flag``

@@ -14,27 +14,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Forest:
-    """A forest of binary regression trees; a row goes left where ``feature <= threshold``.
+    """A forest of binary regression trees; a row goes left where ``feature <= threshold``."""
 
-    Attributes:
-        feature: Feature that each node asks for, shape ``(nodes,)``; -1 in a leaf.
-        threshold: Shape ``(nodes,)``, single precision, as ONNX Runtime compares.
-        left: Index of the next node where it does, shape ``(nodes,)``.
-        right: Index of the next node where it does not, shape ``(nodes,)``.
-        value: What a leaf adds, already divided by the number of trees, shape ``(nodes,)``.
-        roots: Index of each tree's first node, shape ``(trees,)``.
-        depth: Longest way from a root to a leaf.
-        inputs: Number of features.
-    """
-
-    feature: NDArray[np.int64]
-    threshold: NDArray[np.float32]
-    left: NDArray[np.int64]
-    right: NDArray[np.int64]
-    value: NDArray[np.float32]
-    roots: NDArray[np.int64]
-    depth: int
-    inputs: int
+    feature: NDArray[np.int64]  # Feature that each node asks for, shape ``(nodes,)``; -1 in a leaf
+    threshold: NDArray[np.float32]  # Shape ``(nodes,)``, single precision, as ONNX Runtime compares
+    left: NDArray[np.int64]  # Index of the next node where it does, shape ``(nodes,)``
+    right: NDArray[np.int64]  # Index of the next node where it does not, shape ``(nodes,)``
+    value: NDArray[np.float32]  # What a leaf adds, already divided by the number of trees, shape ``(nodes,)``
+    roots: NDArray[np.int64]  # Index of each tree's first node, shape ``(trees,)``
+    depth: int  # Longest way from a root to a leaf
+    inputs: int  # Number of features
 
     @classmethod
     def of(

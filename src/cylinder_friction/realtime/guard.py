@@ -38,14 +38,10 @@ middle of a motion after 88 and 490. (3360 disturbances of the 16 test recording
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """Smallest and largest value of each column in training: raw samples, and the velocity where it counts.
+    """Smallest and largest value of each column in training: raw samples, and the velocity where it counts."""
 
-    Attributes:
-        columns: Of a recording.
-        lower, upper: One number per column, in its unit.
-    """
-
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  # Of a recording
+    # One number per column, in its unit
     lower: tuple[float, ...]
     upper: tuple[float, ...]
 

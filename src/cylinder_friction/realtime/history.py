@@ -25,28 +25,21 @@ differs in its last digit by the order of its sum."""
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Six features of the motion so far, from a smoothed position; see ``history_step``.
+    """Six features of the motion so far, from a smoothed position; see ``history_step``."""
 
-    Attributes:
-        position_feature: Which linear feature is the smoothed position [m], taken straight from its filter.
-        mean, scale: Taken off each history feature, then divided by, shape ``(6,)``.
-        backlash_m: Half-width of the backlash that the smoothed position drags along [m], about three times the noise
-            of a smoothed 12-bit potentiometer: a velocity threshold would take noise for motion, and miss creep.
-        moves_s: The piston counts as moving while its last push against the backlash is no older [s].
-        dwell_s: Time scale of the logarithm of the dwells [s].
-        travel_short_m, travel_long_m: Travels over which the travel features saturate [m].
-        moving_s: Time over which the time of motion saturates [s].
-    """
-
-    position_feature: int
+    position_feature: int  # Which linear feature is the smoothed position [m], taken straight from its filter
+    # Taken off each history feature, then divided by, shape ``(6,)``
     mean: Array
     scale: Array
+    # Half-width of the backlash that the smoothed position drags along [m], about three times the noise of a smoothed
+    # 12-bit potentiometer: a velocity threshold would take noise for motion, and miss creep
     backlash_m: float = 4e-5
-    moves_s: float = 0.05
-    dwell_s: float = 0.1
+    moves_s: float = 0.05  # The piston counts as moving while its last push against the backlash is no older [s]
+    dwell_s: float = 0.1  # Time scale of the logarithm of the dwells [s]
+    # Travels over which the travel features saturate [m]
     travel_short_m: float = 2e-4
     travel_long_m: float = 5e-3
-    moving_s: float = 0.2
+    moving_s: float = 0.2  # Time over which the time of motion saturates [s]
 
     def settings(self) -> Array:
         """Return what ``history_step`` needs, shape ``(6,)``, at the places named in this module."""

@@ -28,23 +28,14 @@ ZERO = np.float32(0.0)
 
 @dataclass(frozen=True)
 class LstmWeights:
-    """Weights of a stack of LSTM layers of equal width, and of the linear head on its last hidden state.
+    """Weights of a stack of LSTM layers of equal width, and of the linear head on its last hidden state."""
 
-    Attributes:
-        input: Shape ``(layers, widest input, 4 · nodes)``; rows past a layer's inputs are zero and not used.
-        recurrent: Shape ``(layers, nodes, 4 · nodes)``.
-        bias: Shape ``(layers, 4 · nodes)``.
-        head: Shape ``(nodes,)``.
-        head_bias: Added to the head's output.
-        inputs: Number of features that the first layer takes.
-    """
-
-    input: Single
-    recurrent: Single
-    bias: Single
-    head: Single
-    head_bias: float
-    inputs: int
+    input: Single  # Shape ``(layers, widest input, 4 · nodes)``; rows past a layer's inputs are zero and not used
+    recurrent: Single  # Shape ``(layers, nodes, 4 · nodes)``
+    bias: Single  # Shape ``(layers, 4 · nodes)``
+    head: Single  # Shape ``(nodes,)``
+    head_bias: float  # Added to the head's output
+    inputs: int  # Number of features that the first layer takes
 
     @property
     def layers(self) -> int:

@@ -23,27 +23,19 @@ ForestSees = Literal["nothing", "hidden", "hidden_head_features", "features"]
 
 @dataclass(frozen=True)
 class Guard:
-    """What a sample must be, and what happens where it is not.
+    """What a sample must be, and what happens where it is not."""
 
-    Attributes:
-        accept_lower, accept_upper: A value outside is no reading of a working sensor; one number per input.
-        trained_lower, trained_upper: Outside, the estimate goes on and is flagged as an extrapolation.
-        freeze_travel_m: A pressure that stays exactly constant over more travel than this is frozen [m].
-        freeze_samples: A position that stays exactly constant longer is frozen, if the force is too large to hold.
-        freeze_force_n: More than the piston can hold at rest [N].
-        warm_up_samples: Steps after a reset in which the estimate is not yet to be trusted.
-        recovery_samples: The same after the last bad sample.
-    """
-
+    # A value outside is no reading of a working sensor; one number per input
     accept_lower: tuple[float, ...]
     accept_upper: tuple[float, ...]
+    # Outside, the estimate goes on and is flagged as an extrapolation
     trained_lower: tuple[float, ...]
     trained_upper: tuple[float, ...]
-    freeze_travel_m: float
-    freeze_samples: int
-    freeze_force_n: float
-    warm_up_samples: int
-    recovery_samples: int
+    freeze_travel_m: float  # A pressure that stays exactly constant over more travel than this is frozen [m]
+    freeze_samples: int  # A position that stays exactly constant longer is frozen, if the force is too large to hold
+    freeze_force_n: float  # More than the piston can hold at rest [N]
+    warm_up_samples: int  # Steps after a reset in which the estimate is not yet to be trusted
+    recovery_samples: int  # The same after the last bad sample
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
@@ -58,22 +50,14 @@ class Bounds:
     """An interval for the label around an estimate, by regime of motion (see ``realtime.bounds``).
 
     The regimes are standstill, creep, sliding, and the moments just after a reversal or start.
-
-    Attributes:
-        lower_n: Added to the estimate [N], one per regime, shape ``(4,)``.
-        upper_n: The same for the upper bound [N].
-        standstill_m_s: Slower, the piston stands still [m/s].
-        creep_m_s: Slower, it creeps [m/s].
-        reversal_samples: How long a reversal or start lasts.
-        probability: That the label lies between the bounds, on recordings like those of the calibration.
     """
 
-    lower_n: tuple[float, float, float, float]
-    upper_n: tuple[float, float, float, float]
-    standstill_m_s: float
-    creep_m_s: float
-    reversal_samples: int
-    probability: float
+    lower_n: tuple[float, float, float, float]  # Added to the estimate [N], one per regime, shape ``(4,)``
+    upper_n: tuple[float, float, float, float]  # The same for the upper bound [N]
+    standstill_m_s: float  # Slower, the piston stands still [m/s]
+    creep_m_s: float  # Slower, it creeps [m/s]
+    reversal_samples: int  # How long a reversal or start lasts
+    probability: float  # That the label lies between the bounds, on recordings like those of the calibration
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
@@ -85,42 +69,28 @@ class Bounds:
 
 @dataclass(frozen=True)
 class StepModel:
-    """One estimator, ready for any runtime.
+    """One estimator, ready for any runtime."""
 
-    Attributes:
-        sample_time_s: Between two samples [s]; an LSTM cannot take another.
-        feature_taps: FIR filters on raw samples, shape ``(features, inputs, lags)``.
-        feature_limits: Where positive, a filtered value y becomes ``y / (|y| + limit)``, shape ``(features,)``.
-        feature_mean, feature_scale: Taken off, then divided by, shape ``(features,)``.
-        base_taps: The force that is corrected [N], shape ``(inputs, lags)``; zeros where there is none.
-        velocity_taps: The causal velocity that bounds go by [m/s], shape ``(inputs, lags)``.
-        network: None for a model without LSTM.
-        forest: None for a model without forest.
-        forest_sees: Which inputs the forest takes, in this order: hidden state, head, features.
-        head_counts: Whether the network's head is part of the estimate.
-        target_mean_n, target_scale_n: What the network's and the forest's outputs mean [N].
-        guard: What a sample must be.
-        bounds: The interval around the estimate.
-        inputs: Columns of a recording that make up a sample, in this order; ``position_m`` is one.
-        history: Features of the motion so far, which follow the linear ones; None for a model without.
-    """
-
-    sample_time_s: float
-    feature_taps: Array
-    feature_limits: Array
+    sample_time_s: float  # Between two samples [s]; an LSTM cannot take another
+    feature_taps: Array  # FIR filters on raw samples, shape ``(features, inputs, lags)``
+    feature_limits: Array  # Where positive, a filtered value y becomes ``y / (|y| + limit)``, shape ``(features,)``
+    # Taken off, then divided by, shape ``(features,)``
     feature_mean: Array
     feature_scale: Array
-    base_taps: Array
-    velocity_taps: Array
-    network: LstmWeights | None
-    forest: Forest | None
-    forest_sees: ForestSees
-    head_counts: bool
+    base_taps: Array  # The force that is corrected [N], shape ``(inputs, lags)``; zeros where there is none
+    velocity_taps: Array  # The causal velocity that bounds go by [m/s], shape ``(inputs, lags)``
+    network: LstmWeights | None  # None for a model without LSTM
+    forest: Forest | None  # None for a model without forest
+    forest_sees: ForestSees  # Which inputs the forest takes, in this order: hidden state, head, features
+    head_counts: bool  # Whether the network's head is part of the estimate
+    # What the network's and the forest's outputs mean [N]
     target_mean_n: float
     target_scale_n: float
-    guard: Guard
-    bounds: Bounds
+    guard: Guard  # What a sample must be
+    bounds: Bounds  # The interval around the estimate
+    # Columns of a recording that make up a sample, in this order; ``position_m`` is one
     inputs: tuple[str, ...] = SAMPLE_COLUMNS
+    # Features of the motion so far, which follow the linear ones; None for a model without
     history: History | None = None
 
     @cached_property

@@ -39,43 +39,28 @@ NO_NETWORK = LstmWeights(_NOTHING, _NOTHING, _NOTHING.reshape(0, 0), _NOTHING.ra
 
 @dataclass(frozen=True)
 class PackedModel:
-    """Constants of the compiled step.
+    """Constants of the compiled step."""
 
-    Attributes:
-        taps: Shape ``(inputs, lags, features + 2)``: the linear features, then the base force, then the velocity.
-        scaling: Limits, means and scales of the linear features, shape ``(3, features)``.
-        history: Settings, means and scales of the history features, shape ``(3, 6)``; no rows without history.
-        limits: Guard limits of each input, see the rows above, shape ``(4, inputs)``.
-        offsets: Bounds of each regime, see the rows above, shape ``(2, 4)``.
-        settings: Numbers of guard, target and bounds, see the places above.
-        counts: Whole numbers of guard, bounds and shape, see the places above.
-        invalid_flags: Flag that an invalid value of each input sets, shape ``(inputs,)``.
-        pressures: Place of each raw pressure among the inputs.
-        input, recurrent, bias, head: The network's weights; without network no layer and no node.
-        head_bias: Added to the head, shape ``(1,)``.
-        nodes: Each node's feature, left and right child, and a fourth column that ``splits`` reads, shape ``(n, 4)``;
-            a leaf is its own child, so that each tree takes the same number of steps.
-        splits: The same memory as float32: column 3 is the threshold, or a leaf's value.
-        roots: Each tree's first node.
-    """
-
-    taps: Array
-    scaling: Array
-    history: Array
-    limits: Array
-    offsets: Array
-    settings: Array
-    counts: Whole
-    invalid_flags: Whole
-    pressures: Whole
+    taps: Array  # Shape ``(inputs, lags, features + 2)``: the linear features, then the base force, then the velocity
+    scaling: Array  # Limits, means and scales of the linear features, shape ``(3, features)``
+    history: Array  # Settings, means and scales of the history features, shape ``(3, 6)``; no rows without history
+    limits: Array  # Guard limits of each input, see the rows above, shape ``(4, inputs)``
+    offsets: Array  # Bounds of each regime, see the rows above, shape ``(2, 4)``
+    settings: Array  # Numbers of guard, target and bounds, see the places above
+    counts: Whole  # Whole numbers of guard, bounds and shape, see the places above
+    invalid_flags: Whole  # Flag that an invalid value of each input sets, shape ``(inputs,)``
+    pressures: Whole  # Place of each raw pressure among the inputs
+    # The network's weights; without network no layer and no node
     input: Single
     recurrent: Single
     bias: Single
     head: Single
-    head_bias: Single
+    head_bias: Single  # Added to the head, shape ``(1,)``
+    # Each node's feature, left and right child, and a fourth column that ``splits`` reads, shape ``(n, 4)``; a leaf is
+    # its own child, so that each tree takes the same number of steps
     nodes: NDArray[np.int32]
-    splits: Single
-    roots: NDArray[np.int32]
+    splits: Single  # The same memory as float32: column 3 is the threshold, or a leaf's value
+    roots: NDArray[np.int32]  # Each tree's first node
 
     @classmethod
     def of(cls, model: StepModel) -> PackedModel:
@@ -136,33 +121,22 @@ class PackedModel:
 
 @dataclass(frozen=True)
 class PackedState:
-    """What the compiled step changes.
+    """What the compiled step changes."""
 
-    Attributes:
-        ring: Each input's last samples, written twice, ``lags`` places from each other, so that from the newest on they
-            always lie in a row, newest first, shape ``(inputs, 2 lags)``.
-        samples: One number per input in each row, see the rows above: this sample as it counts, the last one, the
-            position at which the input last changed [m], whether the input is invalid.
-        motion: Memory of the motion, see ``history.new_history``.
-        counters: See the places above.
-        lstm: Hidden and cell state, shape ``(2, layers, nodes)``.
-        outputs: Room for the filters' outputs, shape ``(linear features + 2,)``.
-        moved: Room for the history features, shape ``(6,)``.
-        seen: Room for hidden state, head and features, shape ``(nodes + 1 + features,)``.
-        gates: Room for the gates, shape ``(4 nodes,)``.
-        places: Room for where each tree is, shape ``(trees,)``.
-    """
-
+    # Each input's last samples, written twice, ``lags`` places from each other, so that from the newest on they always
+    # lie in a row, newest first, shape ``(inputs, 2 lags)``
     ring: Array
+    # One number per input in each row, see the rows above: this sample as it counts, the last one, the position at
+    # which the input last changed [m], whether the input is invalid
     samples: Array
-    motion: Array
-    counters: Whole
-    lstm: Single
-    outputs: Array
-    moved: Array
-    seen: Single
-    gates: Single
-    places: NDArray[np.int32]
+    motion: Array  # Memory of the motion, see ``history.new_history``
+    counters: Whole  # See the places above
+    lstm: Single  # Hidden and cell state, shape ``(2, layers, nodes)``
+    outputs: Array  # Room for the filters' outputs, shape ``(linear features + 2,)``
+    moved: Array  # Room for the history features, shape ``(6,)``
+    seen: Single  # Room for hidden state, head and features, shape ``(nodes + 1 + features,)``
+    gates: Single  # Room for the gates, shape ``(4 nodes,)``
+    places: NDArray[np.int32]  # Room for where each tree is, shape ``(trees,)``
 
     @classmethod
     def of(cls, model: PackedModel) -> PackedState:

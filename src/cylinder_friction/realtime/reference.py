@@ -30,25 +30,16 @@ if TYPE_CHECKING:
 
 @dataclass
 class GuardState:
-    """State of the guard.
+    """State of the guard."""
 
-    Attributes:
-        ready: A sample with all inputs valid has come.
-        held: The last valid value of each input, shape ``(inputs,)``.
-        constant_samples: For how many steps the position has been exactly constant.
-        constant_from_m: Position at which each raw pressure last changed (or was invalid) [m], by its place.
-        frozen: Places of the raw pressures that are frozen.
-        warming: Steps of warm-up left.
-        recovering: Steps of recovery left.
-    """
-
-    ready: bool = False
-    held: Array = field(default_factory=lambda: np.zeros(0))
-    constant_samples: int = 0
+    ready: bool = False  # A sample with all inputs valid has come
+    held: Array = field(default_factory=lambda: np.zeros(0))  # The last valid value of each input, shape ``(inputs,)``
+    constant_samples: int = 0  # For how many steps the position has been exactly constant
+    # Position at which each raw pressure last changed (or was invalid) [m], by its place
     constant_from_m: dict[int, float] = field(default_factory=dict)
-    frozen: set[int] = field(default_factory=set)
-    warming: int = 0
-    recovering: int = 0
+    frozen: set[int] = field(default_factory=set)  # Places of the raw pressures that are frozen
+    warming: int = 0  # Steps of warm-up left
+    recovering: int = 0  # Steps of recovery left
 
 
 class ReferenceStream:

@@ -24,29 +24,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of a table.
+    """One cell of a table."""
 
-    Attributes:
-        words: Its text.
-        small: A second line, smaller.
-        value: What its column is sorted by; None for words, and for nothing.
-        shade: -1 is full blue (good), 1 full orange (bad), 0 white; None leaves the background alone.
-        style: CSS classes.
-        tip: Shown below the mouse.
-        link: Address that the words lead to.
-        badge: Whether the words are an outcome, shown on its colour.
-        more: Further lines, folded.
-    """
-
-    words: str
-    small: str = ""
-    value: float | None = None
-    shade: float | None = None
-    style: str = ""
-    tip: str = ""
-    link: str = ""
-    badge: bool = False
-    more: Sequence[str] = ()
+    words: str  # Its text
+    small: str = ""  # A second line, smaller
+    value: float | None = None  # What its column is sorted by; None for words, and for nothing
+    shade: float | None = None  # -1 is full blue (good), 1 full orange (bad), 0 white; None leaves the background alone
+    style: str = ""  # CSS classes
+    tip: str = ""  # Shown below the mouse
+    link: str = ""  # Address that the words lead to
+    badge: bool = False  # Whether the words are an outcome, shown on its colour
+    more: Sequence[str] = ()  # Further lines, folded
 
     @property
     def finite(self) -> bool:
@@ -55,25 +43,15 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows below a head.
+    """Rows below a head."""
 
-    Attributes:
-        head: Of every column.
-        rows: As many cells each; plain text is a cell too.
-        words: Columns of text, left-aligned; the others hold numbers. The first column is text anyway.
-        groups: What so many columns, from the left, have in common; stands above the head.
-        style: CSS classes of the table.
-        sortable: Whether a click on the head sorts by that column.
-        outcomes: Of every row, for the buttons that filter by it; empty for none.
-    """
-
-    head: Sequence[str | Cell]
-    rows: Sequence[Sequence[str | Cell]]
-    words: Sequence[int] = ()
-    groups: Sequence[tuple[str, int]] = ()
-    style: str = ""
-    sortable: bool = False
-    outcomes: Sequence[str] = ()
+    head: Sequence[str | Cell]  # Of every column
+    rows: Sequence[Sequence[str | Cell]]  # As many cells each; plain text is a cell too
+    words: Sequence[int] = ()  # Columns of text, left-aligned; the others hold numbers. The first column is text anyway
+    groups: Sequence[tuple[str, int]] = ()  # What so many columns, from the left, have in common; stands above the head
+    style: str = ""  # CSS classes of the table
+    sortable: bool = False  # Whether a click on the head sorts by that column
+    outcomes: Sequence[str] = ()  # Of every row, for the buttons that filter by it; empty for none
 
     @property
     def classes(self) -> str:

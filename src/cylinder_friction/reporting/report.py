@@ -44,18 +44,12 @@ ALL_CONDITIONS = "all"
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """What the report shows beside the analysis.
+    """What the report shows beside the analysis."""
 
-    Attributes:
-        times: Measured seconds per step by estimator.
-        searched: Ranges of the hyperparameter search by name.
-        chosen: Hyperparameters of the default hybrid by name.
-        audit: The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none.
-    """
-
-    times: Mapping[str, StepTime]
-    searched: Mapping[str, Any]
-    chosen: Mapping[str, Any]
+    times: Mapping[str, StepTime]  # Measured seconds per step by estimator
+    searched: Mapping[str, Any]  # Ranges of the hyperparameter search by name
+    chosen: Mapping[str, Any]  # Hyperparameters of the default hybrid by name
+    # The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none
     audit: dict[str, Any] | None
 
 

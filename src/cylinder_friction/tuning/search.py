@@ -49,21 +49,14 @@ class SearchSpace:
 
 @dataclass(frozen=True)
 class Trial:
-    """One finished trial.
+    """One finished trial."""
 
-    Attributes:
-        params: The hyperparameters.
-        state: ``complete``, ``pruned`` (stopped early as worse than most) or ``too_costly`` (over the bound, not run).
-        value: Validation mean absolute error of the whole hybrid [N]; None unless complete.
-        reported: Validation error of the network alone after each epoch [N].
-        multiply_adds: Of one step.
-    """
-
-    params: dict[str, Value]
+    params: dict[str, Value]  # The hyperparameters
+    # ``complete``, ``pruned`` (stopped early as worse than most) or ``too_costly`` (over the bound, not run)
     state: str
-    value: float | None
-    multiply_adds: int
-    reported: list[float] = field(default_factory=list)
+    value: float | None  # Validation mean absolute error of the whole hybrid [N]; None unless complete
+    multiply_adds: int  # Of one step
+    reported: list[float] = field(default_factory=list)  # Validation error of the network alone after each epoch [N]
 
 
 @dataclass(frozen=True)

@@ -56,26 +56,17 @@ class GeneratedC:
 
 @dataclass(frozen=True)
 class ExportedC:
-    """Both files as written.
+    """Both files as written."""
 
-    Attributes:
-        header, source: Their paths.
-        name: Prefix of every public name.
-        model: SHA-256 of every number that a step uses.
-        inputs: Columns that a step takes, in order.
-        real: Type of samples and estimates.
-        state_bytes: Size of an instance.
-        operations: Multiply-adds, comparisons and the like of one step, at worst.
-    """
-
+    # Their paths
     header: Path
     source: Path
-    name: str
-    model: str
-    inputs: tuple[str, ...]
-    real: Type
-    state_bytes: int
-    operations: int
+    name: str  # Prefix of every public name
+    model: str  # SHA-256 of every number that a step uses
+    inputs: tuple[str, ...]  # Columns that a step takes, in order
+    real: Type  # Type of samples and estimates
+    state_bytes: int  # Size of an instance
+    operations: int  # Multiply-adds, comparisons and the like of one step, at worst
 
 
 def export_c(

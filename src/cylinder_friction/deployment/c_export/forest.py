@@ -28,23 +28,15 @@ LARGEST_STEP = 65_535
 
 @dataclass(frozen=True)
 class FlatForest:
-    """All trees in the order in which C walks them, deepest first, padded to a multiple of ``SIDE_BY_SIDE``.
+    """All trees in the order in which C walks them, deepest first, padded to a multiple of ``SIDE_BY_SIDE``."""
 
-    Attributes:
-        content: A node's threshold as ``ordered`` integer, a leaf's value as the bits of a float, shape ``(nodes,)``.
-        child: How many nodes further on the first child is, shape ``(nodes,)``; 0 in a leaf.
-        source: Which input each node compares, shape ``(nodes,)``; one past the last in a leaf.
-        roots: Where each tree begins, shape ``(trees,)``.
-        depths: Comparisons of each eight trees, shape ``(trees / 8,)``.
-        inputs: Number of inputs.
-    """
-
+    # A node's threshold as ``ordered`` integer, a leaf's value as the bits of a float, shape ``(nodes,)``
     content: NDArray[np.int32]
-    child: NDArray[np.int64]
-    source: NDArray[np.int64]
-    roots: NDArray[np.int64]
-    depths: NDArray[np.int64]
-    inputs: int
+    child: NDArray[np.int64]  # How many nodes further on the first child is, shape ``(nodes,)``; 0 in a leaf
+    source: NDArray[np.int64]  # Which input each node compares, shape ``(nodes,)``; one past the last in a leaf
+    roots: NDArray[np.int64]  # Where each tree begins, shape ``(trees,)``
+    depths: NDArray[np.int64]  # Comparisons of each eight trees, shape ``(trees / 8,)``
+    inputs: int  # Number of inputs
 
     def nodes(self) -> Iterator[str]:
         """Yield each node as a C initializer."""

@@ -24,19 +24,12 @@ POSITION = 2
 
 @dataclass(frozen=True)
 class LugreModel:
-    """One LuGre estimator as plain numbers.
+    """One LuGre estimator as plain numbers."""
 
-    Attributes:
-        step: Filters (smooth position and rate as its two features), guard and bounds; no network, no forest.
-        parameters: The model.
-        velocity: From position.
-        pressure_scaled: Whether dry friction grows with the sum of both pressures.
-    """
-
-    step: StepModel
-    parameters: LugreParameters
-    velocity: CausalVelocity
-    pressure_scaled: bool
+    step: StepModel  # Filters (smooth position and rate as its two features), guard and bounds; no network, no forest
+    parameters: LugreParameters  # The model
+    velocity: CausalVelocity  # From position
+    pressure_scaled: bool  # Whether dry friction grows with the sum of both pressures
 
 
 def lugre_model(estimator: LugreEstimator) -> LugreModel:

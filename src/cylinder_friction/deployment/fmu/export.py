@@ -50,21 +50,13 @@ UNIX, READABLE = 3, 0o100644
 
 @dataclass(frozen=True)
 class ExportedFmu:
-    """The written file.
+    """The written file."""
 
-    Attributes:
-        path: The file.
-        name: Model identifier.
-        token: Hash of the model: GUID in FMI 2.0, instantiation token in FMI 3.0.
-        binary: Path of the binary inside, or None where there are sources only.
-        note: What is inside, and why no binary where there is none.
-    """
-
-    path: Path
-    name: str
-    token: str
-    binary: str | None
-    note: str
+    path: Path  # The file
+    name: str  # Model identifier
+    token: str  # Hash of the model: GUID in FMI 2.0, instantiation token in FMI 3.0
+    binary: str | None  # Path of the binary inside, or None where there are sources only
+    note: str  # What is inside, and why no binary where there is none
 
 
 def export_fmu(

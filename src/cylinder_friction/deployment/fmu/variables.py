@@ -17,15 +17,10 @@ Variability = Literal["continuous", "discrete", "fixed"]
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as FMI defines it.
+    """A unit as FMI defines it."""
 
-    Attributes:
-        base: Exponents of the SI base units, and an offset to them.
-        shown_as: Display unit and its factor: value in it = factor x value in this unit.
-    """
-
-    base: dict[str, float]
-    shown_as: tuple[str, float] | None = None
+    base: dict[str, float]  # Exponents of the SI base units, and an offset to them
+    shown_as: tuple[str, float] | None = None  # Display unit and its factor: value in it = factor x value in this unit
 
 
 UNITS = {
@@ -41,26 +36,17 @@ UNITS = {
 
 @dataclass(frozen=True)
 class FmuVariable:
-    """One scalar variable of the FMU.
+    """One scalar variable of the FMU."""
 
-    Attributes:
-        name: As the host shows it.
-        kind: Real is Float64 in FMI 3, integer is Int32.
-        causality, variability: As FMI names them.
-        description: One sentence.
-        unit: A name from ``UNITS``, or None.
-        start: Value before anything is set, for inputs and parameters alone.
-        minimum: Smallest value, for the integer parameter alone.
-    """
-
-    name: str
-    kind: Kind
+    name: str  # As the host shows it
+    kind: Kind  # Real is Float64 in FMI 3, integer is Int32
+    # As FMI names them
     causality: Causality
     variability: Variability
-    description: str
-    unit: str | None = None
-    start: float | int | None = None
-    minimum: int | None = None
+    description: str  # One sentence
+    unit: str | None = None  # A name from ``UNITS``, or None
+    start: float | int | None = None  # Value before anything is set, for inputs and parameters alone
+    minimum: int | None = None  # Smallest value, for the integer parameter alone
 
     def attributes(self, reference: int) -> dict[str, str | None]:
         """Return the attributes of any variable; inputs and time may not state how they begin."""

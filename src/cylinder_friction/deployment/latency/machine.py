@@ -37,17 +37,11 @@ def one_core() -> Iterator[int | None]:
 
 @dataclass(frozen=True)
 class Quiet:
-    """What others did on the machine during the measurement; None where the system gives no such figure.
+    """What others did on the machine during the measurement; None where the system gives no such figure."""
 
-    Attributes:
-        core_share: Of the measuring core's time that others had.
-        other_cores_share: Of the other cores' time that was busy.
-        load: Mean number of runnable processes over the last minute, at the end.
-    """
-
-    core_share: float | None
-    other_cores_share: float | None
-    load: float | None
+    core_share: float | None  # Of the measuring core's time that others had
+    other_cores_share: float | None  # Of the other cores' time that was busy
+    load: float | None  # Mean number of runnable processes over the last minute, at the end
 
     @property
     def is_quiet(self) -> bool | None:

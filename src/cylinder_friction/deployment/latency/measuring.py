@@ -34,17 +34,11 @@ LEAD_IN_STEPS = 20
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured.
+    """How much is measured."""
 
-    Attributes:
-        steps: Timed steps of each runtime, as far as ``seconds`` allow.
-        rounds: Turns into which they are cut.
-        seconds: For one runtime.
-    """
-
-    steps: int = 100_000
-    rounds: int = 20
-    seconds: float = 10.0
+    steps: int = 100_000  # Timed steps of each runtime, as far as ``seconds`` allow
+    rounds: int = 20  # Turns into which they are cut
+    seconds: float = 10.0  # For one runtime
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.rounds < 1 or not self.seconds > 0.0:
@@ -58,22 +52,16 @@ class Effort:
 
 @dataclass(frozen=True)
 class Latency:
-    """Times of single steps, each figure one that was measured (none is interpolated).
+    """Times of single steps, each figure one that was measured (none is interpolated)."""
 
-    Attributes:
-        steps: Number of timed steps.
-        p50_us, p99_us, p999_us, maximum_us: Quantiles [µs].
-        first_us: Median of the first steps after other work, which left the caches to itself [µs].
-        preempted: How often the system took the core away meanwhile.
-    """
-
-    steps: int
+    steps: int  # Number of timed steps
+    # Quantiles [µs]
     p50_us: float
     p99_us: float
     p999_us: float
     maximum_us: float
-    first_us: float
-    preempted: int
+    first_us: float  # Median of the first steps after other work, which left the caches to itself [µs]
+    preempted: int  # How often the system took the core away meanwhile
 
 
 def latency_of(steps_ns: Times, first_ns: Times, timer_ns: float, preempted: int = 0) -> Latency:

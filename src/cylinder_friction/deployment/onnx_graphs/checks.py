@@ -23,17 +23,11 @@ REVERSAL = 3
 
 @dataclass(frozen=True)
 class Validity:
-    """Which raw values are readings of a working sensor.
+    """Which raw values are readings of a working sensor."""
 
-    Attributes:
-        accepted: Per input, shape ``(n, inputs)``.
-        unready_flags: Flags of a sample before the first valid one, as a number, shape ``(n, 1)``.
-        valid: Whether all inputs are accepted, shape ``(n, 1)``.
-    """
-
-    accepted: str
-    unready_flags: str
-    valid: str
+    accepted: str  # Per input, shape ``(n, inputs)``
+    unready_flags: str  # Flags of a sample before the first valid one, as a number, shape ``(n, 1)``
+    valid: str  # Whether all inputs are accepted, shape ``(n, 1)``
 
 
 def check_validity(graph: Graph, model: StepModel, raw: str) -> Validity:

@@ -21,18 +21,13 @@ SEQUENCE_FILE = "sequence.onnx"
 
 @dataclass(frozen=True)
 class ExportedOnnx:
-    """The written files.
+    """The written files."""
 
-    Attributes:
-        step, sequence: The two files.
-        model: SHA-256 of every number that a step uses; both files carry it.
-        nodes: Operators in the step graph.
-    """
-
+    # The two files
     step: Path
     sequence: Path
-    model: str
-    nodes: int
+    model: str  # SHA-256 of every number that a step uses; both files carry it
+    nodes: int  # Operators in the step graph
 
 
 def export_onnx(estimator: FrictionEstimator, folder: Path) -> ExportedOnnx:

@@ -41,34 +41,24 @@ FREQUENCIES = 150
 
 @dataclass(frozen=True)
 class FilterCost:
-    """What one filter does at one sample rate.
+    """What one filter does at one sample rate."""
 
-    Attributes:
-        name: Of the filter.
-        causal: Whether it can run in real time; the others look ahead.
-        pressure_delay_s, velocity_delay_s, acceleration_delay_s: How late slow changes come out [s].
-        velocity_delay_in_motion_s: How late velocity comes out at ``MOTION_HZ``, brisk motion of a hand or valve [s].
-        pressure_bandwidth_hz, velocity_bandwidth_hz: Where half the power is left [Hz]; infinite if that is never.
-        velocity_noise_m_s: Root mean square of the velocity at this recording's standstill [m/s]; NaN without one.
-        velocity_noise_from_sensor_m_s: What the position sensor's noise, taken as white, would make of it [m/s].
-        frequency_hz: Where the response was taken, shape ``(k,)`` [Hz].
-        velocity_gain: Velocity out over velocity in, shape ``(k,)``.
-        velocity_lag_s: Its phase delay, shape ``(k,)`` [s]; NaN from where less than ``LEAST_GAIN`` is left.
-    """
-
-    name: str
-    causal: bool
+    name: str  # Of the filter
+    causal: bool  # Whether it can run in real time; the others look ahead
+    # How late slow changes come out [s]
     pressure_delay_s: float
     velocity_delay_s: float
     acceleration_delay_s: float
+    # How late velocity comes out at ``MOTION_HZ``, brisk motion of a hand or valve [s]
     velocity_delay_in_motion_s: float
+    # Where half the power is left [Hz]; infinite if that is never
     pressure_bandwidth_hz: float
     velocity_bandwidth_hz: float
-    velocity_noise_m_s: float
-    velocity_noise_from_sensor_m_s: float
-    frequency_hz: Array
-    velocity_gain: Array
-    velocity_lag_s: Array
+    velocity_noise_m_s: float  # Root mean square of the velocity at this recording's standstill [m/s]; NaN without one
+    velocity_noise_from_sensor_m_s: float  # What the position sensor's noise, taken as white, would make of it [m/s]
+    frequency_hz: Array  # Where the response was taken, shape ``(k,)`` [Hz]
+    velocity_gain: Array  # Velocity out over velocity in, shape ``(k,)``
+    velocity_lag_s: Array  # Its phase delay, shape ``(k,)`` [s]; NaN from where less than ``LEAST_GAIN`` is left
 
 
 def with_causal_twins(filters: Mapping[str, SignalFilter]) -> dict[str, tuple[SignalFilter, bool]]:

@@ -42,36 +42,22 @@ MEASURED_FORCE = "drive force"
 
 @dataclass(frozen=True)
 class FrictionView:
-    """Friction of one recording.
+    """Friction of one recording."""
 
-    Attributes:
-        signals: Smooth signals that it comes from.
-        force_name: What ``force_n`` is, in words.
-        force_n: P1·A1 - P2·A2, or the measured drive force, smooth, shape ``(n,)`` [N].
-        friction_n: Shape ``(n,)`` [N], positive when it opposes positive velocity.
-        usable: Rows away from end stops and from the recording's edges, shape ``(n,)``.
-        slowest_m_s: Slower rows count as standstill [m/s].
-        points: Steady sliding by speed and direction.
-        curve: Fitted to them; None where they do not determine one, and ``no_curve`` states why.
-        load_n: Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN where
-            the piston does not pass the same positions in both directions.
-        half_difference_n: Half the difference there: friction whatever the load is [N].
-        no_curve: Why there is no curve.
-        assumed: What the force balance takes for granted, one sentence each.
-    """
-
-    signals: SmoothSignals | SmoothDrive
-    force_name: str
-    force_n: Array
-    friction_n: Array
-    usable: NDArray[np.bool_]
-    slowest_m_s: float
-    points: tuple[SteadyPoint, ...]
-    curve: StribeckCurve | None
+    signals: SmoothSignals | SmoothDrive  # Smooth signals that it comes from
+    force_name: str  # What ``force_n`` is, in words
+    force_n: Array  # P1·A1 - P2·A2, or the measured drive force, smooth, shape ``(n,)`` [N]
+    friction_n: Array  # Shape ``(n,)`` [N], positive when it opposes positive velocity
+    usable: NDArray[np.bool_]  # Rows away from end stops and from the recording's edges, shape ``(n,)``
+    slowest_m_s: float  # Slower rows count as standstill [m/s]
+    points: tuple[SteadyPoint, ...]  # Steady sliding by speed and direction
+    curve: StribeckCurve | None  # Fitted to them; None where they do not determine one, and ``no_curve`` states why
+    # Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN where the piston
+    # does not pass the same positions in both directions
     load_n: float
-    half_difference_n: float
-    no_curve: str
-    assumed: tuple[str, ...]
+    half_difference_n: float  # Half the difference there: friction whatever the load is [N]
+    no_curve: str  # Why there is no curve
+    assumed: tuple[str, ...]  # What the force balance takes for granted, one sentence each
 
     @property
     def carries_load(self) -> bool:

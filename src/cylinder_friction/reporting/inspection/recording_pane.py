@@ -45,29 +45,21 @@ COLUMNS = (
 
 @dataclass
 class Pane:
-    """One recording's part of the page.
+    """One recording's part of the page."""
 
-    Attributes:
-        name: Its anchor.
-        title, outcome, warnings: Of the recording.
-        facts: Name and value.
-        view: Its friction; None where it could not be calculated, and then ``problem`` states why.
-        friction_n: Half of extending less retracting [N]; NaN where unknown.
-        figures: ``time``, and as far as they apply ``velocity``, ``position``, ``spectra`` and ``filters``.
-        tables: ``checks`` and, as far as they apply, ``curve``, ``points`` and ``filters``.
-        seen, filter_notes: Sentences about steady sliding, and about what the filters' figures leave out.
-    """
-
-    name: str
+    name: str  # Its anchor
+    # Of the recording
     title: str
     outcome: str
     warnings: list[str]
-    facts: list[tuple[str, str]]
-    view: FrictionView | None
+    facts: list[tuple[str, str]]  # Name and value
+    view: FrictionView | None  # Its friction; None where it could not be calculated, and then ``problem`` states why
     problem: str
+    # ``time``, and as far as they apply ``velocity``, ``position``, ``spectra`` and ``filters``
     figures: dict[str, go.Figure]
-    tables: dict[str, Table]
-    friction_n: float = math.nan
+    tables: dict[str, Table]  # ``checks`` and, as far as they apply, ``curve``, ``points`` and ``filters``
+    friction_n: float = math.nan  # Half of extending less retracting [N]; NaN where unknown
+    # Sentences about steady sliding, and about what the filters' figures leave out
     seen: list[str] = field(default_factory=list)
     filter_notes: list[str] = field(default_factory=list)
 

@@ -28,19 +28,12 @@ REAL_STEP = 1e-5
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Amplitude density of one signal.
+    """Amplitude density of one signal."""
 
-    Attributes:
-        frequency_hz: Shape ``(k,)`` [Hz], without zero.
-        density: Shape ``(k,)``, in the signal's unit over the root of a hertz.
-        noise: What the sensor's noise is at, in the same unit: the median of the highest frequencies.
-        converter_noise: What rounding to the converter's step alone would be at; NaN where no step shows.
-    """
-
-    frequency_hz: Array
-    density: Array
-    noise: float
-    converter_noise: float
+    frequency_hz: Array  # Shape ``(k,)`` [Hz], without zero
+    density: Array  # Shape ``(k,)``, in the signal's unit over the root of a hertz
+    noise: float  # What the sensor's noise is at, in the same unit: the median of the highest frequencies
+    converter_noise: float  # What rounding to the converter's step alone would be at; NaN where no step shows
 
 
 def spectrum(values: Array, sample_time_s: float) -> Spectrum:

@@ -19,22 +19,14 @@ OUTCOMES = ("ok", "noted", "repaired", "refused")
 
 @dataclass(frozen=True)
 class Extent:
-    """What stays of a recording whose signals are no longer held.
+    """What stays of a recording whose signals are no longer held."""
 
-    Attributes:
-        name: Of the recording.
-        rows: How many samples it has.
-        sample_time_s: [s].
-        least_position_m, greatest_position_m: [m].
-        repairs: What was done to it, one sentence each.
-    """
-
-    name: str
-    rows: int
+    name: str  # Of the recording
+    rows: int  # How many samples it has
     sample_time_s: float
     least_position_m: float
     greatest_position_m: float
-    repairs: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()  # What was done to it, one sentence each
 
     @classmethod
     def of(cls, recording: Recording) -> Self:
@@ -45,22 +37,15 @@ class Extent:
 
 @dataclass(frozen=True)
 class Inspected:
-    """One logged file and what became of it; a file that a gap has split gives one of these a piece.
+    """One logged file and what became of it; a file that a gap has split gives one of these a piece."""
 
-    Attributes:
-        file: Its path, as the user should see it.
-        findings: What every check found.
-        recording: What it holds, wherever that can be read, so that also what is refused can be looked at.
-        repairs: What was done to the file besides what the findings state, one sentence each.
-        extent: Of a recording that is no longer held.
-        friction_n: Half of extending less retracting at equal position [N]; NaN where it was not calculated.
-    """
-
-    file: str
-    findings: Sequence[Finding]
+    file: str  # Its path, as the user should see it
+    findings: Sequence[Finding]  # What every check found
+    # What it holds, wherever that can be read, so that also what is refused can be looked at
     recording: Recording | None = None
-    repairs: Sequence[str] = ()
-    extent: Extent | None = None
+    repairs: Sequence[str] = ()  # What was done to the file besides what the findings state, one sentence each
+    extent: Extent | None = None  # Of a recording that is no longer held
+    # Half of extending less retracting at equal position [N]; NaN where it was not calculated
     friction_n: float = math.nan
 
     @property
