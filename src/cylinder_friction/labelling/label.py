@@ -86,7 +86,7 @@ class Labeller:
         strokes, blocks = [], []
         for recording in recordings:
             signals, position_m = signals_of(recording), recording.column("position_m")
-            load_n = self._load(recording, None, recording.column)
+            load_n = self._load(recording, None, partial(recording.column, SMOOTH_LOAD))
             force_n = friction_label(signals, position_m, load_n, self.cylinder, self.stiffness)
             # The inertia of the given mass goes back in, because the moving mass is what is being identified.
             force_n = force_n + self.cylinder.moving_mass_kg * signals.acceleration_m_s2
@@ -136,7 +136,7 @@ class Labeller:
         Raises:
             RecordingError: The recording's columns and ``load`` contradict each other.
         """
-        load_n = self._load(recording, identified, recording.column)
+        load_n = self._load(recording, identified, partial(recording.column, SMOOTH_LOAD))
         friction_n, usable = self._from_signals(recording, signals_of(recording), load_n, support, identified)
         columns: dict[str, Array] = {}
         load_uncertainty_n: Array | float = 0.0
@@ -172,7 +172,7 @@ class Labeller:
         for name, signal_filter in filters.items():
             signals = smooth_recording(recording, signal_filter)
             support = signal_filter.support(recording.sample_time_s)
-            load_n = self._load(recording, identified, partial(_smooth_load, recording, signal_filter))
+            load_n = self._load(recording, identified, partial(smooth_load, recording, signal_filter))
             labels[name], own_usable = self._from_signals(recording, signals, load_n, support, identified)
             usable &= own_usable
         into.add(
@@ -207,9 +207,9 @@ class Labeller:
         return friction_n, usable
 
     def _load(
-        self, recording: Recording, identified: SessionIdentification | None, smooth: Callable[[str], Array | None]
+        self, recording: Recording, identified: SessionIdentification | None, smooth: Callable[[], Array | None]
     ) -> Array | float:
-        """Return the load [N]; ``smooth`` gives the measured one by the name of its smooth column.
+        """Return the load [N]; ``smooth`` gives the measured one, smoothed.
 
         Raises:
             RecordingError: A load was measured where none is expected, or the other way round.
@@ -218,7 +218,7 @@ class Labeller:
         if measured != (self.load == "measured"):
             raise RecordingError(f"recording {recording.name!r}: {_contradiction(self.load)}")
         if self.load == "measured":
-            load_n = smooth(SMOOTH_LOAD)
+            load_n = smooth()
             assert load_n is not None
             return load_n
         if self.load == "position" and identified is not None:
@@ -276,10 +276,6 @@ def usable_rows(position_m: Array, stroke_m: float, margin_m: float, support: Su
     usable[: support.before] = False
     usable[len(usable) - min(support.after, len(usable)) :] = False
     return usable
-
-
-def _smooth_load(recording: Recording, signal_filter: SignalFilter, _: str) -> Array | None:
-    return smooth_load(recording, signal_filter)
 
 
 def _contradiction(load: LoadMode) -> str:

@@ -1,4 +1,4 @@
-"""The schema of a recording: every column name, what it measures and its unit, defined once."""
+"""The schema of a recording: every measured column, what it measures and its unit."""
 
 from __future__ import annotations
 
@@ -20,13 +20,6 @@ OIL_TEMPERATURE = "oil_temperature_c"
 DRIVE_FORCE = "drive_force_n"
 """Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a
 cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
-
-VELOCITY = "velocity_m_s"
-ACCELERATION = "acceleration_m_s2"
-FRICTION = "friction_n"
-"""Positive when it opposes positive velocity [N]."""
-USABLE = "usable"
-"""Whether the label of a row may be used."""
 
 PRESSURES = (PRESSURE_1, PRESSURE_2)
 SAMPLE_COLUMNS = (*PRESSURES, POSITION)

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 class Recipe:
     """How a logger's file becomes recordings.
 
-    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.FORMATS``, or ``auto``,
-    which looks into the file.
+    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.detect.FORMATS``, or
+    ``auto``, which looks into the file.
     """
 
     names: NameRules

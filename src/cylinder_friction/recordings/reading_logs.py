@@ -51,8 +51,8 @@ def read_logs(
             ``channels`` in it. None guesses the mapping from the first file, and a warning states every guess.
         cylinder: Whose recordings they are; they are checked against its stroke and areas.
         names: Regular expression on a file's path with the groups ``condition`` and ``session`` (and ``load``). By
-            default the ``name_pattern`` of ``channels``. Without either, each file is a session of its own, named as
-            the file, and all belong to condition "1".
+            default the ``name_pattern`` or the ``name_table`` of ``channels``; the table lies in the folder of the
+            files. Without any, each file is a session of its own, named as the file, and all belong to condition "1".
         load: What the cylinder carries: ``none``, ``measured`` (``load_force_n``) or ``position``, decided by
             position alone. By default ``measured`` if ``load_force_n`` is mapped, else ``none``.
 
@@ -68,12 +68,11 @@ def read_logs(
     """
     paths = _paths([files] if isinstance(files, str | Path) else list(files))
     settings = _settings(channels, paths[0])
-    pattern = settings.get("name_pattern") if names is None else names
-    rules = NameRules(pattern) if pattern is not None else NameRules(condition=ONE_CONDITION)
+    root = _root(paths, settings.get("source"))
+    rules = _name_rules(names, settings, root)
     mode = load or ("measured" if LOAD_FORCE in settings["channels"] else "none")
     recipe = Recipe.from_settings(settings, rules, cylinder, mode)
     check_mapping(recipe.channels)
-    root = _root(paths, settings.get("source"))
     outcomes = list(convert_files({Path(os.path.relpath(path, root)).as_posix(): path for path in paths}, recipe))
     refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
     recordings = [outcome for outcome in outcomes if not isinstance(outcome, Quarantined)]
@@ -99,7 +98,16 @@ def _paths(files: Sequence[str | Path]) -> list[Path]:
         if not matching:
             raise RecordingError(f"{file}: no such file, and no file matches it as a pattern; correct the path")
         found.update(matching)
+    if not found:
+        raise RecordingError("no logger file was given; expected a path, a pattern or a folder, or several of these")
     return sorted(found)
+
+
+def _name_rules(names: str | None, settings: Mapping[str, Any], root: Path) -> NameRules:
+    pattern, table = (settings.get("name_pattern"), settings.get("name_table")) if names is None else (names, None)
+    if pattern is None and table is None:
+        return NameRules(condition=ONE_CONDITION)
+    return NameRules(pattern, None if table is None else root / table)
 
 
 def _root(paths: Sequence[Path], source: str | None) -> Path:

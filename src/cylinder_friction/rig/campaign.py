@@ -11,6 +11,7 @@ from cylinder_friction.recordings.recording import RecordingMetadata
 from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.external_load import varied_load
 from cylinder_friction.rig.faults import with_fault
+from cylinder_friction.rig.lever import TICK_S
 from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig, refuse_unknown
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
@@ -116,7 +117,7 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
 
 def _session(plan: CampaignPlan, session: Session, condition: str, number: int) -> Iterator[RigRecording]:
     temperature_c = session.oil_temperature_c
-    stride = round(plan.sample_time_s / 1e-3)
+    stride = round(plan.sample_time_s / TICK_S)
     for take in range(1, plan.recordings_per_session + 1):
         generator = _generator(plan, int(condition), number, take)
         began_s = (take - 1) * (plan.duration_s + PAUSE_S)

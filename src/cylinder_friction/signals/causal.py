@@ -10,6 +10,7 @@ import math
 import operator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numba
@@ -180,12 +181,18 @@ def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, samp
             f"one-sided Savitzky-Golay needs derivative <= order < window, but got derivative {derivative}, "
             f"order {order}, window {window}"
         )
+    return np.array(_end_point_fit(window, order, derivative)) / sample_time_s**derivative
+
+
+@lru_cache
+def _end_point_fit(window: int, order: int, derivative: int) -> tuple[float, ...]:
+    """Return the taps for a sample time of 1; exact fractions take milliseconds, so that each fit is made once."""
     powers = [[Fraction((-lag) ** power) for power in range(order + 1)] for lag in range(window)]
     unit = [Fraction(int(power == derivative)) for power in range(order + 1)]
     gram = [[sum((row[i] * row[j] for row in powers), Fraction()) for j in range(order + 1)] for i in range(order + 1)]
     coefficients = _solved(gram, unit)
     fit = (sum(map(operator.mul, row, coefficients)) * math.factorial(derivative) for row in powers)
-    return np.array([float(tap) for tap in fit]) / sample_time_s**derivative
+    return tuple(float(tap) for tap in fit)
 
 
 def _solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]:

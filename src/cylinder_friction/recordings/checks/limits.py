@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 LoadMode = Literal["none", "measured", "position"]
 """What the cylinder carries: nothing, what ``load_force_n`` measures, or a load that position decides."""
@@ -37,7 +37,7 @@ class CheckLimits:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stroke_m) and self.stroke_m > 0.0):
             raise ValueError(f"stroke_m: expected a positive number, but got {self.stroke_m!r}")
-        if self.load not in ("none", "measured", "position"):
+        if self.load not in get_args(LoadMode):
             raise ValueError(f"load: expected none, measured or position, but got {self.load!r}")
         if (self.piston_area_m2 is None) != (self.annulus_area_m2 is None):
             raise ValueError("piston_area_m2 and annulus_area_m2: expected both or neither, but got one")
