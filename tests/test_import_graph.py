@@ -34,7 +34,7 @@ TEMPLATE = "pages/page.html"
     "work/late.py": "WORKER = 'worker_script.py'",
     "work/worker_script.py": "SOURCES = 'sources'",
     "work/sources/a.c": "int a;",
-    "upward.py": "",
+    "upward.py": "FRONT = '__init__.py'",
 }
 
 
@@ -53,6 +53,15 @@ def test_every_file_that_decides_what_a_module_does_is_found(source: Path) -> No
         for path in used_files("cylinder_friction.stage", source=source)
     }
     assert found == set(MODULES) - {"__init__.py", "unused.py"}
+
+
+def test_caches_inside_a_folder_of_data_do_not_count(source: Path) -> None:
+    before = used_files("cylinder_friction.work.worker_script", source=source)
+    cache = source / "cylinder_friction/work/sources/__pycache__"
+    cache.mkdir()
+    for name in ("a.cpython-312.pyc", "a.step-1.py312.nbi", "a.step-1.py312.1.nbc"):
+        (cache / name).write_bytes(b"\0")
+    assert used_files("cylinder_friction.work.worker_script", source=source) == before
 
 
 def test_imports_for_type_checking_count_only_where_they_are_asked_for(source: Path) -> None:
@@ -75,3 +84,6 @@ def test_a_key_covers_what_is_used_and_nothing_else() -> None:
     used = used_files("cylinder_friction.estimators.hybrid")
     assert SOURCE / "cylinder_friction/realtime/lstm.py" in used
     assert not [path for path in used if "deployment" in path.parts or "tracking" in path.parts]
+    assert SOURCE / "cylinder_friction/deployment/templates/forest.c.j2" in used_files(
+        "cylinder_friction.deployment.rendering"
+    )

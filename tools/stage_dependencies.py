@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from cylinder_friction.import_graph import SOURCE, used_files
+from cylinder_friction.import_graph import SOURCE, does_something, used_files
 from cylinder_friction.run_record import STAGES
 
 PROJECT = Path(__file__).parents[1]
@@ -34,14 +34,9 @@ def _folded(files: set[Path]) -> set[Path]:
 
 
 def _content(folder: Path) -> list[Path]:
-    """Return all that a folder holds but caches, and but the ``__init__`` of a package that only describes it."""
+    """Return all that a folder holds but caches, and but an ``__init__`` that does nothing."""
     files = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    return [path for path in files if not (path.name == "__init__.py" and _only_describes(path))]
-
-
-def _only_describes(path: Path) -> bool:
-    text = path.read_text(encoding="utf-8").strip()
-    return not text or (text.startswith('"""') and text.endswith('"""') and text.count('"""') == 2)
+    return [path for path in files if not (path.name == "__init__.py" and not does_something(path))]
 
 
 def differences(text: str) -> list[str]:

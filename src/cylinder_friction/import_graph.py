@@ -58,7 +58,7 @@ def used_files(*modules: str, source: Path = SOURCE) -> tuple[Path, ...]:
         queue += imported_modules(module, source) | names
         for package in _packages(module):
             init = module_path(package, source)
-            if init is not None and _does_something(init, package, source):
+            if init is not None and does_something(init, source):
                 files.add(init)
                 queue += _imports(init, package, source, deep=False)
     return tuple(sorted(files))
@@ -89,6 +89,23 @@ def all_modules(source: Path = SOURCE) -> list[str]:
     """Return the dotted names of all modules of the packages."""
     paths = (path for package in PACKAGES for path in (source / package).rglob("*.py"))
     return sorted(_module_name(path, source) for path in paths)
+
+
+def does_something(init: Path, source: Path = SOURCE) -> bool:
+    """Return whether a package's ``__init__`` runs more than definitions and imports from elsewhere."""
+    if _imports(init, _module_name(init, source), source, deep=False):
+        return True
+    for node in _parsed(init).body:
+        if isinstance(node, ast.Import | ast.ImportFrom | ast.FunctionDef):
+            continue
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            continue
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            continue
+        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
+        if not isinstance(value, ast.Constant | ast.Dict | ast.Tuple | ast.List):
+            return True
+    return False
 
 
 def _module_name(path: Path, source: Path) -> str:
@@ -152,28 +169,11 @@ def _strings(path: Path, source: Path) -> tuple[set[str], set[Path]]:
             names.add(text)
         if not re.fullmatch(r"\w[\w./-]*", text):
             continue
-        for place in (folder / text for folder in folders):
+        for place in (folder / text for folder in folders if text != "__init__.py"):  # every package has one
             if place.is_file() and place.suffix == ".py":
                 names.add(_module_name(place, source))
             elif place.is_file():
                 data.add(place)
             elif place.is_dir() and not any(place.rglob("*.py")):
-                data |= {file for file in place.rglob("*") if file.is_file() and file.suffix != ".pyc"}
+                data |= {file for file in place.rglob("*") if file.is_file() and "__pycache__" not in file.parts}
     return names, data
-
-
-def _does_something(init: Path, package: str, source: Path) -> bool:
-    """Return whether importing a package runs more than definitions and imports from elsewhere."""
-    if _imports(init, package, source, deep=False):
-        return True
-    for node in _parsed(init).body:
-        if isinstance(node, ast.Import | ast.ImportFrom | ast.FunctionDef):
-            continue
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            continue
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-            continue
-        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
-        if not isinstance(value, ast.Constant | ast.Dict | ast.Tuple | ast.List):
-            return True
-    return False

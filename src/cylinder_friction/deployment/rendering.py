@@ -27,7 +27,7 @@ def render(template: str, real: Type = "double", **values: Any) -> str:
         values: What the template asks for.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("cylinder_friction.deployment"),
+        loader=jinja2.PackageLoader("cylinder_friction.deployment", "templates"),
         autoescape=jinja2.select_autoescape(["xml.j2", "html.j2"]),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
