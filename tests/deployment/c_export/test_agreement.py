@@ -17,6 +17,7 @@ from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEsti
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from deployment.c_export.conftest import SHAPES
 
 if TYPE_CHECKING:
@@ -122,13 +123,23 @@ def test_a_forest_streams_what_it_estimates(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [LugreEstimator, PressureLugreEstimator])
+@pytest.mark.parametrize(
+    "inputs",
+    [SAMPLE_COLUMNS, ("position_m", "oil_temperature_c", "pressure_2_pa", "pressure_1_pa")],
+    ids=["usual_inputs", "other_order"],
+)
 def test_lugre_streams_what_it_estimates(
-    kind: type[LugreEstimator], cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
+    kind: type[LugreEstimator],
+    inputs: tuple[str, ...],
+    cylinder: Cylinder,
+    labelled_recordings: list[Recording],
+    tmp_path: Path,
 ) -> None:
-    estimator = kind(cylinder, population=4, generations=2, simulated_recordings=1)
-    estimator.fit(labelled_recordings)
-    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(labelled_recordings[0].samples())
-    np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[0]), rtol=0.0, atol=1e-6)
+    warm = [each.with_columns(oil_temperature_c=30.0 + each.column("time_s")) for each in labelled_recordings]
+    estimator = kind(cylinder, population=4, generations=2, simulated_recordings=1, inputs=inputs)
+    estimator.fit(warm)
+    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(warm[0].samples(inputs))
+    np.testing.assert_allclose(newtons[:, 0], estimator.estimate(warm[0]), rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators.base import NotFittedError
-from cylinder_friction.realtime.bounds import unknown_bounds, velocity_taps
-from cylinder_friction.realtime.guard import guard_from
-from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.recordings.columns import POSITION
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.friction_models.lugre import LugreParameters
+    from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.signals.causal_velocity import CausalVelocity
-
-POSITION = 2
 
 
 @dataclass(frozen=True)
@@ -29,37 +25,29 @@ class LugreModel:
     step: StepModel  # Filters (smooth position and rate as its two features), guard and bounds; no network, no forest
     parameters: LugreParameters  # The model
     velocity: CausalVelocity  # From position
-    pressure_scaled: bool  # Whether dry friction grows with the sum of both pressures
+    pressures: tuple[int, ...]  # Places among the inputs of the two whose sum scales dry friction; () for none
 
 
 def lugre_model(estimator: LugreEstimator) -> LugreModel:
     """Return what one step of a fitted LuGre estimator needs; its bounds are as wide as can be unless calibrated."""
-    if estimator.sample_time_s is None or estimator.training_range is None:
-        raise NotFittedError(f"{estimator.kind}: not fitted yet; call fit or load first")
+    estimator._refuse_unfitted()
     assert estimator.parameters is not None
+    assert estimator.sample_time_s is not None
     assert estimator.causal_velocity is not None
-    time_s, velocity = estimator.sample_time_s, estimator.causal_velocity
-    taps = np.zeros((2, 3, velocity.window))
+    velocity, inputs = estimator.causal_velocity, estimator.inputs
+    taps = np.zeros((2, len(inputs), velocity.window))
     for derivative in (0, 1):
-        taps[derivative, POSITION] = one_sided_savitzky_golay_taps(velocity.window, velocity.order, derivative, time_s)
-    step = StepModel(
-        sample_time_s=time_s,
+        taps[derivative, inputs.index(POSITION)] = one_sided_savitzky_golay_taps(
+            velocity.window, velocity.order, derivative, estimator.sample_time_s
+        )
+    step = estimator._step_model(
         feature_taps=taps,
         feature_limits=np.zeros(2),
         feature_mean=np.zeros(2),
         feature_scale=np.ones(2),
-        base_taps=np.zeros((3, 1)),
-        velocity_taps=velocity_taps(time_s),
-        network=None,
-        forest=None,
-        forest_sees="nothing",
-        head_counts=False,
-        target_mean_n=0.0,
-        target_scale_n=1.0,
-        guard=estimator.guard or guard_from(estimator.training_range, math.inf, time_s),
-        bounds=estimator.bounds or unknown_bounds(time_s),
+        base_taps=np.zeros((len(inputs), 1)),
     )
-    return LugreModel(step, estimator.parameters, velocity, estimator.pressure_scaled)
+    return LugreModel(step, estimator.parameters, velocity, estimator._pressures or ())
 
 
 def lugre_values(model: LugreModel) -> dict[str, object]:
@@ -79,5 +67,5 @@ def lugre_values(model: LugreModel) -> dict[str, object]:
         "backlash": motion.backlash_m,
         "dead_band": motion.dead_band_m_s,
         "window": motion.window,
-        "pressures": (0, 1) if model.pressure_scaled else (),
+        "pressures": model.pressures,
     }
