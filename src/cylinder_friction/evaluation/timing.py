@@ -31,7 +31,7 @@ def time_steps(
     The steps of ``warm_up`` come first and are not timed, so that compilation and caches do not count. No further step
     is timed after ``maximum_seconds``, so that a slow estimator does not hold up the rest.
     """
-    samples = [(float(row[0]), float(row[1]), float(row[2])) for row in recording.samples()[: steps + warm_up]]
+    samples = recording.samples(estimator.inputs)[: steps + warm_up].tolist()
     stream = estimator.stream()
     for index in range(warm_up):
         stream.step(*samples[index % len(samples)])
