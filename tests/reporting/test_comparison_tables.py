@@ -54,7 +54,7 @@ def test_the_data_table_counts_recordings_minutes_and_rows(compared):
 
 
 def test_table_one_shows_ranges_choices_and_published_values():
-    table = hyperparameter_table({"layers": [1, 2], "learning_rate": (1e-3, 1e-2)}, {"layers": 1, "dropout": 0.1})
+    table = hyperparameter_table({"layers": [1, 2], "learning_rate": [1e-3, 1e-2]}, {"layers": 1, "dropout": 0.1})
     assert table.rows[0] == ("LSTM layers", "1, 2", "1", "3, 4, 5", "4")
     assert table.rows[3][1:3] == ("0.001 to 0.01", "not recorded")
     assert table.rows[2][1:3] == ("not searched", "0.1")

@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.tuning.search import (
-    SearchPlan,
-    SearchSpace,
-    Trial,
-    best_trial,
-    run_search,
-)
+from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
+from cylinder_friction.tuning.space import SearchSpace
 from cylinder_friction.tuning.trials import DiscardedTrial
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from cylinder_friction.params.section import Count, Fraction, NotNegative, Positive, Section, Seed
+from cylinder_friction.tuning.space import RANGES
 
 
 class HybridParams(Section):
@@ -45,7 +46,7 @@ class SpaceParams(Section):
 
     @model_validator(mode="after")
     def _ranges_go_up(self) -> SpaceParams:
-        for key in ("learning_rate", "forest_trees", "forest_depth"):
+        for key in RANGES:
             lowest, highest = getattr(self, key)
             if lowest > highest:
                 raise ValueError(f"{key}: lowest {lowest} is above highest {highest}; swap them")

@@ -10,6 +10,7 @@ from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
 from cylinder_friction.reporting.summary import leaders, points_ahead, verdict
+from cylinder_friction.tuning.space import RANGES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -100,7 +101,7 @@ def hyperparameter_table(searched: Mapping[str, Any], chosen: Mapping[str, Any])
         "forest_depth": "Forest: greatest depth",
     }
     rows = [
-        (name, _range(searched.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key]) for key, name in words.items()
+        (name, _searched(key, searched.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key]) for key, name in words.items()
     ]
     return Table(("Hyperparameter", "Range searched", "Value used", "Published range", "Published value"), rows)
 
@@ -228,12 +229,10 @@ def _p_value(value: float) -> str:
     return "–" if math.isnan(value) else "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
 
 
-def _range(searched: Any) -> str:
-    if searched is None:
+def _searched(name: str, values: Sequence[Any] | None) -> str:
+    if values is None:
         return "not searched"
-    if isinstance(searched, tuple):
-        return f"{_value(searched[0])} to {_value(searched[1])}"
-    return ", ".join(_value(choice) for choice in searched)
+    return (" to " if name in RANGES else ", ").join(_value(value) for value in values)
 
 
 def _value(value: Any) -> str:

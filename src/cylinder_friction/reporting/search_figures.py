@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from cylinder_friction.tuning.search import SearchPlan, SearchSpace, Trial
+    from cylinder_friction.tuning.search import SearchPlan, Trial
+    from cylinder_friction.tuning.space import SearchSpace
 
 OBJECTIVE = "validation MAE [N]"
 

@@ -24,7 +24,8 @@ from cylinder_friction.stages._stage import (
     flat,
 )
 from cylinder_friction.stages._training import RESUMED_CODE, hybrid_from, resume_folder
-from cylinder_friction.tuning.search import SearchPlan, SearchSpace, Trial, best_trial, run_search
+from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
+from cylinder_friction.tuning.space import SearchSpace
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params

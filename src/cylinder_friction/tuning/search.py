@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
 import optuna
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.trial import TrialState
 
+from cylinder_friction.tuning.space import RANGES
 from cylinder_friction.tuning.trials import DiscardedTrial, TuningPlan, reason_of, run_trials
 
 if TYPE_CHECKING:
@@ -18,33 +19,12 @@ if TYPE_CHECKING:
 
     from optuna.trial import FrozenTrial
 
+    from cylinder_friction.tuning.space import SearchSpace
     from cylinder_friction.tuning.trials import Objective, Report
 
 Value = int | float
 Cost = Callable[[dict[str, Value]], int]
 """Takes hyperparameters, returns the multiply-adds of one step."""
-
-
-@dataclass(frozen=True)
-class SearchSpace:
-    """Choices of layers, nodes and dropout; lowest and highest learning rate (log), trees and depth."""
-
-    layers: tuple[int, ...]
-    nodes: tuple[int, ...]
-    dropout: tuple[float, ...]
-    learning_rate: tuple[float, float]
-    forest_trees: tuple[int, int]
-    forest_depth: tuple[int, int]
-
-    def distributions(self) -> dict[str, BaseDistribution]:
-        return {
-            "layers": CategoricalDistribution(self.layers),
-            "nodes": CategoricalDistribution(self.nodes),
-            "dropout": CategoricalDistribution(self.dropout),
-            "learning_rate": FloatDistribution(*self.learning_rate, log=True),
-            "forest_trees": IntDistribution(*self.forest_trees),
-            "forest_depth": IntDistribution(*self.forest_depth),
-        }
 
 
 @dataclass(frozen=True)
@@ -98,7 +78,7 @@ def run_search(
         return Trial(dict(trial.params), reason_of(trial) or "complete", value, cost(trial.params), reported)
 
     finished = run_trials(
-        space.distributions(), plan, affordable, journal, after_trial=lambda trial: after_trial(trial_of(trial))
+        _distributions(space), plan, affordable, journal, after_trial=lambda trial: after_trial(trial_of(trial))
     )
     return [trial_of(trial) for trial in finished]
 
@@ -128,8 +108,21 @@ def study_of(trials: Sequence[Trial], space: SearchSpace) -> optuna.Study:
                 state=TrialState.COMPLETE if trial.value is not None else TrialState.PRUNED,
                 value=trial.value,
                 params=dict(trial.params),
-                distributions=space.distributions(),
+                distributions=_distributions(space),
                 intermediate_values=dict(enumerate(trial.reported, start=1)),
             )
         )
     return study
+
+
+def _distributions(space: SearchSpace) -> dict[str, BaseDistribution]:
+    return {name: _distribution(name, values) for name, values in asdict(space).items()}
+
+
+def _distribution(name: str, values: tuple[Value, ...]) -> BaseDistribution:
+    if name not in RANGES:
+        return CategoricalDistribution(values)
+    lowest, highest = values
+    if name == "learning_rate":
+        return FloatDistribution(lowest, highest, log=True)
+    return IntDistribution(int(lowest), int(highest))
