@@ -18,7 +18,7 @@ start = time.perf_counter()
 {code}
 print(json.dumps([time.perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]))
 """
-HEAVY = ("torch", "sklearn", "skl2onnx", "mlflow")
+HEAVY = ("torch", "sklearn", "mlflow", "scipy.optimize", "scipy.special", "scipy.ndimage")
 IMPORT = "import cylinder_friction"
 LOAD = "import cylinder_friction as cf\nestimator = cf.load({model!r})"
 ESTIMATE = LOAD + "\nstream = estimator.stream()\nstream.step(*([1e6, 1e6, 0.1] + [20.0] * 9)[:len(estimator.inputs)])"

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
@@ -201,6 +200,8 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Choose the weight with the smallest mean absolute error on the usable rows."""
+        from scipy.optimize import minimize_scalar  # what only estimates need not wait for it
+
         self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         forces = [

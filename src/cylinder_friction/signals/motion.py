@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array, Mask
@@ -57,6 +56,8 @@ def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, v
 
     ``variation`` is how much velocity may vary within ``STEADY_DURATION_S``, over its mean.
     """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # what only estimates need not wait for it
+
     window = max(3, round(STEADY_DURATION_S / sample_time_s) | 1)
     greatest = maximum_filter1d(velocity_m_s, window, mode="nearest")
     least = minimum_filter1d(velocity_m_s, window, mode="nearest")
@@ -71,6 +72,8 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
     less than ``CREEP_M_S`` would make it, for as long as that and ``around_rows`` to either side, a filter's support:
     rows whose filter saw motion are not at rest for it. The position is raw, shape ``(n,)``.
     """
+    from scipy.ndimage import uniform_filter1d
+
     half = max(2, round(0.5 * STANDSTILL_DURATION_S / sample_time_s))
     if len(position_m) < 4 * half:
         return np.zeros(len(position_m), dtype=np.bool_)

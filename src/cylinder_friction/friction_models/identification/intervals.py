@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtri
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
@@ -35,6 +34,8 @@ def confidence_intervals(
 
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
     """
+    from scipy.special import ndtri  # what only estimates need not wait for it
+
     usable = motions.usable
     residual = (motions.friction_n - motions.simulated(parameters))[usable]
     sensitivity = np.column_stack([_sensitivity(motions, parameters, name)[usable] for name in names])
