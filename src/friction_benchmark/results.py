@@ -44,14 +44,14 @@ class Trust:
     """How far bounds and flags can be relied on.
 
     Attributes:
-        coverage: Share of usable rows whose label lies in the 90 % bounds, which were calibrated on labels, by test;
-            ``""`` for all tests.
-        coverage_after_reversal: The same in the 100 ms after reversals.
+        coverage: Share of usable rows whose label lies in the 90 % bounds, which were calibrated on labels, by the
+            recordings' condition; ``""`` for all of them.
+        coverage_after_reversal: The same, just after reversals alone.
         width_n: Mean width of the bounds [N].
-        flagged: Share of rows flagged as outside the training range.
-        outside: Share of rows where anything measured, seen by the model or not, lies outside of it.
-        caught: Share of those rows that are flagged; None where there is none.
-        coverage_of_truth: Share of usable rows whose true friction lies in the bounds; None where nobody knows it.
+        flagged: Share of rows that the model flags as outside its training range, by samples until then.
+        outside: Share of rows whose inputs or velocity, filtered off line, lie outside the training range.
+        caught: Share of the rows outside that are flagged; None where no row is outside.
+        coverage_of_truth: Share of usable rows whose true friction lies in the bounds; None where it is not known.
     """
 
     coverage: Mapping[str, float]
@@ -65,7 +65,7 @@ class Trust:
 
 @dataclass(frozen=True)
 class Residuals:
-    """What is left: moments, autocorrelation at lags, and correlation with what the estimator saw."""
+    """The residuals: moments, autocorrelation at lags, and correlation with what was measured."""
 
     skewness: float
     excess_kurtosis: float
@@ -81,11 +81,15 @@ class Entry:
         model: Name in the registry.
         score: Over all seeds' test recordings together.
         seeds: Percent of each seed.
-        by_condition: Percent, by the recordings' test.
+        by_condition: Percent, by the recordings' condition.
         strata: Percent and MAE [N] by stratum (``evaluation.strata.STRATA``).
-        below_baseline: Baseline's percent minus this one's, paired bootstrap; positive means better than the baseline.
-        trust: None where no bounds were asked for.
-        residuals: None where not asked for.
+        below_baseline: Baseline's percent minus this model's, paired bootstrap; positive where the model is better.
+            None where the baseline failed.
+        trust: None where there are no bounds.
+        residuals: None where they were not examined.
+        multiply_adds: In one step.
+        step_us: Median time of one step in Python [µs].
+        training_s: Processor time, median over seeds, each with all its folds [s].
         tuning: What was chosen, and the validation percent that it reached; empty where there is nothing to tune.
         extras: Other figures of the task, for example ``load_mae_n``.
     """
@@ -130,7 +134,7 @@ class TaskResult:
         baseline: Name of the model to beat.
         mean_friction_n: The denominator of percentages: mean |reference| of the test recordings [N].
         entries: Best first.
-        missing: Models of the registry that cannot do the task, and why.
+        missing: Models without an entry, and why: they need other inputs, or failed.
         explanation: What is asked and why, in one sentence.
         label_truth_percent: How far the off-line label itself is from true friction, MAE / mean |truth| [%]; None where
             truth is not known.
@@ -151,7 +155,7 @@ class TaskResult:
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """Who a model is, for the report."""
+    """What the report states about a model; see ``registry.model.RegisteredModel``."""
 
     title: str
     family: str
@@ -164,10 +168,10 @@ class BenchmarkResults:
     """The whole benchmark.
 
     Attributes:
-        tasks: One leaderboard a task and split.
+        tasks: One leaderboard for each task and split.
         models: By name.
         budget: In words and numbers: trials, effort, seeds, recordings.
-        missing: Tasks, or a task's splits, that could not be asked, and why.
+        missing: Tasks, or splits of a task, that the recordings do not allow, and why.
     """
 
     tasks: tuple[TaskResult, ...]

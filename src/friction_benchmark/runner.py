@@ -213,7 +213,9 @@ class Runner:
         return inputs_of(task, next(iter(recordings.values())).recording)
 
     def _budget(self) -> dict[str, float | int | str]:
-        labelled = labelled_recordings(self.sources, "campaign", self.plan.seeds[0])
+        """Return what was spent, in numbers and words; recordings are those of the first task."""
+        campaign = task_named(self.plan.tasks[0]).campaign
+        labelled = labelled_recordings(self.sources, campaign, self.plan.seeds[0])
         recordings = [each.recording for each in labelled.values()]
         return {
             "trials": self.plan.trials,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from cylinder_friction.evaluation.metrics import errors, lag_s
 from cylinder_friction.evaluation.residuals import autocorrelation, dependence, residual_figures
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
 from friction_benchmark.cases import low_passed
+from friction_benchmark.evenly import evenly
 from friction_benchmark.results import Entry, Interval, Residuals, Score, Trust
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def leaderboard_entry(
     """
     references, estimates, masks = _columns(recordings)
     sample_time_s = recordings[0].case.recording.sample_time_s
-    diagnosed = recordings[:: math.ceil(len(recordings) / MOST_DIAGNOSED)]
+    diagnosed = evenly(recordings, MOST_DIAGNOSED)
     block_rows = max(1, round(settings.bootstrap_block_s / sample_time_s))
     draws = bootstrap_percent(block_sums(references, estimates, masks, block_rows), settings.bootstrap_repeats, 0)
     conditions = sorted({one.condition for one in recordings})

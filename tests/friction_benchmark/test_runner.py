@@ -260,6 +260,15 @@ def test_own_recordings_are_evaluated_where_no_truth_is_needed(tmp_path: Path) -
     assert results.tasks[0].label_truth_percent is None
 
 
+def test_a_plan_of_loaded_recordings_alone_needs_no_others(tmp_path: Path) -> None:
+    sources = Sources(tmp_path / "campaigns", SIZES, CYLINDER)
+    write_campaign(sources, "loaded", 0)
+    plan = replace(PLAN, tasks=("external_load",), splits={}, seeds=(0,), models=KNOWN[:2])
+    results = Runner(plan, sources, tmp_path, SETTINGS, progress=False).run()
+    assert [one.task for one in results.tasks] == ["external_load"]
+    assert results.budget["recordings"] == 12
+
+
 def test_an_unknown_model_is_refused_by_name(runner: Runner) -> None:
     with pytest.raises(
         ValueError, match="no model 'rigde' in the registry; expected some of low_pass, hold, constant_by_direction, ri"

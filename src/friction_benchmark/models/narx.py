@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from friction_benchmark.evenly import evenly
 from friction_benchmark.models.lagged import Past, PastMemory
 from friction_benchmark.models.learned import LearnedEstimator
 from friction_benchmark.models.robust_regression import robust_weights
@@ -87,7 +88,7 @@ class NarxEstimator(LearnedEstimator):
 
     def learn(self, train: Sequence[SequenceData]) -> None:
         """Search the poles on some recordings, then find terms and parameters on all."""
-        few = [train[int(number * len(train) / SEARCHED)] for number in range(min(SEARCHED, len(train)))]
+        few = evenly(train, SEARCHED)
         best = np.inf
         at_rest, sliding = self.at_rest, self.sliding
         for name in ("sliding", "at_rest"):

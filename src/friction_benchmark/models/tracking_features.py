@@ -6,7 +6,6 @@ friction: noise and friction then separate alike on a rig of 150 N and on one of
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
@@ -30,6 +29,7 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
     one_sided_savitzky_golay_taps,
 )
+from friction_benchmark.evenly import evenly
 from friction_benchmark.models.stroke_memory import MEMORY_NAMES, new_stroke_memory, remember_strokes
 
 if TYPE_CHECKING:
@@ -88,8 +88,8 @@ class TrackingFeatures:
         rows = tracking_rows(cylinder, sample_time_s, inputs)
         base = force_balance_taps(cylinder, inputs)
         front_end = with_history(unscaled_front_end(tuple(inputs), rows, base, sample_time_s))
-        scaled_on = recordings[:: math.ceil(len(recordings) / SCALED_ON)]
-        return cls(standardised(front_end, FrontEndBlock(front_end), scaled_on), strokes=strokes)
+        scaled = standardised(front_end, FrontEndBlock(front_end), evenly(recordings, SCALED_ON))
+        return cls(scaled, strokes=strokes)
 
     def new_state(self) -> TrackingState:
         return TrackingState(self._block.new_state(), new_stroke_memory())
