@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cylinder_friction.labelling.equation_of_motion import Stiffness
-from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.label import DEFAULT_FILTER, Labeller
 from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
 from cylinder_friction.recordings.files import whole_folder
@@ -28,7 +28,6 @@ from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import as_written
 from cylinder_friction.signals.smooth_signals import filtered
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD
 from friction_benchmark.rig_channels import NAME_PATTERN, logger_channels
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from friction_benchmark.datasets import Kind, Sizes, Sources
 
 END_STOP_MARGIN_M = 0.003
-FILTER = SavitzkyGolay()
 UNSEEN_SEEDS = 1000
 """Seeds of unseen rigs begin here, so that none of them is a rig that models are trained on."""
 TWIN_SEEDS = 1_000_000
@@ -168,5 +166,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))
         yield LabelledRecording(
-            labeller.labelled(filtered(raw, FILTER), FILTER), truth["friction_n"].to_numpy()[rows], load_n[rows]
+            labeller.labelled(filtered(raw, DEFAULT_FILTER), DEFAULT_FILTER),
+            truth["friction_n"].to_numpy()[rows],
+            load_n[rows],
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE, SAMPLE_COLUMNS
 from cylinder_friction.signals.causal import ExponentialLowPass
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 CampaignKind = Literal["campaign", "loaded"]
 
-TEMPERATURE = "oil_temperature_c"
 LEVELS = ("pressure_1_level_pa", "pressure_2_level_pa")
 LEVEL_TIME_S = 1.0
 """Time constant of the low-pass behind which a pressure is a level."""
@@ -141,13 +140,13 @@ def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: in
         labelled.true_load_n if task.campaign == "loaded" else None,
         pressures_pa,
         recording.column("velocity_m_s")[ahead],
-        recording.column(TEMPERATURE) if TEMPERATURE in recording.table.columns else None,
+        recording.column(OIL_TEMPERATURE) if OIL_TEMPERATURE in recording.table.columns else None,
     )
 
 
-def inputs_of(task: Task, recording: Recording) -> tuple[str, ...]:
+def shown_inputs(task: Task, recording: Recording) -> tuple[str, ...]:
     """Return what estimators see: the task's inputs without a temperature that was not measured."""
-    return tuple(name for name in task.inputs if name != TEMPERATURE or TEMPERATURE in recording.table.columns)
+    return tuple(name for name in task.inputs if name != OIL_TEMPERATURE or OIL_TEMPERATURE in recording.table.columns)
 
 
 def _shown(task: Task, recording: Recording, pressures_pa: Array, target_n: Array, usable: Mask) -> Recording:
@@ -158,8 +157,8 @@ def _shown(task: Task, recording: Recording, pressures_pa: Array, target_n: Arra
         if LEVELS[number] in task.inputs:
             level_pa = low_passed(pressures_pa[:, number], recording.sample_time_s, LEVEL_TIME_S)
             columns[LEVELS[number]] = np.ascontiguousarray(level_pa)
-    if TEMPERATURE in inputs_of(task, recording):
-        columns[TEMPERATURE] = recording.column(TEMPERATURE)
+    if OIL_TEMPERATURE in shown_inputs(task, recording):
+        columns[OIL_TEMPERATURE] = recording.column(OIL_TEMPERATURE)
     columns["velocity_m_s"] = recording.column("velocity_m_s")
     bare = recording.without_columns(*[name for name in recording.table.columns if name not in columns])
     return bare.with_columns(**columns, friction_n=target_n, usable=usable)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
-from cylinder_friction.realtime.bounds import REGIMES, conformal_offsets, regimes_of
+from cylinder_friction.realtime.bounds import PROBABILITY, REGIMES, conformal_offsets, regimes_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     Bins = NDArray[np.int64]
 
-PROBABILITY = 0.9
 SIZES, LEVELS = 2, 3
 LEVEL_TIME_S = 2.0
 """Over which the size of estimates is averaged to separate loads."""

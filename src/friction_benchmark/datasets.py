@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.splits import split_sessions
 from cylinder_friction.recordings.storage import read_recordings
-from friction_benchmark.cases import SENSOR_DRAWS, TEMPERATURE, EvaluationCase, LabelledRecording, evaluation_case
+from friction_benchmark.cases import SENSOR_DRAWS, EvaluationCase, LabelledRecording, evaluation_case, shown_inputs
 from friction_benchmark.folds import (
     HELD_OUT,
     LEAVE_LOAD,
@@ -80,7 +81,7 @@ class Sources:
         cylinder: Of all recordings.
         code: Hash of the code that simulates and labels.
         own: Role (train, validation, test) and folder, where one's own recordings are used; empty otherwise.
-        own_hash: Hash of their content.
+        own_hashes: Role and hash of the content of that folder.
     """
 
     folder: Path
@@ -88,7 +89,7 @@ class Sources:
     cylinder: Cylinder
     code: str = ""
     own: tuple[tuple[str, Path], ...] = ()
-    own_hash: str = ""
+    own_hashes: tuple[tuple[str, str], ...] = ()
 
     @property
     def simulated(self) -> bool:
@@ -97,7 +98,7 @@ class Sources:
     def key(self, kind: Kind, seed: int) -> str:
         """Return what the recordings of a kind are identified by: for the simulated ones, all they are made from."""
         if self.own and not kind.startswith("twin"):
-            return self.own_hash
+            return " ".join(digest for _, digest in self.own_hashes)
         return key_of([kind, seed, self.sizes.simulated(kind), asdict(self.cylinder), self.code])
 
     def campaign_folder(self, kind: Kind, seed: int) -> Path:
@@ -115,10 +116,18 @@ def twin_kind(task: Task) -> Kind:
 def labelled_recordings(sources: Sources, kind: Kind, seed: int) -> dict[str, LabelledRecording]:
     """Return recordings by name; one's own are the same for every seed, and their truth is not known."""
     if sources.own and not kind.startswith("twin"):
-        return _read(tuple(folder for _, folder in sources.own))
-    return _read((sources.campaign_folder(kind, seed),))
+        own = {name: labelled for _, folder in sources.own for name, labelled in _read(folder).items()}
+        return dict(sorted(own.items()))
+    return _read(sources.campaign_folder(kind, seed))
 
 
+def inputs_of(sources: Sources, task: Task, seed: int) -> tuple[str, ...]:
+    """Return what estimators see: the task's inputs without a temperature that was not measured."""
+    recording = next(iter(labelled_recordings(sources, task.campaign, seed).values())).recording
+    return shown_inputs(task, recording)
+
+
+@lru_cache(maxsize=64)
 def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold, ...]:
     """Return the folds of a split, checked for leaks; validation and test have every pair of sensors.
 
@@ -128,7 +137,7 @@ def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold,
     recordings = {name: each.recording for name, each in labelled_recordings(sources, task.campaign, seed).items()}
     metadata = [recording.metadata for recording in recordings.values()]
     if sources.own:
-        base = held_out({role: tuple(sorted(_read((folder,)))) for role, folder in sources.own})
+        base = held_out({role: tuple(_read(folder)) for role, folder in sources.own})
     else:
         sizes = sources.sizes
         base = held_out(split_sessions(metadata, sizes.test_sessions, sizes.validation_sessions, seed))
@@ -137,7 +146,7 @@ def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold,
     elif split == LEAVE_LOAD:
         folds = leave_one_load_out(base, metadata)
     elif split == LEAVE_TEMPERATURE:
-        means = {name: float(recording.column(TEMPERATURE).mean()) for name, recording in recordings.items()}
+        means = {name: float(recording.column(OIL_TEMPERATURE).mean()) for name, recording in recordings.items()}
         folds = leave_one_temperature_out(base, metadata, means)
     else:
         others = labelled_recordings(sources, unseen_kind(task), seed)
@@ -181,14 +190,13 @@ def _all_draws(task: Task, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=8)
-def _read(folders: tuple[Path, ...]) -> dict[str, LabelledRecording]:
+def _read(folder: Path) -> dict[str, LabelledRecording]:
+    """Return the recordings of a folder by name, in the order of their names."""
     found: dict[str, LabelledRecording] = {}
-    for folder in folders:
-        for recording in read_recordings(folder):
-            friction_n, load_n = (
-                recording.column(name) if name in recording.table.columns else None
-                for name in (TRUE_FRICTION, TRUE_LOAD)
-            )
-            bare = recording.without_columns(TRUE_FRICTION, TRUE_LOAD)
-            found[recording.name] = LabelledRecording(bare, friction_n, load_n)
+    for recording in read_recordings(folder):
+        friction_n, load_n = (
+            recording.column(name) if name in recording.table.columns else None for name in (TRUE_FRICTION, TRUE_LOAD)
+        )
+        bare = recording.without_columns(TRUE_FRICTION, TRUE_LOAD)
+        found[recording.name] = LabelledRecording(bare, friction_n, load_n)
     return dict(sorted(found.items()))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
-from friction_benchmark.cases import inputs_of
-from friction_benchmark.datasets import cases_of, folds_of, key_of, unseen_kind
+from friction_benchmark.datasets import cases_of, folds_of, inputs_of, key_of, unseen_kind
 from friction_benchmark.extrapolation import outside, training_range
 from friction_benchmark.folds import UNSEEN_RIG
 from friction_benchmark.results import Interval
@@ -95,11 +94,10 @@ def _scored(
     context: Context, task: Task, split: str, seed: int, prediction: Prediction, baseline: Prediction | None
 ) -> list[ScoredRecording]:
     sources = context.sources
-    own = cases_of(sources, task, task.campaign, seed)
+    inputs = inputs_of(sources, task, seed)
     tested = tested_cases(context, task, split, seed)
     scored = []
     for fold in folds_of(sources, task, split, seed):
-        inputs = inputs_of(task, own[fold.train[0]].recording)
         known = training_range(sources, task, seed, fold.train, inputs, causal=False)
         for name in fold.test:
             baseline_n = None if baseline is None else baseline.estimates[name].friction_n

@@ -9,7 +9,7 @@ import yaml
 from pydantic import AfterValidator, Field, model_validator
 
 from cylinder_friction.commands.params import composed
-from cylinder_friction.params.checking import ParamsError, checked
+from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, checked
 from cylinder_friction.params.data import CylinderParams
 from cylinder_friction.params.section import Count, Positive, Section, Seed
 from cylinder_friction.recordings.files import write_text
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 FOLDER = Path("benchmark")
-PARAMS_FILE = Path("params.yaml")
 CONF = Path("conf")
 HEADER = "# Composed from conf/ by `friction-benchmark params`; change it there, or here for one run.\n"
 RIG = "rig"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import RecordingError
-from friction_benchmark.cases import TEMPERATURE
 from friction_benchmark.datasets import folds_of, labelled_recordings
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
 from friction_benchmark.registry.listing import MODULES, registered_models
@@ -80,7 +80,7 @@ class Plan:
         recordings = [each.recording for each in labelled]
         if split == LEAVE_LOAD and len({recording.metadata.condition for recording in recordings}) < 2:
             return "all recordings are of one condition"
-        if split == LEAVE_TEMPERATURE and any(TEMPERATURE not in each.table.columns for each in recordings):
+        if split == LEAVE_TEMPERATURE and any(OIL_TEMPERATURE not in each.table.columns for each in recordings):
             return "the oil's temperature was not measured"
         try:
             for seed in self.seeds:

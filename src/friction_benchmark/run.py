@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import SOURCE, code_key, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
+from cylinder_friction.recordings.splits import ROLES
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import artifacts, cylinder_from, flat
 from cylinder_friction.tracking.errors import TrackingError
@@ -38,7 +39,6 @@ REPORT_FILE = Path("reports/benchmark.html")
 RECORD_FILE = Path("reports/runs/benchmark.json")
 INPUTS_FILE = Path("inputs.json")
 CACHE = Path(".cylinder-friction/benchmark-cache")
-ROLES = ("train", "validation", "test")
 
 
 def run(params: BenchmarkParams, *, prune: bool = False) -> str:
@@ -71,7 +71,7 @@ def evaluate(params: BenchmarkParams, runner: Runner) -> RunRecord:
     findings = findings_of(results)
     write_json(RESULTS_FILE, {**asdict(results), "findings": findings})
     write_report(results, findings, REPORT_FILE)
-    return run_record(params, results, findings)
+    return run_record(params, results, findings, dict(runner.sources.own_hashes))
 
 
 def write_inputs(params: BenchmarkParams) -> None:
@@ -112,7 +112,7 @@ def runner_from(params: BenchmarkParams) -> Runner:
         cylinder=cylinder_from(params.cylinder),
         code=code_key("friction_benchmark.campaigns"),
         own=tuple((role, Path(params.source) / role) for role in recordings),
-        own_hash=" ".join(recordings.values()),
+        own_hashes=tuple(recordings.items()),
     )
     return Runner(
         plan=Plan(
@@ -142,7 +142,9 @@ def _recordings(params: BenchmarkParams) -> dict[str, str]:
     return {} if params.source == RIG else {role: hash_of(Path(params.source) / role) for role in ROLES}
 
 
-def run_record(params: BenchmarkParams, results: BenchmarkResults, findings: dict[str, str]) -> RunRecord:
+def run_record(
+    params: BenchmarkParams, results: BenchmarkResults, findings: dict[str, str], datasets: dict[str, str]
+) -> RunRecord:
     """Return the benchmark's run, and below it one run per task, split and model, to be compared with each other."""
     budget = params.budget
     shared: dict[str, Scalar] = {"effort": budget.effort, "trials": budget.trials, "seeds": len(params.plan.seeds)}
@@ -158,7 +160,7 @@ def run_record(params: BenchmarkParams, results: BenchmarkResults, findings: dic
         metrics=best,
         tags={f"finding.{task}": words for task, words in findings.items()},
         artifacts=artifacts(RESULTS_FILE, REPORT_FILE),
-        datasets=_recordings(params),
+        datasets=datasets,
         children=tuple(children),
         experiment=EXPERIMENT,
     )

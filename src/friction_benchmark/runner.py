@@ -11,8 +11,7 @@ from tqdm import tqdm
 
 from cylinder_friction.import_graph import code_key
 from friction_benchmark.campaigns import simulate
-from friction_benchmark.cases import inputs_of
-from friction_benchmark.datasets import labelled_recordings, twin_kind, unseen_kind
+from friction_benchmark.datasets import inputs_of, labelled_recordings, twin_kind, unseen_kind
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
 from friction_benchmark.jobs import Context, PredictionJob, TuningJob, model_code
 from friction_benchmark.leaderboard import ScoringJob, denominators
@@ -30,8 +29,6 @@ if TYPE_CHECKING:
     from friction_benchmark.datasets import Kind, Sources
     from friction_benchmark.plan import Plan
     from friction_benchmark.scoring import ScoreSettings
-
-    Leaderboards = list[tuple[Task, str]]
 
 WORKER, SCORER = "friction_benchmark.worker", "friction_benchmark.leaderboard"
 
@@ -209,8 +206,7 @@ class Runner:
         return next(filter(None, failures), "")
 
     def _inputs(self, task: Task) -> tuple[str, ...]:
-        recordings = labelled_recordings(self.sources, task.campaign, self.plan.seeds[0])
-        return inputs_of(task, next(iter(recordings.values())).recording)
+        return inputs_of(self.sources, task, self.plan.seeds[0])
 
     def _budget(self) -> dict[str, float | int | str]:
         """Return what was spent, in numbers and words; recordings are those of the first task."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.cases import LEVELS, TEMPERATURE, Task
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE, SAMPLE_COLUMNS
+from friction_benchmark.cases import LEVELS, Task
 
 _FORECASTS = tuple(
     Task(
@@ -35,7 +35,7 @@ TASKS: tuple[Task, ...] = (
         "Without pressures",
         "Friction now, from the position and the oil's temperature alone: no algebra leads to it, so that models of "
         "friction, given or learnt, are needed.",
-        ("position_m", TEMPERATURE),
+        ("position_m", OIL_TEMPERATURE),
         baseline="constant_by_direction",
     ),
     Task(
@@ -43,7 +43,7 @@ TASKS: tuple[Task, ...] = (
         "Pressure level only",
         "As without pressures, but the level of both pressures over the last second is known, which shows how hard the "
         "seals are pressed.",
-        ("position_m", TEMPERATURE, *LEVELS),
+        ("position_m", OIL_TEMPERATURE, *LEVELS),
         baseline="constant_by_direction",
     ),
     *_FORECASTS,

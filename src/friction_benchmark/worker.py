@@ -17,12 +17,11 @@ import numpy as np
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.recordings.files import read_json, write_json
 from friction_benchmark.cache import Estimates, Prediction, mark_used
-from friction_benchmark.cases import inputs_of
 from friction_benchmark.conformal import calibrated
 from friction_benchmark.datasets import (
     cases_of,
     folds_of,
-    labelled_recordings,
+    inputs_of,
     training_cases,
     twin_recordings,
     unseen_kind,
@@ -99,8 +98,7 @@ def prediction(context: Context, job: PredictionJob) -> Prediction:
         trained = _trained(context, job, fold, job.hyperparameters)
         estimator = trained.estimator
         names = () if job.model.trained_on == "twin" else fold.train
-        inputs = inputs_of(task, tested[fold.test[0]].recording)
-        known = training_range(sources, task, job.seed, names, inputs, causal=True)
+        known = training_range(sources, task, job.seed, names, inputs_of(sources, task, job.seed), causal=True)
         validation = [own[name].recording for name in fold.validation]
         bounds = calibrated(validation, [estimator.estimate(recording) for recording in validation])
         for name in fold.test:
@@ -151,7 +149,7 @@ def _trained(context: Context, job: TuningJob | PredictionJob, fold: Fold, hyper
         # A model given by equations cannot learn friction ahead: its estimate of now is its forecast.
         cases = training_cases(sources, task, job.seed, of_now=model.family == "analytical")
         recordings = [cases[name].recording for name in fold.train]
-    inputs = inputs_of(task, next(iter(labelled_recordings(sources, task.campaign, job.seed).values())).recording)
+    inputs = inputs_of(sources, task, job.seed)
     if model.family == "analytical" and model.supports(POSITION_ALONE):
         inputs = POSITION_ALONE  # it looks at nothing else, and so is identified once for many tasks
     configuration = BuildConfiguration(

@@ -14,7 +14,7 @@ from friction_benchmark.cases import (
     LabelledRecording,
     Task,
     evaluation_case,
-    inputs_of,
+    shown_inputs,
 )
 from friction_benchmark.tasks import TASKS, task_named
 from friction_benchmark_models import made_recording
@@ -113,8 +113,8 @@ def test_a_load_is_known_to_the_scoring_alone() -> None:
 
 def test_a_temperature_that_was_not_measured_is_no_input() -> None:
     bare = RAW.without_columns("oil_temperature_c")
-    assert inputs_of(task_named("pressure_free"), bare) == ("position_m",)
-    assert inputs_of(task_named("pressure_free"), RAW) == ("position_m", "oil_temperature_c")
+    assert shown_inputs(task_named("pressure_free"), bare) == ("position_m",)
+    assert shown_inputs(task_named("pressure_free"), RAW) == ("position_m", "oil_temperature_c")
 
 
 def test_truth_that_is_not_known_cannot_be_asked_for() -> None:

@@ -240,7 +240,7 @@ def test_two_processes_find_the_same_as_one(results: BenchmarkResults, tmp_path:
 
 
 def test_own_recordings_are_evaluated_where_no_truth_is_needed(tmp_path: Path) -> None:
-    sources = Sources(tmp_path / "none", SIZES, CYLINDER, "", write_own(tmp_path / "own"), "hash")
+    sources = Sources(tmp_path / "none", SIZES, CYLINDER, "", write_own(tmp_path / "own"), (("train", "hash"),))
     results = Runner(replace(PLAN, models=KNOWN[:3]), sources, tmp_path / "cache", SETTINGS, progress=False).run()
     assert [(one.task, one.split) for one in results.tasks] == [
         ("identity", "held_out_sessions"),

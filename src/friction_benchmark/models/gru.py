@@ -68,21 +68,14 @@ class Gru:
         widest = max(kernel.shape[0] for kernel in weights.input)
         self._input = np.stack([np.pad(kernel, ((0, widest - len(kernel)), (0, 0))) for kernel in weights.input])
 
-    @property
-    def width(self) -> int:
-        return self.weights.nodes
-
     def new_state(self) -> Single:
         return np.zeros((self.weights.layers, self.weights.nodes), dtype=np.float32)
 
-    def advance(self, state: Single, features: Single) -> tuple[Single, Single]:
-        """Return the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
+    def advance(self, state: Single, features: Single) -> Single:
+        """Return the head's output, shape ``(n,)``."""
         w, inputs = self.weights, self.weights.input[0].shape[0]
         biases = (w.input_bias, w.recurrent_bias)
-        result: tuple[Single, Single] = _run(
-            self._input, w.recurrent, *biases, w.head, w.head_bias, inputs, features, state
-        )
-        return result
+        return np.asarray(_run(self._input, w.recurrent, *biases, w.head, w.head_bias, inputs, features, state))
 
     def multiply_adds(self) -> int:
         w = self.weights
@@ -100,9 +93,8 @@ def _run(
     inputs: int,
     features: Single,
     hidden: Single,
-) -> tuple[Single, Single]:
+) -> Single:
     layers, nodes = hidden.shape
-    states = np.empty((features.shape[0], nodes), dtype=np.float32)
     output = np.empty(features.shape[0], dtype=np.float32)
     given = np.empty(3 * nodes, dtype=np.float32)
     kept = np.empty(3 * nodes, dtype=np.float32)
@@ -116,9 +108,8 @@ def _run(
                 add_product(given, input_weights[layer], hidden[layer - 1], nodes)
             add_product(kept, recurrent[layer], hidden[layer], nodes)
             _cell_step(given, kept, hidden[layer])
-        states[row] = hidden[-1]
         output[row] = head_of(hidden[-1], head, head_bias)
-    return states, output
+    return output
 
 
 @numba.njit(cache=True)

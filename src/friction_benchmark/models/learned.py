@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import Array
     from cylinder_friction.recordings.recording import Recording
 
+NETWORK_FILE = "network.onnx"
+
 
 @dataclass
 class LearnedState:

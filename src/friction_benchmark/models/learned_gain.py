@@ -7,7 +7,7 @@ This is a Kalman filter of one state, a random walk, with its gain learnt instea
 Escoriza, van Sloun and Eldar 2022, "KalmanNet", IEEE Transactions on Signal Processing 70, where a recurrent network
 gives the gain and the filter's structure stays). Chosen here: an LSTM gives the gain's logit and the offset c (which no
 gain can give: a sensor's error, delay, a load); it sees no innovation of its own filter, but those of fixed ones, so
-that it can be trained over whole sequences; both are held between its steps.
+that it can be trained over whole sequences.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numba
 import numpy as np
-import onnx
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import force_balance_taps
-from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.onnx_files import read_network, write_network
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData
 from cylinder_friction.realtime.activation import sigmoid
 from cylinder_friction.realtime.lstm import Lstm, LstmState, head_of
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from friction_benchmark.models.learned import NETWORK_FILE
 from friction_benchmark.models.tracking_features import TrackingFeatures, TrackingState
 
 if TYPE_CHECKING:
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
     Single = NDArray[np.float32]
 
-NETWORK_FILE = "network.onnx"
 LARGE_OFFSET_N = 30.0
 """Mean distance of a recording's friction from its force balance, above which the mean of past strokes helps: about
 10 N with zeroed transmitters, 200 N with transmitters as bought."""
@@ -55,21 +54,6 @@ WARM_UP = 0.05
 
 
 @dataclass(frozen=True)
-class GainArchitecture:
-    """The LSTM of one layer, and its inputs.
-
-    Attributes:
-        nodes: Of the layer.
-        strokes: Whether it sees the mean force balance of the strokes so far, which reveals a sensor's offset;
-            ``auto``: where offsets are large; small ones are hidden by friction's asymmetry, which differs from rig to
-            rig.
-    """
-
-    nodes: int = 32
-    strokes: Literal["seen", "hidden", "auto"] = "auto"
-
-
-@dataclass(frozen=True)
 class GainPlan:
     """How the network is trained.
 
@@ -77,9 +61,8 @@ class GainPlan:
         presentations: Recordings presented in training, repetitions counted; each is presented at least once.
         learning_rate: Its maximum.
         batch_size: Recordings side by side.
-        stretch: Samples between two updates; a multiple of ``stride``.
+        stretch: Samples between two updates.
         burn_in: First samples of each recording that are not scored.
-        stride: Samples between two steps of the network.
         weight_decay: Of AdamW.
     """
 
@@ -88,34 +71,34 @@ class GainPlan:
     batch_size: int = 32
     stretch: int = 200
     burn_in: int = 100
-    stride: int = 1
     weight_decay: float = 1e-3
 
     def __post_init__(self) -> None:
-        if min(self.presentations, self.batch_size, self.stretch, self.stride) < 1 or self.stretch % self.stride:
-            raise ValueError(
-                "expected presentations, batch size, stretch and stride of at least 1, and "
-                f"a stretch that is a multiple of the stride, but got {self}"
-            )
+        if min(self.presentations, self.batch_size, self.stretch) < 1:
+            raise ValueError(f"expected presentations, batch size and stretch of at least 1, but got {self}")
 
 
 @dataclass
 class LearnedGainState:
-    """State of features and network; the latest gain and offset; samples since the last step (0: a step is due); the
-    tracked force [N], NaN before the first sample."""
+    """State of features and network, and the tracked force [N], shape ``(1,)``, NaN before the first sample."""
 
     features: TrackingState
     network: LstmState
-    gain: Array
-    offset: Array
-    phase: int
     tracked_n: Array
 
 
 class LearnedGainEstimator(FrictionEstimator):
-    """The force balance through a filter whose gain an LSTM sets. It trains to the end of its schedule.
+    """The force balance through a filter whose gain an LSTM of one layer sets; it trains to the end of its schedule.
 
-    Both raw pressures and the position come first among its inputs.
+    The mean force balance of the strokes so far, which reveals a sensor's offset, is seen only where offsets are large:
+    small ones are hidden by friction's asymmetry, which differs from rig to rig.
+
+    Args:
+        cylinder: Its areas.
+        nodes: Of the LSTM.
+        plan: Of its training.
+        inputs: Columns of a sample; both raw pressures and the position come first.
+        seed: Seeds weights and batch order.
     """
 
     kind: ClassVar[str] = "learned_gain"
@@ -123,17 +106,17 @@ class LearnedGainEstimator(FrictionEstimator):
     def __init__(
         self,
         cylinder: Cylinder,
-        architecture: GainArchitecture,
+        nodes: int,
         plan: GainPlan,
         inputs: Sequence[str] = SAMPLE_COLUMNS,
         seed: int = 0,
     ) -> None:
         super().__init__(inputs)
-        self.cylinder, self.architecture, self.plan, self.seed = cylinder, architecture, plan, seed
+        self.cylinder, self.nodes, self.plan, self.seed = cylinder, nodes, plan, seed
         self.scale_n = 1.0
         self.features: TrackingFeatures | None = None
         self._network: Lstm | None = None
-        self._offset_head: Single = np.zeros(architecture.nodes, dtype=np.float32)
+        self._offset_head: Single = np.zeros(nodes, dtype=np.float32)
         self._offset_bias = 0.0
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
@@ -144,8 +127,7 @@ class LearnedGainEstimator(FrictionEstimator):
             ValueError: The inputs do not begin with both pressures and the position.
         """
         self._begin_fit(recordings)
-        strokes = self.architecture.strokes
-        seen = strokes == "seen" or (strokes == "auto" and _mean_offset_n(self.cylinder, recordings) > LARGE_OFFSET_N)
+        seen = _mean_offset_n(self.cylinder, recordings) > LARGE_OFFSET_N
         self.features = TrackingFeatures.of(self.cylinder, recordings, self.inputs, strokes=seen)
         pairs = [self.features.advance(self.features.new_state(), one.samples(self.inputs)) for one in recordings]
         residuals = [
@@ -158,45 +140,35 @@ class LearnedGainEstimator(FrictionEstimator):
             for one, (features, _), residual in zip(recordings, pairs, residuals, strict=True)
         ]
         balances = [(balance_n / self.scale_n).astype(np.float32) for _, balance_n in pairs]
-        weights, self._offset_head, self._offset_bias = _train(
-            self.architecture, self.plan, sequences, balances, self.seed
-        )
+        weights, self._offset_head, self._offset_bias = _train(self.nodes, self.plan, sequences, balances, self.seed)
         self._network = Lstm(weights)
         return self
 
     def new_state(self) -> LearnedGainState:
         assert self.features is not None
         assert self._network is not None
-        features, network = self.features.new_state(), self._network.new_state()
-        return LearnedGainState(features, network, np.zeros(1), np.zeros(1), 0, np.full(1, np.nan))
+        return LearnedGainState(self.features.new_state(), self._network.new_state(), np.full(1, np.nan))
 
     def advance(self, state: LearnedGainState, samples: Array) -> Array:
         assert self.features is not None
         assert self._network is not None
         features, balance_n = self.features.advance(state.features, samples)
-        stride, phase, rows = self.plan.stride, state.phase, len(features)
-        due = np.ascontiguousarray(features[-phase % stride :: stride])
-        hidden, logit = self._network.advance(state.network, due)
+        hidden, logit = self._network.advance(state.network, np.ascontiguousarray(features))
         gain, offset = _heads(hidden, logit, self._offset_head, self._offset_bias)
-        gain, offset = np.concatenate([state.gain, gain]), np.concatenate([state.offset, offset])
-        latest = (phase + np.arange(rows)) // stride - (phase - 1) // stride
-        state.gain, state.offset, state.phase = gain[-1:], offset[-1:], (phase + rows) % stride
-        return np.asarray(_track(balance_n, gain[latest], state.tracked_n) + self.scale_n * offset[latest])
+        return np.asarray(_track(balance_n, gain, state.tracked_n) + self.scale_n * offset)
 
     def multiply_adds(self) -> int:
-        """Return the multiply-adds of a sample at which the network steps: the most that a sample costs."""
         assert self.features is not None
         assert self._network is not None
-        return self.features.multiply_adds() + self._network.weights.multiply_adds() + self.architecture.nodes + 2
+        return self.features.multiply_adds() + self._network.weights.multiply_adds() + self.nodes + 2
 
     def _write(self, folder: Path) -> dict[str, Any]:
         assert self.features is not None
         assert self._network is not None
-        model = network_to_onnx(self._network.weights)
-        (folder / NETWORK_FILE).write_bytes(model.SerializeToString(deterministic=True))
+        write_network(self._network.weights, folder / NETWORK_FILE)
         return {
             "cylinder": asdict(self.cylinder),
-            "architecture": asdict(self.architecture),
+            "nodes": self.nodes,
             "plan": asdict(self.plan),
             "seed": self.seed,
             "features": self.features.to_dict(),
@@ -210,13 +182,13 @@ class LearnedGainEstimator(FrictionEstimator):
         features = TrackingFeatures.from_dict(parameters["features"])
         estimator = cls(
             Cylinder(**parameters["cylinder"]),
-            GainArchitecture(**parameters["architecture"]),
+            parameters["nodes"],
             GainPlan(**parameters["plan"]),
             features.plan.inputs,
             parameters["seed"],
         )
         estimator.features, estimator.scale_n = features, parameters["scale_n"]
-        estimator._network = Lstm(network_from_onnx(onnx.load(folder / NETWORK_FILE)))
+        estimator._network = Lstm(read_network(folder / NETWORK_FILE))
         estimator._offset_head = np.array(parameters["offset_head"], dtype=np.float32)
         estimator._offset_bias = parameters["offset_bias"]
         return estimator
@@ -234,7 +206,7 @@ def _mean_offset_n(cylinder: Cylinder, recordings: Sequence[Recording]) -> float
 
 
 def _train(
-    architecture: GainArchitecture,
+    nodes: int,
     plan: GainPlan,
     sequences: Sequence[SequenceData],
     balances: Sequence[Single],
@@ -252,8 +224,8 @@ def _train(
 
     with reproducible(seed):
         inputs = sequences[0].features.shape[1]
-        network = FrictionNetwork(Architecture(1, architecture.nodes, 0.0, plan.learning_rate), inputs)
-        offset_head = nn.Linear(architecture.nodes, 1)
+        network = FrictionNetwork(Architecture(1, nodes, 0.0, plan.learning_rate), inputs)
+        offset_head = nn.Linear(nodes, 1)
         for layer, bias in ((network.head, FIRST_GAIN_LOGIT), (offset_head, 0.0)):
             nn.init.zeros_(layer.weight)
             nn.init.constant_(layer.bias, bias)
@@ -273,16 +245,13 @@ def _train(
             batch = side_by_side([sequences[one] for one in group])
             batch.weight[: plan.burn_in] = 0.0
             balance = nn.utils.rnn.pad_sequence([torch.from_numpy(balances[one]) for one in group])
-            cut = plan.stride * int(generator.integers(plan.stretch // plan.stride))
+            cut = int(generator.integers(plan.stretch))
             edges = sorted({0, *range(cut, len(balance), plan.stretch), len(balance)})
             state, last, mean = None, balance[0], 0.0
             for start, end in itertools.pairwise(edges):  # state and tracked force carry on, the gradient does not
-                hidden, state = network.lstm(batch.features[start : end : plan.stride], state)
+                hidden, state = network.lstm(batch.features[start:end], state)
                 state = tuple(part.detach() for part in state)
-                gain, offset = (
-                    head[..., 0].repeat_interleave(plan.stride, 0)[: end - start]
-                    for head in (network.head(hidden).sigmoid(), offset_head(hidden))
-                )
+                gain, offset = network.head(hidden).sigmoid()[..., 0], offset_head(hidden)[..., 0]
                 tracked = track(gain, balance[start:end], last)
                 last = tracked[-1].detach()
                 weight = batch.weight[start:end]

@@ -8,8 +8,8 @@ standstill, the stiction force. What is left open is chosen here and described i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.optimize import minimize
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.front_end import FrontEnd
     from cylinder_friction.estimators.training_plan import SequenceData
 
     Single = NDArray[np.float32]
@@ -53,9 +52,6 @@ class MachadoPlan:
         delay: Samples between the two velocities.
         penalty: Weight of the squared weights in the cost.
         iterations: Of the optimiser, at most.
-        corrects: ``force balance``: where raw pressures are available, their force balance is corrected. ``nothing``:
-            the network gives all of friction, and raw pressures only serve as stiction force at standstill, as in the
-            source.
 
     Raises:
         ValueError: A number is impossible.
@@ -65,7 +61,6 @@ class MachadoPlan:
     delay: int = 10
     penalty: float = 1e-4
     iterations: int = 3_200
-    corrects: Literal["force balance", "nothing"] = "force balance"
 
     def __post_init__(self) -> None:
         if self.nodes < 1 or self.delay < 1 or self.iterations < 1 or self.penalty < 0.0:
@@ -99,11 +94,6 @@ class MachadoEstimator(PerceptronEstimator[MachadoPlan]):
     def predict(self, memory: Array, features: Single) -> NDArray[Any]:
         assert self.network is not None
         return self.network.run(self._inputs(memory, features))
-
-    def _set_features(self, features: FrontEnd) -> None:
-        if self.plan.corrects == "nothing":
-            features = replace(features, base_taps=None)
-        super()._set_features(features)
 
     def _inputs(self, memory: Array, features: Single) -> Single:
         """Return what the network sees, shape ``(n, k)``; changes ``memory``."""

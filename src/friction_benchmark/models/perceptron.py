@@ -18,9 +18,10 @@ import onnx.checker
 import onnx.parser
 from onnx import numpy_helper
 
+from cylinder_friction.estimators.onnx_files import IR_VERSION, OPSET, write_onnx
 from cylinder_friction.realtime.activation import tanh
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.learned import LearnedEstimator
+from friction_benchmark.models.learned import NETWORK_FILE, LearnedEstimator
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     Single = NDArray[np.float32]
 
 Plan = TypeVar("Plan")
-OPSET, IR_VERSION = 17, 8
-NETWORK_FILE = "network.onnx"
 BATCH = 1024
 
 
@@ -123,7 +122,7 @@ def write_perceptron(path: Path, weights: Perceptron) -> None:
     model = onnx.parser.parse_model(f"{header} {signature} {{ {' '.join(nodes)} }}")
     model.graph.initializer.extend(constants)
     onnx.checker.check_model(model, full_check=True)
-    onnx.save(model, path)
+    write_onnx(model, path)
 
 
 def read_perceptron(path: Path) -> Perceptron:

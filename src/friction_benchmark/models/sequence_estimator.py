@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 import numpy as np
 import onnx
 
+from cylinder_friction.estimators.onnx_files import write_onnx
 from cylinder_friction.estimators.training_plan import LearningCurve, TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.learned import LearnedEstimator
+from friction_benchmark.models.learned import NETWORK_FILE, LearnedEstimator
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,21 +30,15 @@ if TYPE_CHECKING:
 
     Single = NDArray[np.float32]
 
-NETWORK_FILE = "network.onnx"
-
 
 class SteppedNetwork(Protocol):
     """A trained network at run time: plain arrays, stepped row by row."""
 
-    @property
-    def width(self) -> int:
-        """Numbers in its last hidden state."""
-
     def new_state(self) -> Any:
         """Return the state before the first step."""
 
-    def advance(self, state: Any, features: Single) -> tuple[Single, Single]:
-        """Return hidden states, shape ``(n, width)``, and outputs, shape ``(n,)``; changes ``state``."""
+    def advance(self, state: Any, features: Single) -> Single:
+        """Return the output after each row, shape ``(n,)``; changes ``state``."""
 
     def multiply_adds(self) -> int:
         """Return the multiply-adds of one step."""
@@ -54,7 +49,6 @@ class HeldMemory:
     """State of the network, its last output, and samples since then (0: the next sample is a step)."""
 
     network: Any
-    hidden: Single
     head: Single
     phase: int = 0
 
@@ -115,22 +109,17 @@ class SequenceEstimator(LearnedEstimator):
 
     def new_memory(self) -> HeldMemory:
         assert self.network is not None
-        hidden, head = np.zeros((1, self.network.width), dtype=np.float32), np.zeros(1, dtype=np.float32)
-        return HeldMemory(self.network.new_state(), hidden, head)
+        return HeldMemory(self.network.new_state(), np.zeros(1, dtype=np.float32))
 
     def predict(self, memory: HeldMemory, features: Single) -> NDArray[Any]:
-        return self.hold(memory, features)[1]
-
-    def hold(self, memory: HeldMemory, features: Single) -> tuple[Single, Single]:
-        """Return hidden states, shape ``(n, width)``, and outputs, ``(n,)``, of the latest step at each row."""
+        """Return the output of the latest step at each row, shape ``(n,)``."""
         assert self.network is not None
         stride, phase, rows = self.stride, memory.phase, len(features)
         due = np.ascontiguousarray(features[-phase % stride :: stride])
-        hidden, head = self.network.advance(memory.network, due)
-        hidden, head = np.concatenate([memory.hidden, hidden]), np.concatenate([memory.head, head])
+        head = np.concatenate([memory.head, self.network.advance(memory.network, due)])
         latest = (phase + np.arange(rows)) // stride - (phase - 1) // stride
-        memory.hidden, memory.head, memory.phase = hidden[-1:], head[-1:], (phase + rows) % stride
-        return hidden[latest], head[latest]
+        memory.head, memory.phase = head[-1:], (phase + rows) % stride
+        return head[latest]
 
     def model_multiply_adds(self) -> int:
         """Return the multiply-adds of a sample at which the network steps: the most that a sample costs."""
@@ -139,7 +128,7 @@ class SequenceEstimator(LearnedEstimator):
 
     def write_model(self, folder: Path) -> dict[str, Any]:
         assert self.model is not None
-        (folder / NETWORK_FILE).write_bytes(self.model.SerializeToString(deterministic=True))
+        write_onnx(self.model, folder / NETWORK_FILE)
         plan = {"plan": asdict(self.plan), "stride": self.stride}
         return {"architecture": asdict(self.architecture), **plan, "seed": self.seed}
 

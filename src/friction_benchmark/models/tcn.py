@@ -86,18 +86,14 @@ class Tcn:
         self._kernels = np.stack([np.pad(kernel, pad) for kernel, pad in zip(weights.kernels, pads, strict=True)])
         self._rows = 1 + (first.shape[0] - 1) * 2 ** (len(weights.kernels) // 2 - 1)
 
-    @property
-    def width(self) -> int:
-        return int(self.weights.head.shape[0])
-
     def new_state(self) -> TcnState:
         convolutions, _, widest, _ = self._kernels.shape
         return TcnState(np.zeros((convolutions, self._rows, widest), dtype=np.float32))
 
-    def advance(self, state: TcnState, features: Single) -> tuple[Single, Single]:
-        """Return the last block's output, shape ``(n, channels)``, and the head's, shape ``(n,)``."""
+    def advance(self, state: TcnState, features: Single) -> Single:
+        """Return the head's output, shape ``(n,)``."""
         w = self.weights
-        hidden, output = _run(
+        output: Single = _run(
             self._kernels,
             w.biases,
             w.shortcut,
@@ -109,7 +105,7 @@ class Tcn:
             state.place,
         )
         state.place = (state.place + len(features)) % self._rows
-        return hidden, output
+        return output
 
     def multiply_adds(self) -> int:
         w = self.weights
@@ -127,9 +123,8 @@ def _run(
     features: Single,
     rings: Single,
     place: int,
-) -> tuple[Single, Single]:
+) -> Single:
     channels, inputs = shortcut_bias.shape[0], shortcut.shape[0]
-    hidden = np.empty((features.shape[0], channels), dtype=np.float32)
     output = np.empty(features.shape[0], dtype=np.float32)
     residual = np.empty(channels, dtype=np.float32)
     inner = np.empty(channels, dtype=np.float32)
@@ -150,10 +145,9 @@ def _run(
             if convolution % 2 == 1:
                 for channel in range(channels):
                     residual[channel] = max(residual[channel] + inner[channel], ZERO)
-        hidden[row] = residual
         output[row] = head_of(residual, head, head_bias)
         place = (place + 1) % rings.shape[1]
-    return hidden, output
+    return output
 
 
 @numba.njit(cache=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from friction_benchmark.models.learned_gain import GainArchitecture, GainPlan, LearnedGainEstimator
+from friction_benchmark.models.learned_gain import GainPlan, LearnedGainEstimator
 from friction_benchmark.registry.model import OneOf, Range, RegisteredModel, needs_raw_pressures
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def _build(build: BuildConfiguration) -> LearnedGainEstimator:
     """Effort cuts how many recordings training goes through, however many different ones there are."""
     return LearnedGainEstimator(
         build.cylinder,
-        GainArchitecture(build.whole("nodes")),
+        build.whole("nodes"),
         GainPlan(build.share(3_000), build.number("learning_rate")),
         build.inputs,
         build.seed,
