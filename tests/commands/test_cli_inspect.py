@@ -139,6 +139,11 @@ def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(
         (["conf", "ingest=rig"], "conf: no file matches '*.csv'; name another folder or ingest.pattern"),
         (["conf", "ingest=none_such"], "none_such"),
         (["conf"], "params.yaml"),
+        (
+            ["a.csv", "b.csv", "ingest=rig"],
+            "expected one path and then overrides such as ingest=own, but got 'b.csv' after 'a.csv'; to inspect "
+            "several files, name the folder that holds them",
+        ),
     ],
 )
 def test_what_cannot_be_inspected_is_told(

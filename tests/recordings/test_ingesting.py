@@ -146,3 +146,11 @@ def test_files_that_the_pattern_leaves_out_are_said(source: Source, tmp_path: Pa
     assert result.notes == [
         "1 file not read, for '*.csv' does not match (first: condition1_session07_recording01.CSV); see ingest.pattern"
     ]
+
+
+def test_a_table_of_names_is_no_recording_although_the_pattern_matches_it(source: Source, tmp_path: Path) -> None:
+    table = source.folder / "names.csv"
+    table.write_text("file,condition,session\n*00_*,1,a\n*01_*,2,b\n*02_*,2,c\n")
+    result = ingest(replace(source, recipe=replace(source.recipe, names=NameRules(table=table))), tmp_path / "out")
+    assert (result.files, result.quarantined, result.notes) == (3, [], [])
+    assert [metadata.condition for metadata, _ in result.recordings] == ["1", "2", "2"]

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +13,6 @@ from cylinder_friction.recordings.reading_logs import read_logs
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from cylinder_friction.cylinder import Cylinder
 
 CHANNELS = {
@@ -58,6 +58,19 @@ def test_names_give_condition_and_session(logs: Path, cylinder: Cylinder) -> Non
     assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
 
 
+def test_a_table_of_names_beside_the_files_is_honoured_unless_names_are_given(
+    logs: Path, cylinder: Cylinder, tmp_path: Path
+) -> None:
+    paths = [Path(shutil.copy(path, tmp_path)) for path in sorted(logs.glob("*.csv"))[:2]]
+    lines = [f"{path.name},{number} kN,monday" for number, path in enumerate(paths, start=1)]
+    (tmp_path / "names.csv").write_text("\n".join(["file,condition,session", *lines]))
+    mapping = {"channels": CHANNELS, "name_pattern": None, "name_table": "names.csv"}
+    tabled = [recording.metadata for recording in read_logs(tmp_path, mapping, cylinder)]
+    assert [(each.condition, each.session) for each in tabled] == [("1 kN", "monday"), ("2 kN", "monday")]
+    first, _ = read_logs(paths, mapping, cylinder, names=NAMES)
+    assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
+
+
 def test_a_configuration_brings_its_rules_and_names(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     (tmp_path / "rules").mkdir()
     (tmp_path / "rules/default.yaml").write_text("time: {rate_hz: null}\nchecks: {minimum_duration_s: 5.0}\n")
@@ -91,6 +104,8 @@ def test_unusable_files_are_left_out_with_a_warning(logs: Path, cylinder: Cylind
 
 
 def test_missing_files_and_channels_are_refused(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="no logger file was given; expected a path, a pattern or a folder, or"):
+        read_logs([], CHANNELS, cylinder)
     with pytest.raises(RecordingError, match=r"nothing\*.csv: no such file, and no file matches it as a pattern"):
         read_logs(tmp_path / "nothing*.csv", CHANNELS, cylinder)
     (tmp_path / "empty.yaml").write_text("source: here\n")

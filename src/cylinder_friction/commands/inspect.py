@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cylinder_friction.commands.params import CONF, compose_params
-from cylinder_friction.params.checking import check_params, load_params
+from cylinder_friction.commands.params import CONF, composed
+from cylinder_friction.params.checking import ParamsError, check_params, load_params
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.choice import held
@@ -23,6 +23,7 @@ from cylinder_friction.stages.label import labeller_from
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
 
     from cylinder_friction.labelling.label import Labeller
     from cylinder_friction.params.checking import Params
@@ -39,10 +40,10 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
         RecordingError: The folder holds no such file.
         FileNotFoundError: There is neither file nor folder.
     """
-    files = _files(path, params)
+    recipe = recipe_from(params, Path(params.ingest.source))
+    files = _files(path, params, recipe.names.table)
     filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
     labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
-    recipe = recipe_from(params, Path(params.ingest.source))
     cylinder, margin_m = cylinder_from(params.cylinder), params.label.end_stop_margin_m
     loaded = (_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
     subjects = held(with_friction(subject, cylinder, chosen, margin_m) for subject in loaded)
@@ -67,12 +68,13 @@ def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter
     return replace(subject, recording=with_load, findings=[*subject.findings, Finding("load", "ok", load.sentence())])
 
 
-def _files(path: Path, params: Params) -> dict[str, Path]:
+def _files(path: Path, params: Params, names_table: Path | None) -> dict[str, Path]:
     if path.is_file():
         return {_shown(path, Path(params.ingest.source)): path}
     if not path.is_dir():
         raise FileNotFoundError(f"{path}: neither a file nor a folder")
-    files = sorted(entry for entry in path.glob(params.ingest.pattern) if entry.is_file())
+    found = (entry for entry in path.glob(params.ingest.pattern) if entry.is_file())
+    files = sorted(entry for entry in found if names_table is None or entry.absolute() != names_table.absolute())
     if not files:
         raise RecordingError(
             f"{path}: no file matches {params.ingest.pattern!r}; name another folder or ingest.pattern"
@@ -95,7 +97,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    params = check_params(compose_params(CONF, options.overrides), "conf") if options.overrides else load_params()
-    report, refused = inspect_path(options.path, params, options.output)
+    report, refused = inspect_path(options.path, _params(options.path, options.overrides), options.output)
     print(f"{report}\n\npage     {options.output}")
     return 1 if refused else 0
+
+
+def _params(path: Path, overrides: Sequence[str]) -> Params:
+    if not overrides:
+        return load_params()
+    for entry in overrides:
+        if "=" not in entry and not entry.startswith("~"):
+            raise ParamsError(
+                f"expected one path and then overrides such as ingest=own, but got {entry!r} after {str(path)!r}; "
+                "to inspect several files, name the folder that holds them"
+            )
+    return check_params(composed(CONF, overrides), f"{CONF} with {list(overrides)}")

@@ -82,7 +82,8 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested
     """
     check_mapping(source.recipe.channels)
     # A dangling link is a file too: one that cannot be read.
-    paths = sorted(path for path in source.folder.glob(source.pattern) if not path.is_dir())
+    found = (path for path in source.folder.glob(source.pattern) if not path.is_dir())
+    paths = sorted(path for path in found if path != source.recipe.names.table)
     if not paths:
         raise RecordingError(
             f"{source.folder}: no file matches {source.pattern!r}; put recordings there, or name their folder as "

@@ -70,6 +70,7 @@ def read_logs(
     settings = _settings(channels, paths[0])
     root = _root(paths, settings.get("source"))
     rules = _name_rules(names, settings, root)
+    paths = [path for path in paths if rules.table is None or path.absolute() != rules.table.absolute()]
     mode = load or ("measured" if LOAD_FORCE in settings["channels"] else "none")
     recipe = Recipe.from_settings(settings, rules, cylinder, mode)
     check_mapping(recipe.channels)
