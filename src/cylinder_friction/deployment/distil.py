@@ -7,13 +7,13 @@ they carry the same knowledge without the labels' noise. Its cost is measured on
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cylinder_friction.estimators.front_end import FrontEndBlock
-from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.training_plan import Architecture, LearningCurve, SequenceData, TrainingPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator, train_correction
+from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.recordings.storage import read_recordings
 
@@ -21,12 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.recordings.recording import Recording
-
-    Array = NDArray[np.float64]
 
 PLAN = TrainingPlan(epochs=40, patience=12, sequence_length=200, burn_in=100, batch_size=16, schedule="cosine")
 LEARNING_RATE = 5e-3
@@ -82,37 +78,20 @@ def distil(
         raise ValueError(f"nodes must be at least 1, but got {nodes!r}")
     if original.parts is None:
         raise ValueError("the hybrid to distil is not fitted yet; call fit or load first")
-    # PyTorch: only training waits for it
-    from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
-
     parts, block = original.parts, FrontEndBlock(original.parts.front_end)
     architecture = Architecture(1, nodes, 0.0, LEARNING_RATE)
 
-    def correction(recording: Recording) -> tuple[Any, Array]:
-        """Return the features, and what the original adds to the base force [N]."""
+    def imitated(recording: Recording) -> SequenceData:
+        """Return the features; the target is what the original adds to the base force [N]."""
         features, base_n = block.advance(block.new_state(), recording.samples(original.inputs))
-        return features, original.estimate(recording) - base_n
+        return SequenceData(features, original.estimate(recording) - base_n, recording.usable())
 
-    def sequence(recording: Recording, features: Any, added_n: Array) -> SequenceData:
-        return SequenceData(features, ((added_n - mean_n) / scale_n).astype(np.float32), recording.usable())
-
-    pairs = [correction(recording) for recording in train]
-    target = np.concatenate([added_n[each.usable()] for each, (_, added_n) in zip(train, pairs, strict=True)])
-    mean_n, scale_n = float(target.mean()), float(target.std()) or 1.0
-    network, curve = train_network(
-        lambda inputs: FrictionNetwork(architecture, inputs),
-        architecture.learning_rate,
-        plan,
-        [sequence(recording, *pair) for recording, pair in zip(train, pairs, strict=True)],
-        [sequence(recording, *correction(recording)) for recording in validation],
-        seed,
-    )
+    sequences, stopping = ([imitated(recording) for recording in part] for part in (train, validation))
+    network, curve, mean_n, scale_n = train_correction(architecture, plan, sequences, stopping, seed)
     student = HybridEstimator(original.cylinder, parts.design, architecture, plan, None, seed, inputs=original.inputs)
     student.sample_time_s, student.training_range = original.sample_time_s, original.training_range
-    student._set(replace(parts, network=weights_of(network), forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
-    student.learning_curve = LearningCurve(
-        [scale_n * mae for mae in curve.train_mae], [scale_n * mae for mae in curve.validation_mae], curve.best_epoch
-    )
+    student._set(replace(parts, network=network, forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
+    student.learning_curve = curve
     student.calibrate(largest_friction_n(train), validation)
     return student, compare(original, student, held_out)
 

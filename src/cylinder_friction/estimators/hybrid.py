@@ -123,40 +123,19 @@ class HybridEstimator(FrictionEstimator):
         """
         if self.cylinder is None:
             raise ValueError("a hybrid needs a cylinder to be fitted; got a loaded one without")
-        from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
-
         train = recordings
         if validation is None:
             stops = self.plan.patience is not None
             train, validation = held_out_for_stopping(recordings) if stops else (recordings, ())
         self._begin_fit(train)
         front_end = fit_front_end(self.design, self.cylinder, train, self.inputs)
-        pairs = [_corrected(front_end, recording) for recording in train]
-        usable = [left[recording.usable()] for (_, left), recording in zip(pairs, train, strict=True)]
-        mean_n, scale_n = float(np.concatenate(usable).mean()), float(np.concatenate(usable).std()) or 1.0
-
-        def sequence(recording: Recording, features: Any, left: Array) -> SequenceData:
-            return SequenceData(features, ((left - mean_n) / scale_n).astype(np.float32), recording.usable())
-
-        network, curve = train_network(
-            lambda inputs: FrictionNetwork(self.architecture, inputs),
-            self.architecture.learning_rate,
-            self.plan,
-            [sequence(recording, *pair) for recording, pair in zip(train, pairs, strict=True)],
-            [sequence(recording, *_corrected(front_end, recording)) for recording in validation],
-            self.seed,
-            self.device,
-            checkpoint,
-            None if report is None else lambda epoch, *maes: report(epoch, *(scale_n * mae for mae in maes)),
+        sequences, stopping = ([_correction(front_end, each) for each in part] for part in (train, validation))
+        network, self.learning_curve, mean_n, scale_n = train_correction(
+            self.architecture, self.plan, sequences, stopping, self.seed, self.device, checkpoint, report
         )
-        self.learning_curve = LearningCurve(
-            [scale_n * mae for mae in curve.train_mae],
-            [scale_n * mae for mae in curve.validation_mae],
-            curve.best_epoch,
-        )
-        self._set(HybridParts(self.design, front_end, weights_of(network), None, mean_n, scale_n))
+        self._set(HybridParts(self.design, front_end, network, None, mean_n, scale_n))
         if self.forest_plan is not None:
-            self._set(replace(self._fitted(), forest=self._fit_forest(train, self.forest_plan)))
+            self._set(replace(self._fitted(), forest=self._fit_forest(sequences, self.forest_plan)))
         self.guard = self.bounds = None
         if validation:
             self.calibrate(largest_friction_n(train), validation)
@@ -222,17 +201,15 @@ class HybridEstimator(FrictionEstimator):
         assert self.parts is not None
         return self.parts
 
-    def _fit_forest(self, train: Sequence[Recording], plan: ForestPlan) -> Forest:
+    def _fit_forest(self, train: Sequence[SequenceData], plan: ForestPlan) -> Forest:
         """Fit the forest on the label (paper) or on the residual of the LSTM."""
         parts = self._fitted()
         inputs, targets = [], []
-        for recording in train:
-            features, left = _corrected(parts.front_end, recording)
-            hidden, head = self._network.advance(self._network.new_state(), features)
-            target = (left - parts.target_mean_n) / parts.target_scale_n
-            mask = recording.usable()
-            inputs.append(forest_input(parts.design, hidden, head, features)[mask])
-            targets.append((target if parts.design == "paper" else target - head)[mask])
+        for each in train:
+            hidden, head = self._network.advance(self._network.new_state(), each.features)
+            target = (each.target - parts.target_mean_n) / parts.target_scale_n
+            inputs.append(forest_input(parts.design, hidden, head, each.features)[each.usable])
+            targets.append((target if parts.design == "paper" else target - head)[each.usable])
         return fit_forest(np.concatenate(inputs), np.concatenate(targets), plan, self.seed)
 
     def _write(self, folder: Path) -> dict[str, Any]:
@@ -269,6 +246,46 @@ class HybridEstimator(FrictionEstimator):
         return estimator
 
 
+def train_correction(
+    architecture: Architecture,
+    plan: TrainingPlan,
+    train: Sequence[SequenceData],
+    validation: Sequence[SequenceData],
+    seed: int,
+    device: str = "cpu",
+    checkpoint: Checkpoint | None = None,
+    report: EpochReport | None = None,
+) -> tuple[LstmWeights, LearningCurve, float, float]:
+    """Return an LSTM trained on targets in newtons, its learning curve, and mean and scale of the targets [N].
+
+    Its output 0 stands for the mean, and 1 adds the scale; arguments as for ``train_network``, all errors in newtons.
+    """
+    # PyTorch: only training waits for it
+    from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
+
+    usable_n = np.concatenate([each.target[each.usable] for each in train])
+    mean_n, scale_n = float(usable_n.mean()), float(usable_n.std()) or 1.0
+
+    def scaled(sequences: Sequence[SequenceData]) -> list[SequenceData]:
+        return [replace(each, target=((each.target - mean_n) / scale_n).astype(np.float32)) for each in sequences]
+
+    network, curve = train_network(
+        lambda inputs: FrictionNetwork(architecture, inputs),
+        architecture.learning_rate,
+        plan,
+        scaled(train),
+        scaled(validation),
+        seed,
+        device,
+        checkpoint,
+        None if report is None else lambda epoch, *maes: report(epoch, *(scale_n * mae for mae in maes)),
+    )
+    in_newtons = LearningCurve(
+        [scale_n * mae for mae in curve.train_mae], [scale_n * mae for mae in curve.validation_mae], curve.best_epoch
+    )
+    return weights_of(network), in_newtons, mean_n, scale_n
+
+
 def forest_input(design: Design, hidden: Any, head: Any, features: Any) -> Any:
     """Return what the forest sees, float32: the last hidden state; except in ``paper`` head and features too."""
     if design == "paper":
@@ -296,8 +313,8 @@ def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recordi
     return train or validation, validation
 
 
-def _corrected(front_end: FrontEnd, recording: Recording) -> tuple[Any, Array]:
-    """Return the features of a recording, and the label less the force that is corrected [N]."""
+def _correction(front_end: FrontEnd, recording: Recording) -> SequenceData:
+    """Return the features of a recording; the target is the label less the force that is corrected [N]."""
     block = FrontEndBlock(front_end)
     features, base_n = block.advance(block.new_state(), recording.samples(front_end.inputs))
-    return features, recording.column("friction_n") - base_n
+    return SequenceData(features, recording.column("friction_n") - base_n, recording.usable())

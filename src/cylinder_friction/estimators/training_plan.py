@@ -55,10 +55,10 @@ class TrainingPlan:
 
 @dataclass(frozen=True)
 class SequenceData:
-    """One recording as the network sees it: features ``(n, k)`` float32, target ``(n,)`` float32, mask ``(n,)``."""
+    """One recording as the network sees it: features ``(n, k)`` float32, target ``(n,)``, mask ``(n,)``."""
 
     features: NDArray[np.float32]
-    target: NDArray[np.float32]
+    target: NDArray[np.float32 | np.float64]
     usable: NDArray[np.bool_]
 
 
