@@ -20,7 +20,6 @@ from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS
 from cylinder_friction.realtime.bounds import unknown_bounds
 from cylinder_friction.realtime.history import TOLERANCE_M
-from cylinder_friction.recordings.columns import POSITION, PRESSURES
 from cylinder_friction.recordings.files import write_text
 
 if TYPE_CHECKING:
@@ -169,9 +168,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
     history = step.history if learned else None
     head = step.network is not None and (step.head_counts or step.forest_sees == "hidden_head_features")
     forest = None if step.forest is None else flatten(step.forest)
-    pressures = [columns.index(column) for column in PRESSURES if column in columns]
-    position = columns.index(POSITION) if POSITION in columns else None
-    fields = state_fields(step, bank, lugre is not None, history, len(pressures), precision)
+    fields = state_fields(step, bank, lugre is not None, history, precision)
     operations = GUARD_OPERATIONS + bank.operations()
     if lugre is not None:
         operations += LUGRE_STEP_MULTIPLY_ADDS
@@ -199,8 +196,6 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         "names": ", ".join(each.name for each in inputs),
         "bank": bank,
         "features": len(bank.feature) + (0 if history is None else len(history.mean)),
-        "pressures": pressures,
-        "position": position,
         "zero": number(0.0, precision),
         "base": number(0.0, precision) if bank.base is None else f"filtered[{bank.base}]",
         "standstill": number(step.bounds.standstill_m_s, precision),
@@ -257,10 +252,10 @@ class StateField:
 
 
 def state_fields(
-    model: StepModel, bank: FilterBank, lugre: bool, history: History | None, pressures: int, real: Type
+    model: StepModel, bank: FilterBank, lugre: bool, history: History | None, real: Type
 ) -> Sequence[StateField]:
     """Return all that an instance remembers, zero after a reset; widest types first, so that none needs padding."""
-    inputs = len(model.inputs)
+    inputs, pressures = len(model.inputs), len(model.pressures)
     fields = [
         StateField(real, "window", (inputs, 2 * bank.lags), "last samples of each input, newest at cursor, kept twice"),
         StateField(real, "held", (inputs,), "last valid value of each input"),
