@@ -11,7 +11,7 @@ import numpy as np
 
 from cylinder_friction.realtime.bounds import calibrated_bounds, unknown_bounds, velocity_taps
 from cylinder_friction.realtime.guard import TrainingRange, guard_from
-from cylinder_friction.realtime.model import Bounds, Guard, StepModel
+from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
 from cylinder_friction.realtime.stream import EstimatorStream, RealTimeStream, StrictStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
@@ -204,9 +204,8 @@ class FrictionEstimator(ABC):
         estimator.training_range = TrainingRange(
             estimator.inputs, tuple(low for low, _ in limits), tuple(high for _, high in limits)
         )
-        guard, bounds = description.get("guard"), description.get("bounds")
-        estimator.guard = None if guard is None else Guard.from_dict(guard)
-        estimator.bounds = None if bounds is None else Bounds.from_dict(bounds)
+        estimator.guard = from_json(Guard, description.get("guard"))
+        estimator.bounds = from_json(Bounds, description.get("bounds"))
         return estimator
 
     def _begin_fit(self, recordings: Sequence[Recording]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
@@ -37,13 +37,6 @@ class Guard:
     warm_up_samples: int  # Steps after a reset in which the estimate is not yet to be trusted
     recovery_samples: int  # The same after the last bad sample
 
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Self:
-        known: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value for key, value in values.items()
-        }
-        return cls(**known)
-
 
 @dataclass(frozen=True)
 class Bounds:
@@ -59,12 +52,16 @@ class Bounds:
     reversal_samples: int  # How long a reversal or start lasts
     probability: float  # That the label lies between the bounds, on recordings like those of the calibration
 
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Self:
-        known: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value for key, value in values.items()
-        }
-        return cls(**known)
+
+GuardOrBounds = TypeVar("GuardOrBounds", Guard, Bounds)
+
+
+def from_json(kind: type[GuardOrBounds], values: dict[str, Any] | None) -> GuardOrBounds | None:
+    """Return a guard or bounds from JSON, which has lists in place of tuples; None for None."""
+    if values is None:
+        return None
+    known: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+    return kind(**known)
 
 
 @dataclass(frozen=True)
