@@ -9,6 +9,7 @@ import numpy as np
 
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
+from cylinder_friction.estimators.linear import labelled_rows
 from cylinder_friction.estimators.onnx_files import read_forest, write_forest
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.stream import StrictStream
@@ -71,12 +72,12 @@ class ForestEstimator(FrictionEstimator):
         self._begin_fit(recordings)
         front_end = fit_front_end("paper", self.cylinder, recordings, self.inputs)
         block = FrontEndBlock(front_end)
+        labels, masks = labelled_rows(recordings)
         rows = [
-            block.advance(block.new_state(), recording.samples(self.inputs))[0][recording.usable()]
-            for recording in recordings
+            block.advance(block.new_state(), recording.samples(self.inputs))[0][mask]
+            for recording, mask in zip(recordings, masks, strict=True)
         ]
-        labels = [recording.column("friction_n")[recording.usable()] for recording in recordings]
-        self._set(front_end, fit_forest(np.concatenate(rows), np.concatenate(labels), self.plan, self.seed))
+        self._set(front_end, fit_forest(np.concatenate(rows), labels, self.plan, self.seed))
         return self
 
     def _set(self, front_end: FrontEnd, forest: Forest) -> None:

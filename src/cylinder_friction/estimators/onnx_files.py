@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
     Single = NDArray[np.float32]
 
-OPSET, ML_OPSET = 17, 3
+OPSET = 17
+OPSETS = {"": OPSET, "ai.onnx.ml": 3}
 IR_VERSION = 8
+"""With these operator sets, what ONNX Runtime 1.14 (2023) already reads."""
 
 
 def write_onnx(model: onnx.ModelProto, path: Path) -> None:
@@ -147,7 +149,7 @@ def forest_to_onnx(forest: Forest) -> onnx.ModelProto:
     graph = helper.make_graph(
         [node], "forest", [_value("features", ["rows", forest.inputs])], [_value("output", ["rows", 1])]
     )
-    opsets = [helper.make_opsetid("", OPSET), helper.make_opsetid("ai.onnx.ml", ML_OPSET)]
+    opsets = [helper.make_opsetid(*each) for each in OPSETS.items()]
     model = helper.make_model(graph, opset_imports=opsets, ir_version=IR_VERSION)
     onnx.checker.check_model(model, full_check=True)
     return model

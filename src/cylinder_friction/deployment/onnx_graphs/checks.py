@@ -9,6 +9,7 @@ import numpy as np
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, HAPPENED_AT
+from cylinder_friction.realtime.bounds import REVERSAL
 from cylinder_friction.realtime.flags import Flag, invalid_flag
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from cylinder_friction.deployment.onnx_graphs.graph import Graph
     from cylinder_friction.deployment.onnx_graphs.rows import Rows
     from cylinder_friction.realtime.model import Bounds, StepModel
-
-REVERSAL = 3
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from onnx import TensorProto, helper
 
 from cylinder_friction.estimators.onnx_files import forest_to_onnx
+from cylinder_friction.realtime.lstm import TINY
 
 if TYPE_CHECKING:
     from cylinder_friction.deployment.onnx_graphs.graph import Graph
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.lstm import LstmWeights
     from cylinder_friction.realtime.model import Bounds, StepModel
-
-DENORMAL = 1e-30
-"""Smaller states become zero: arithmetic on denormal numbers is slow."""
 
 
 def lags_of(model: StepModel) -> int:
@@ -123,7 +121,7 @@ def _network(graph: Graph, weights: LstmWeights, rows: Rows) -> None:
     graph.add("Squeeze", source, graph.indices(0 if rows.single else 1), to="hidden")
     if rows.single:
         graph.add("Concat", *after, to="network_full", axis=0)
-        graph.add("Shrink", "network_full", to="network_state", lambd=DENORMAL)
+        graph.add("Shrink", "network_full", to="network_state", lambd=float(TINY))
 
 
 def _forest(graph: Graph, model: StepModel) -> None:

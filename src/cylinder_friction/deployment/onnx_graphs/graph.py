@@ -8,14 +8,13 @@ import numpy as np
 import onnx
 from onnx import helper, numpy_helper
 
+from cylinder_friction.estimators.onnx_files import IR_VERSION, OPSETS
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, DTypeLike
 
-OPSETS = {"": 17, "ai.onnx.ml": 3}
-IR_VERSION = 8
-"""What ONNX Runtime 1.14 (2023) already reads."""
 ML_OPERATORS = {"TreeEnsembleRegressor": "ai.onnx.ml"}
 
 
@@ -83,7 +82,7 @@ class Graph:
         graph = helper.make_graph(
             self._nodes, name, self._inputs, self._outputs, list(self._constants.values()), doc_string=meaning
         )
-        opsets = [helper.make_opsetid(domain, version) for domain, version in OPSETS.items()]
+        opsets = [helper.make_opsetid(*each) for each in OPSETS.items()]
         model = helper.make_model(
             graph, opset_imports=opsets, ir_version=IR_VERSION, producer_name="cylinder-friction", doc_string=meaning
         )
