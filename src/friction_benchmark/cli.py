@@ -7,10 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from cylinder_friction.params.checking import ParamsError
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.tracking.errors import TrackingError
-from friction_benchmark.params import CONF, FOLDER
+from cylinder_friction.commands.cli import INTERRUPTED, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,14 +23,27 @@ COMMANDS = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command in ``benchmark/``; returns 0, or 1 with a message where the user can do something about it."""
     options = _parser().parse_args(arguments)
-    if (FOLDER / CONF).is_dir():
-        os.chdir(FOLDER)
+    name = f"friction-benchmark {options.command}"
     try:
         _run(options)
-    except (ParamsError, RecordingError, TrackingError, ValueError, FileNotFoundError) as error:
-        print(f"friction-benchmark {options.command}: {error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print(f"\n{name}: interrupted; {_kept(options.command)}", file=sys.stderr)
+        return INTERRUPTED
+    except Exception as error:
+        if not isinstance(error, refusals()):
+            raise
+        print(f"{name}: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _kept(command: str) -> str:
+    """Return what is left after Ctrl-C, and how to go on."""
+    if command == "run":
+        from friction_benchmark.run import CACHE
+
+        return f"finished jobs are kept in {CACHE}; run `friction-benchmark run` again to go on from there"
+    return "nothing is half-written; run the same command again"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -49,6 +59,8 @@ def _parser() -> argparse.ArgumentParser:
 def _run(options: argparse.Namespace) -> None:
     from friction_benchmark import params, run
 
+    if (params.FOLDER / params.CONF).is_dir():
+        os.chdir(params.FOLDER)
     if options.command == "params":
         params.write_benchmark_params(options.overrides)
     elif options.command == "inputs":

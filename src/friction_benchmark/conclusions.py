@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from friction_benchmark.folds import HELD_OUT, SPLITS, UNSEEN_RIG
+from friction_benchmark.results import NEEDS_MORE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,7 +46,10 @@ def _paragraph(splits: Sequence[TaskResult], results: BenchmarkResults) -> str:
         else:
             sentences += _elsewhere(found, splits[0], titles)
     failed = {
-        model: reason for found in splits for model, reason in found.missing.items() if "needs more" not in reason
+        model: reason
+        for found in splits
+        for model, reason in found.missing.items()
+        if not reason.startswith(NEEDS_MORE)
     }
     if failed:
         sentences.append(f"Without a figure, because they failed: {titles.several(list(failed))}.")

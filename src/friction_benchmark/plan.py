@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import RecordingError
 from friction_benchmark.datasets import folds_of, labelled_recordings
@@ -46,12 +47,14 @@ class Plan:
         """Return the models by name, in the order of tables.
 
         Raises:
-            ValueError: A model is not in the registry.
+            ParamsError: A model is not in the registry.
         """
         known = registered_models(self.modules)
         for name in self.models:
             if name not in known:
-                raise ValueError(f"no model {name!r} in the registry; expected some of {', '.join(known)}")
+                raise ParamsError(
+                    f"plan.models: no model {name!r} in the registry; expected some of {', '.join(known)}"
+                )
         return {name: model for name, model in known.items() if name in self.models or not self.models}
 
     def leaderboards(self, sources: Sources) -> tuple[list[tuple[Task, str]], dict[str, str]]:

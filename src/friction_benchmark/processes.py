@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from multiprocessing.process import BaseProcess
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -38,11 +40,15 @@ class Workers:
     def __init__(self, count: int) -> None:
         self.count = count
         self._processes: ProcessPoolExecutor | None = None
+        self._children: list[BaseProcess] = []
 
     def __enter__(self) -> Workers:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is not None:  # Ctrl-C among them: what is running would go on for minutes
+            for process in self._children:
+                process.terminate()
         self._stop()
 
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
@@ -88,16 +94,23 @@ class Workers:
     def _started(self) -> ProcessPoolExecutor:
         """Return processes that inherit nothing but the environment, in which every library has one thread."""
         if self._processes is None:
+            others = multiprocessing.active_children()
             with _one_thread():
-                self._processes = ProcessPoolExecutor(self.count, mp_context=multiprocessing.get_context("spawn"))
+                self._processes = ProcessPoolExecutor(
+                    self.count,
+                    mp_context=multiprocessing.get_context("spawn"),
+                    initializer=signal.signal,  # Ctrl-C reaches every process; this one ends the others
+                    initargs=(signal.SIGINT, signal.SIG_IGN),
+                )
                 # They begin as they are asked; all of them must while the environment is as it should be.
                 wait([self._processes.submit(os.getpid) for _ in range(self.count)])
+            self._children = [child for child in multiprocessing.active_children() if child not in others]
         return self._processes
 
     def _stop(self) -> None:
         if self._processes is not None:
             self._processes.shutdown(cancel_futures=True)
-            self._processes = None
+            self._processes, self._children = None, []
 
 
 @contextmanager

@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 Reference = Literal["label", "truth"]
+NEEDS_MORE = "it needs more than"
+"""So begins why a model has no entry where it did not fail: the task shows too few columns."""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def evaluate(params: BenchmarkParams, runner: Runner) -> RunRecord:
 
     Raises:
         FileNotFoundError: Your own recordings are to be used, but are not there.
-        ValueError: A model is not in the registry.
+        ParamsError: A model is not in the registry.
         RecordingError: There are too few sessions to split.
     """
     results = runner.run()

@@ -16,7 +16,7 @@ from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UN
 from friction_benchmark.jobs import Context, PredictionJob, TuningJob, model_code
 from friction_benchmark.leaderboard import ScoringJob, denominators
 from friction_benchmark.processes import Died, Workers
-from friction_benchmark.results import BenchmarkResults, Entry, ModelInfo, TaskResult
+from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, Entry, ModelInfo, TaskResult
 from friction_benchmark.tasks import task_named
 from friction_benchmark.tuning import Tuned
 from friction_benchmark.worker import do_jobs
@@ -59,7 +59,8 @@ class Runner:
         """Return what the benchmark found.
 
         Raises:
-            ValueError: A task or model is not known.
+            ValueError: A task is not known.
+            ParamsError: A model is not in the registry.
         """
         self.models = self.plan.chosen_models()
         self.context = Context(self.sources, self.cache, self.plan.effort, self.plan.trials, code_key(WORKER))
@@ -198,7 +199,7 @@ class Runner:
         """Return why a model has no line in a leaderboard; empty where it has one."""
         inputs = self._inputs(task)
         if not self.models[name].supports(inputs):
-            return f"it needs more than {', '.join(inputs)}"
+            return f"{NEEDS_MORE} {', '.join(inputs)}"
         tuned = self.tuned[name, task.tuned_as or task.name]
         if isinstance(tuned, str):
             return tuned

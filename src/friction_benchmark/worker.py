@@ -9,12 +9,13 @@ import shutil
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from time import perf_counter_ns, process_time
+from time import process_time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.evaluation.timing import time_steps
 from cylinder_friction.recordings.files import read_json, write_json
 from friction_benchmark.cache import Estimates, Prediction, mark_used
 from friction_benchmark.conformal import calibrated
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
 
 POSITION_ALONE = ("position_m",)
 TIMED_STEPS = 300
-WARM_UP_STEPS = 50
 LONGEST_TIMING_S = 0.5
 FIT_FILE = "fit.json"
 
@@ -106,7 +106,8 @@ def prediction(context: Context, job: PredictionJob) -> Prediction:
         training_s += trained.training_s
         multiply_adds = estimator.multiply_adds()
         if job.timed:
-            step_us = median_step_us(estimator, tested[fold.test[0]].recording)
+            timed = tested[fold.test[0]].recording
+            step_us = 1e6 * time_steps(estimator, timed, TIMED_STEPS, maximum_seconds=LONGEST_TIMING_S).p50_s
     return Prediction(estimates, multiply_adds, training_s, step_us)
 
 
@@ -121,24 +122,6 @@ def validation_percent(estimator: FrictionEstimator, cases: Sequence[EvaluationC
     if not np.isfinite(percent):
         raise ValueError(f"error on validation sessions is {percent} %")
     return percent
-
-
-def median_step_us(estimator: FrictionEstimator, recording: Recording) -> float:
-    """Return the median time of one step of the Python stream [µs]: a comparison within one run, no more."""
-    samples = [tuple(map(float, row)) for row in recording.samples(estimator.inputs)[: TIMED_STEPS + WARM_UP_STEPS]]
-    stream = estimator.stream()
-    for sample in samples[:WARM_UP_STEPS]:  # compiled and warm before time counts
-        stream.step(*sample)
-    durations: list[int] = []
-    deadline = perf_counter_ns() + round(1e9 * LONGEST_TIMING_S)
-    for sample in samples[WARM_UP_STEPS:]:
-        before = perf_counter_ns()
-        stream.step(*sample)
-        after = perf_counter_ns()
-        durations.append(after - before)
-        if after > deadline:
-            break
-    return float(np.median(durations)) / 1e3
 
 
 def _trained(context: Context, job: TuningJob | PredictionJob, fold: Fold, hyperparameters: Values) -> Trained:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import time
 from functools import partial
 
 import pytest
 
 from friction_benchmark.processes import ONE_THREAD, Died, Workers
-from process_work import die, slow_if_first, threads, twice
+from process_work import die, minutes_if_first, slow_if_first, threads, twice
 
 
 def test_one_worker_does_all_in_order() -> None:
@@ -29,6 +31,21 @@ def test_a_process_that_dies_costs_its_own_piece() -> None:
         done = dict(workers.do_all(pieces))
     assert done.pop(1) == Died()
     assert done == {0: 0, 2: 2, 3: 3}
+
+
+@pytest.mark.slow
+def test_an_interrupt_ends_what_is_running() -> None:
+    started_s = time.monotonic()
+
+    def interrupted() -> None:
+        with Workers(2) as workers:
+            next(workers.do_all([partial(minutes_if_first, n) for n in range(2)]))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert time.monotonic() - started_s < 60.0
+    assert not multiprocessing.active_children()
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ import yaml
 
 from cylinder_friction.params.checking import ParamsError, checked
 from cylinder_friction.tracking.store import open_store
+from friction_benchmark import params as configuration
 from friction_benchmark import run as benchmark
 from friction_benchmark.cli import main
 from friction_benchmark.params import BenchmarkParams, compose_benchmark
@@ -163,6 +165,36 @@ def test_the_committed_parameters_are_what_conf_composes() -> None:
 @pytest.mark.parametrize("recipe", sorted(path.stem for path in (CONF / "experiment").glob("*.yaml")))
 def test_every_recipe_composes(recipe: str) -> None:
     compose_benchmark([f"experiment={recipe}"], CONF)
+
+
+def test_an_interrupted_command_states_what_is_kept_and_how_to_go_on(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(configuration, "load_benchmark_params", stop)
+    assert main(["run"]) == 130
+    assert (
+        "friction-benchmark run: interrupted; finished jobs are kept in .cylinder-friction/benchmark-cache; run "
+        in (capsys.readouterr().err)
+    )
+
+
+def test_an_error_that_is_not_the_users_is_raised(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise ValueError("of the program")
+
+    monkeypatch.setattr(configuration, "load_benchmark_params", fail)
+    with pytest.raises(ValueError, match="of the program"):
+        main(["run"])
+
+
+def test_the_command_line_starts_without_what_its_commands_need() -> None:
+    heavy = "{'pandas', 'scipy', 'hydra', 'torch', 'mlflow', 'pydantic'}"
+    code = f"import sys, friction_benchmark.cli; print(sorted({heavy} & set(sys.modules)))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "[]\n"
 
 
 def test_the_command_states_what_is_wrong_and_where(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.evaluation.strata import StrataLimits
+from cylinder_friction.params.checking import ParamsError
 from friction_benchmark import worker
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sources, folds_of
@@ -271,7 +272,8 @@ def test_a_plan_of_loaded_recordings_alone_needs_no_others(tmp_path: Path) -> No
 
 def test_an_unknown_model_is_refused_by_name(runner: Runner) -> None:
     with pytest.raises(
-        ValueError, match="no model 'rigde' in the registry; expected some of low_pass, hold, constant_by_direction, ri"
+        ParamsError,
+        match=r"plan\.models: no model 'rigde' in the registry; expected some of low_pass, hold, constant_by_direction, r",
     ):
         replace(runner, plan=replace(PLAN, models=("rigde",))).run()
 
@@ -290,6 +292,13 @@ def test_the_paragraph_of_a_task_follows_from_its_numbers(results: BenchmarkResu
     assert "Without a figure, because they failed: Raises; and Nan." in findings["identity"]
     assert "As a virtual load cell" in findings["external_load"]
     assert "The baseline, Constant, has" in findings["pressure_free"]
+
+
+def test_a_failure_is_named_whatever_its_message(results: BenchmarkResults) -> None:
+    identity = found(results, "identity")
+    failed = replace(identity, missing={"raises": "seed 0: ValueError: the filter needs more samples"})
+    paragraph = findings_of(replace(results, tasks=(failed,)))["identity"]
+    assert "Without a figure, because they failed: Raises." in paragraph
 
 
 def test_where_nothing_beats_the_baseline_the_paragraph_states_it(results: BenchmarkResults) -> None:

@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"\n{name}: interrupted; {options.kept(options)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        if not isinstance(error, (*_refusals(), *options.expected)):
+        if not isinstance(error, (*refusals(), *options.expected)):
             raise
         print(f"{name}: {error}", file=sys.stderr)
         return 1
@@ -97,7 +97,7 @@ def _add_completion(top: argparse.ArgumentParser) -> None:
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
-def _refusals() -> tuple[type[Exception], ...]:
+def refusals() -> tuple[type[Exception], ...]:
     """Return the errors whose message is all that the user of any command needs."""
     from cylinder_friction.params.checking import ParamsError
     from cylinder_friction.recordings.recording import RecordingError
