@@ -101,7 +101,8 @@ def hyperparameter_table(searched: Mapping[str, Any], chosen: Mapping[str, Any])
         "forest_depth": "Forest: greatest depth",
     }
     rows = [
-        (name, _searched(key, searched.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key]) for key, name in words.items()
+        (name, _searched(key, searched.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key])
+        for key, name in words.items()
     ]
     return Table(("Hyperparameter", "Range searched", "Value used", "Published range", "Published value"), rows)
 

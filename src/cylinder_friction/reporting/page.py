@@ -92,7 +92,7 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
     """Return a page.
 
     Args:
-        template: A file in the package's folder ``templates``, which may use those of this package.
+        template: A file's path in the package, ``templates/...``; it may use what lies in ``templates/frame`` here.
         package: Where the template is.
         context: What the template shows; ``title`` at least.
     """
@@ -101,7 +101,7 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
     def svg(figure: Figure, words: str) -> Markup:
         return Markup(svg_text(figure, f"figure{next(numbers)}", words))  # noqa: S704 - drawn by Matplotlib, which escapes
 
-    loaders = [jinja2.PackageLoader(each, "templates") for each in dict.fromkeys((package, __package__))]
+    loaders = [jinja2.PackageLoader(package, ""), jinja2.PackageLoader(__package__, "templates/frame")]
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )

@@ -58,7 +58,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
     comparison, main = analysis.comparison, analysis.main
     audit = inputs.audit
     return page_html(
-        "report.html.j2",
+        "templates/report.html.j2",
         title="Friction estimators compared",
         sections={key: words for key, words in SECTIONS.items() if key != "audit" or audit is not None},
         recordings=len(comparison.traces),

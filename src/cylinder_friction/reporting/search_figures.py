@@ -39,4 +39,6 @@ def write_search_page(trials: Sequence[Trial], space: SearchSpace, plan: SearchP
     for figure in figures.values():
         interactive(figure.update_layout(title=None), 420)
     sections = {name.split()[0].lower(): name for name in figures}
-    write_text(path, page_html("search.html.j2", title="Hyperparameter search", sections=sections, figures=figures))
+    write_text(
+        path, page_html("templates/search.html.j2", title="Hyperparameter search", sections=sections, figures=figures)
+    )

@@ -47,7 +47,7 @@ def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
     splits = list(dict.fromkeys(result.split for result in others))
     sections = {"overview": "Overview"} | {anchor(task): capital(found[0].title) for task, found in tasks.items()}
     return page_html(
-        "benchmark.html.j2",
+        "templates/benchmark.html.j2",
         __package__,
         title="Friction models compared",
         sections=sections | {"models": "Models", "budget": "Budget", "reading": "How to read the numbers"},

@@ -75,7 +75,7 @@ def write_page(
     }
     counts = count_outcomes(subjects)
     html = page_html(
-        "inspection.html.j2",
+        "templates/inspection.html.j2",
         title="Inspection of recordings",
         lead=_lead(subjects, len(panes)),
         counts=[(outcome, counts[outcome], MEANINGS[outcome]) for outcome in OUTCOMES if counts[outcome]],
