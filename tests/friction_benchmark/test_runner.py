@@ -273,7 +273,7 @@ def test_a_plan_of_loaded_recordings_alone_needs_no_others(tmp_path: Path) -> No
 def test_an_unknown_model_is_refused_by_name(runner: Runner) -> None:
     with pytest.raises(
         ParamsError,
-        match=r"plan\.models: no model 'rigde' in the registry; expected some of low_pass, hold, constant_by_direction, r",
+        match=r"plan\.models: no model 'rigde' in the registry; expected some of low_pass, hold, constant_by_",
     ):
         replace(runner, plan=replace(PLAN, models=("rigde",))).run()
 
