@@ -1,4 +1,1 @@
-"""Everything that estimates friction from a recording, behind one protocol.
-
-Every kind is imported here, so that ``FrictionEstimator.load`` knows it.
-"""
+"""Everything that estimates friction from a recording, behind one protocol; ``loading`` knows every kind."""
