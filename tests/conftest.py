@@ -25,6 +25,8 @@ from cylinder_friction.tracking.versions import dvc_hash
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from cylinder_friction.realtime.model import StepModel
+
 SAMPLE_TIME_S = 0.005
 
 
@@ -103,6 +105,11 @@ def small_hybrid(cylinder: Cylinder, labelled_recordings: list[Recording]) -> Hy
     )
     hybrid.fit(labelled_recordings)
     return hybrid
+
+
+@pytest.fixture(scope="session")
+def small_model(small_hybrid: HybridEstimator) -> StepModel:
+    return small_hybrid.step_model()
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,13 +13,14 @@ from contracts.tolerances import RARELY_N, TOLERANCES_N
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag, invalid_flag
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace
+from golden_fixtures import GOLDEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from cylinder_friction.realtime.model import StepModel
 
-GOLDEN = Path(__file__).parents[1] / "golden"
 MODELS = {"pressures": GOLDEN, "pressure_free": GOLDEN / "pressure_free"}
 """Golden sets by name: both pressures and the position; position and oil temperature, with the history of motion."""
 TRAJECTORIES = {name: read_trajectories(folder) for name, folder in MODELS.items()}

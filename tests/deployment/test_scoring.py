@@ -23,22 +23,17 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
 
 
-@pytest.fixture(scope="module")
-def model(small_hybrid: HybridEstimator) -> StepModel:
-    return small_hybrid.step_model()
-
-
 def rows_of(recording: Recording, count: int | None = None) -> pd.DataFrame:
     return recording.table[list(SAMPLE_COLUMNS)].iloc[:count].reset_index(drop=True)
 
 
 def test_one_recording_is_scored_as_every_runtime_runs_it(
-    model: StepModel, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+    small_model: StepModel, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
 ) -> None:
     recording = labelled_recordings[0]
-    scored = score(model, rows_of(recording))
+    scored = score(small_model, rows_of(recording))
     assert list(scored.columns) == ["friction_n", "lower_n", "upper_n", "flags", "in_training_range"]
-    newtons, flags = RealTimeStream(model).run(recording.samples())
+    newtons, flags = RealTimeStream(small_model).run(recording.samples())
     np.testing.assert_array_equal(scored[["friction_n", "lower_n", "upper_n"]], newtons)
     np.testing.assert_array_equal(scored["flags"], flags)
     np.testing.assert_array_equal(scored["friction_n"], small_hybrid.estimate(recording))
@@ -56,40 +51,40 @@ def test_an_estimator_on_other_inputs_is_scored_on_them(labelled_recordings: lis
 
 
 def test_interleaved_recordings_are_scored_separately_and_returned_in_the_order_of_the_rows(
-    model: StepModel, labelled_recordings: list[Recording]
+    small_model: StepModel, labelled_recordings: list[Recording]
 ) -> None:
     one, other = rows_of(labelled_recordings[0], 200), rows_of(labelled_recordings[4], 200)
     mixed = pd.concat([one.assign(recording="one"), other.assign(recording="other")])
     order = np.random.default_rng(1).permutation([0] * 200 + [1] * 200)
     nth = [np.cumsum(order == which)[at] - 1 + 200 * which for at, which in enumerate(order)]
-    scored = score(model, mixed.iloc[nth])
-    alone = np.concatenate([score(model, one)["friction_n"], score(model, other)["friction_n"]])
+    scored = score(small_model, mixed.iloc[nth])
+    alone = np.concatenate([score(small_model, one)["friction_n"], score(small_model, other)["friction_n"]])
     assert np.abs(scored["friction_n"].to_numpy() - alone[nth]).max() < 1e-3
 
 
-def test_one_row_is_a_first_sample(model: StepModel, labelled_recordings: list[Recording]) -> None:
+def test_one_row_is_a_first_sample(small_model: StepModel, labelled_recordings: list[Recording]) -> None:
     rows = rows_of(labelled_recordings[0], 50)
-    scored = score(model, rows.iloc[:1])
+    scored = score(small_model, rows.iloc[:1])
     assert len(scored) == 1
-    assert abs(scored["friction_n"].iloc[0] - score(model, rows)["friction_n"].iloc[0]) < 1e-3
+    assert abs(scored["friction_n"].iloc[0] - score(small_model, rows)["friction_n"].iloc[0]) < 1e-3
 
 
-def test_whole_numbers_are_numbers(model: StepModel) -> None:
+def test_whole_numbers_are_numbers(small_model: StepModel) -> None:
     rows = pd.DataFrame({"pressure_1_pa": [1_000_000], "pressure_2_pa": [900_000], "position_m": [0.1]})
-    assert np.isfinite(score(model, rows)["friction_n"]).all()
+    assert np.isfinite(score(small_model, rows)["friction_n"]).all()
 
 
 def test_a_sample_out_of_range_makes_doubtful_the_second_after_it(
-    model: StepModel, labelled_recordings: list[Recording]
+    small_model: StepModel, labelled_recordings: list[Recording]
 ) -> None:
     rows = rows_of(labelled_recordings[0], 500)
     rows.loc[100, "pressure_1_pa"] = 3e8
-    flags = score(model, rows.assign(recording="spiked"))["in_training_range"].to_numpy()
+    flags = score(small_model, rows.assign(recording="spiked"))["in_training_range"].to_numpy()
     assert flags[:100].all()
     assert not flags[100:300].any()
     assert flags[300:].all()
     both = pd.concat([rows.assign(recording="spiked"), rows_of(labelled_recordings[0], 50).assign(recording="calm")])
-    assert score(model, both)["in_training_range"].to_numpy()[500:].all(), "another recording is not affected"
+    assert score(small_model, both)["in_training_range"].to_numpy()[500:].all(), "another recording is not affected"
 
 
 def changed(rows: pd.DataFrame, **columns: object) -> pd.DataFrame:
@@ -117,19 +112,19 @@ def changed(rows: pd.DataFrame, **columns: object) -> pd.DataFrame:
     ],
 )
 def test_what_cannot_be_scored_is_refused_by_name(
-    model: StepModel, labelled_recordings: list[Recording], change: object, message: str
+    small_model: StepModel, labelled_recordings: list[Recording], change: object, message: str
 ) -> None:
     assert callable(change)
     with pytest.raises(ScoringError, match=message):
-        score(model, change(rows_of(labelled_recordings[0], 5)))
+        score(small_model, change(rows_of(labelled_recordings[0], 5)))
 
 
 def test_a_value_that_no_sensor_gives_is_held_and_flagged(
-    model: StepModel, labelled_recordings: list[Recording]
+    small_model: StepModel, labelled_recordings: list[Recording]
 ) -> None:
     rows = rows_of(labelled_recordings[0], 300)
     rows.loc[200, "pressure_1_pa"] = 1e308
-    scored = score(model, rows)
+    scored = score(small_model, rows)
     assert np.isfinite(scored["friction_n"]).all()
     assert scored["flags"][200] & Flag.INVALID_PRESSURE_1
     assert not scored["in_training_range"][200]
@@ -138,11 +133,11 @@ def test_a_value_that_no_sensor_gives_is_held_and_flagged(
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(*itertools.repeat(st.floats(), 3)), min_size=1, max_size=6))
 def test_whatever_comes_the_result_is_finite_or_a_refusal(
-    model: StepModel, samples: list[tuple[float, float, float]]
+    small_model: StepModel, samples: list[tuple[float, float, float]]
 ) -> None:
     rows = pd.DataFrame(samples, columns=list(SAMPLE_COLUMNS))
     try:
-        scored = score(model, rows)
+        scored = score(small_model, rows)
     except ScoringError:
         return
     assert len(scored) == len(rows)

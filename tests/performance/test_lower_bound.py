@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 
-def test_work_counts_every_weight_once(model: StepModel) -> None:
-    work = work_of(model)
-    assert model.network is not None
-    assert model.forest is not None
-    network = model.network
+def test_work_counts_every_weight_once(golden_model: StepModel) -> None:
+    work = work_of(golden_model)
+    assert golden_model.network is not None
+    assert golden_model.forest is not None
+    network = golden_model.network
     weights = network.recurrent.size + network.bias.size + network.head.size + 1
     weights += 4 * network.nodes * (network.inputs + (network.layers - 1) * network.nodes)
     assert work.network_bytes == 4 * weights
-    assert work.forest_bytes == 8 * len(model.forest.roots) * (model.forest.depth + 1)
+    assert work.forest_bytes == 8 * len(golden_model.forest.roots) * (golden_model.forest.depth + 1)
     assert work.multiply_adds > network.multiply_adds()
 
 

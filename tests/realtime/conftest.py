@@ -51,12 +51,7 @@ def designed(
     return DESIGNS[request.param](cylinder).fit(labelled_recordings)
 
 
-@pytest.fixture(scope="session")
-def model(small_hybrid: HybridEstimator) -> StepModel:
-    return small_hybrid.step_model()
-
-
 @pytest.fixture(params=[ReferenceStream, RealTimeStream], ids=["reference", "compiled"])
-def stream(request: pytest.FixtureRequest, model: StepModel) -> ReferenceStream | RealTimeStream:
+def stream(request: pytest.FixtureRequest, small_model: StepModel) -> ReferenceStream | RealTimeStream:
     """The reference and the compiled step, which keep one contract."""
-    return request.param(model)
+    return request.param(small_model)

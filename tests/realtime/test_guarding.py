@@ -119,11 +119,14 @@ def test_a_held_pressure_is_not_a_frozen_one(stream: Streams) -> None:
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_a_position_that_stays_under_more_than_friction_can_hold_is_frozen(model: StepModel, factor: float) -> None:
-    guard = replace(model.guard, freeze_samples=30, warm_up_samples=0, recovery_samples=5)
-    area = float(model.base_taps[0].sum())
-    pressure = (factor * guard.freeze_force_n - model.base_taps[1].sum() * SAMPLE[1]) / area
-    for stream in (ReferenceStream(replace(model, guard=guard)), RealTimeStream(replace(model, guard=guard))):
+def test_a_position_that_stays_under_more_than_friction_can_hold_is_frozen(
+    small_model: StepModel, factor: float
+) -> None:
+    guard = replace(small_model.guard, freeze_samples=30, warm_up_samples=0, recovery_samples=5)
+    area = float(small_model.base_taps[0].sum())
+    pressure = (factor * guard.freeze_force_n - small_model.base_taps[1].sum() * SAMPLE[1]) / area
+    guarded = replace(small_model, guard=guard)
+    for stream in (ReferenceStream(guarded), RealTimeStream(guarded)):
         flags = [stream.step(pressure, *SAMPLE[1:]).flags for _ in range(40)]
         assert flags == [0] * 30 + [Flag.FROZEN if factor > 1.0 else 0] * 10
         assert stream.step(pressure, SAMPLE[1], SAMPLE[2] + 1e-4).flags == (Flag.RECOVERING if factor > 1.0 else 0)

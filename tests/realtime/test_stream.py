@@ -24,9 +24,9 @@ VALUES = st.floats(allow_nan=True, allow_infinity=True) | st.floats(-1e6, 1e7) |
 @settings(max_examples=50, deadline=None)
 @given(samples=st.lists(st.tuples(VALUES, VALUES, VALUES), max_size=60))
 def test_whatever_comes_the_compiled_step_is_the_reference_and_stays_finite(
-    model: StepModel, samples: list[tuple[float, float, float]]
+    small_model: StepModel, samples: list[tuple[float, float, float]]
 ) -> None:
-    reference, compiled = ReferenceStream(model), RealTimeStream(model)
+    reference, compiled = ReferenceStream(small_model), RealTimeStream(small_model)
     for sample in samples:
         got = compiled.step(*sample)
         assert got == reference.step(*sample)
@@ -34,32 +34,32 @@ def test_whatever_comes_the_compiled_step_is_the_reference_and_stays_finite(
 
 
 def test_after_rubbish_it_comes_back_to_the_undisturbed_estimate(
-    model: StepModel, labelled_recordings: list[Recording]
+    small_model: StepModel, labelled_recordings: list[Recording]
 ) -> None:
     samples = labelled_recordings[0].samples()
-    undisturbed, _ = RealTimeStream(model).run(samples)
+    undisturbed, _ = RealTimeStream(small_model).run(samples)
     spoilt = samples.copy()
     spoilt[1000:1200] = np.nan
-    newtons, flags = RealTimeStream(model).run(spoilt)
-    back = 1200 + model.guard.recovery_samples
+    newtons, flags = RealTimeStream(small_model).run(spoilt)
+    back = 1200 + small_model.guard.recovery_samples
     assert (flags[1200:back] == Flag.RECOVERING).all()
     assert (flags[back:] == 0).all()
     assert np.abs(newtons[back:, 0] - undisturbed[back:, 0]).max() < 0.5
 
 
-def test_a_run_is_its_steps_wherever_it_is_cut(model: StepModel, labelled_recordings: list[Recording]) -> None:
+def test_a_run_is_its_steps_wherever_it_is_cut(small_model: StepModel, labelled_recordings: list[Recording]) -> None:
     samples = labelled_recordings[0].samples()[:400]
-    one = RealTimeStream(model)
+    one = RealTimeStream(small_model)
     stepped = [one.step(*sample) for sample in samples]
-    other = RealTimeStream(model)
+    other = RealTimeStream(small_model)
     pieces = [other.run(samples[start:end]) for start, end in ((0, 1), (1, 1), (1, 250), (250, 400))]
     newtons, flags = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     np.testing.assert_array_equal(newtons, [estimate[:3] for estimate in stepped])
     np.testing.assert_array_equal(flags, [estimate.flags for estimate in stepped])
 
 
-def test_an_estimate_lies_between_its_bounds(model: StepModel, labelled_recordings: list[Recording]) -> None:
-    stream = RealTimeStream(model)
+def test_an_estimate_lies_between_its_bounds(small_model: StepModel, labelled_recordings: list[Recording]) -> None:
+    stream = RealTimeStream(small_model)
     for sample in labelled_recordings[0].samples()[:50]:
         estimate = stream.step(*sample)
         assert isinstance(estimate, Estimate)
@@ -77,14 +77,14 @@ def test_after_warm_up_the_estimate_is_to_be_trusted(small_hybrid: HybridEstimat
     assert stream.step(*sample).friction_n == pytest.approx(first.friction_n, abs=0.5)
 
 
-def test_whole_numbers_and_numpy_numbers_are_taken(model: StepModel) -> None:
-    expected = RealTimeStream(model).step(1_000_000.0, 900_000.0, 0.0)
-    assert RealTimeStream(model).step(1_000_000, 900_000, 0) == expected
-    assert RealTimeStream(model).step(np.float64(1e6), np.float32(9e5), np.int64(0)) == expected
+def test_whole_numbers_and_numpy_numbers_are_taken(small_model: StepModel) -> None:
+    expected = RealTimeStream(small_model).step(1_000_000.0, 900_000.0, 0.0)
+    assert RealTimeStream(small_model).step(1_000_000, 900_000, 0) == expected
+    assert RealTimeStream(small_model).step(np.float64(1e6), np.float32(9e5), np.int64(0)) == expected
 
 
-def test_a_long_hold_leaves_no_denormal_number_behind(model: StepModel) -> None:
-    quiet = RealTimeStream(model)
+def test_a_long_hold_leaves_no_denormal_number_behind(small_model: StepModel) -> None:
+    quiet = RealTimeStream(small_model)
     quiet._packed.bias[:] = -20.0  # every gate shut: cells sink towards 0 for ever
     quiet._packed.input[:] = 0.0
     quiet._packed.recurrent[:] = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,8 +12,10 @@ from cylinder_friction.commands import cli
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace, write_trajectory
+from golden_fixtures import GOLDEN
 
-GOLDEN = Path(__file__).parents[1] / "golden"
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def test_it_is_small() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +11,10 @@ import pytest
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
 from cylinder_friction.deployment.c_export.export import export_model, part_of
-from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import LstmWeights
-from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.testing.golden import read_trajectories
+from golden_fixtures import GOLDEN, golden_model
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.export import Precision
     from cylinder_friction.realtime.model import StepModel
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+__all__ = ["compiled", "golden_model", "trajectories"]
 COMPILERS = ("gcc", "clang")
 
 
@@ -97,11 +96,6 @@ def _shapes() -> dict[str, Callable[[StepModel], StepModel]]:
 
 
 SHAPES = _shapes()
-
-
-@pytest.fixture(scope="session")
-def golden_model() -> StepModel:
-    return load_estimator(GOLDEN / MODEL_FOLDER).step_model()
 
 
 @pytest.fixture(scope="session")

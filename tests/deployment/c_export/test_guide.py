@@ -15,7 +15,7 @@ from cylinder_friction.commands.cli import main
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.testing.golden import MODEL_FOLDER
-from deployment.c_export.conftest import GOLDEN
+from golden_fixtures import GOLDEN
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.hybrid import HybridEstimator

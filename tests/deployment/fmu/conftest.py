@@ -13,14 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
     from fmu_host import FmuInstance
-
-
-@pytest.fixture(scope="session")
-def step_model(small_hybrid: HybridEstimator) -> StepModel:
-    return small_hybrid.step_model()
 
 
 @pytest.fixture(scope="session", params=[2, 3], ids=["fmi2", "fmi3"])

@@ -73,7 +73,7 @@ def test_another_model_or_version_has_another_token(
     assert export_fmu(small_hybrid, tmp_path / "one.fmu", 2).token in tokens
 
 
-def test_what_is_declared(exported: ExportedFmu, step_model: StepModel) -> None:
+def test_what_is_declared(exported: ExportedFmu, small_model: StepModel) -> None:
     description = read_model_description(str(exported.path))
     interface = description.coSimulation
     assert (description.modelExchange, description.scheduledExecution) == (None, None)
@@ -83,9 +83,9 @@ def test_what_is_declared(exported: ExportedFmu, step_model: StepModel) -> None:
     assert not interface.canBeInstantiatedOnlyOncePerProcess
     assert interface.canGetAndSetFMUstate
     assert interface.canSerializeFMUstate
-    assert float(description.defaultExperiment.stepSize) == step_model.sample_time_s
+    assert float(description.defaultExperiment.stepSize) == small_model.sample_time_s
     if description.fmiVersion == "3.0":
-        assert float(interface.fixedInternalStepSize) == step_model.sample_time_s
+        assert float(interface.fixedInternalStepSize) == small_model.sample_time_s
     units = {variable.name: variable.unit for variable in description.modelVariables if variable.unit}
     assert units == {
         "time": "s",
@@ -103,18 +103,18 @@ def test_what_is_declared(exported: ExportedFmu, step_model: StepModel) -> None:
     assert all(variable.description for variable in description.modelVariables)
 
 
-def test_inputs_start_where_the_model_was_trained(exported: ExportedFmu, step_model: StepModel) -> None:
+def test_inputs_start_where_the_model_was_trained(exported: ExportedFmu, small_model: StepModel) -> None:
     variables = {variable.name: variable for variable in read_model_description(str(exported.path)).modelVariables}
-    guard = step_model.guard
+    guard = small_model.guard
     for channel, name in enumerate(("pressure_1", "pressure_2", "position")):
         assert guard.trained_lower[channel] < float(variables[name].start) < guard.trained_upper[channel]
 
 
-def test_a_host_simulates_it_with_nothing_set(exported: ExportedFmu, step_model: StepModel) -> None:
+def test_a_host_simulates_it_with_nothing_set(exported: ExportedFmu, small_model: StepModel) -> None:
     if exported.binary is None:
         pytest.skip(exported.note)
     rows = simulate_fmu(
-        str(exported.path), stop_time=0.1, output_interval=step_model.sample_time_s, output=["friction", "flags"]
+        str(exported.path), stop_time=0.1, output_interval=small_model.sample_time_s, output=["friction", "flags"]
     )
     assert len(rows) == 21
     assert (rows["friction"][0], rows["flags"][0]) == (0.0, 1)

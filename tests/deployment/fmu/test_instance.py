@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 NEWTONS = 0.01
 
 
-def test_steps_are_the_references(instance: FmuInstance, step_model: StepModel, samples: Samples) -> None:
-    reference = ReferenceStream(step_model)
+def test_steps_are_the_references(instance: FmuInstance, small_model: StepModel, samples: Samples) -> None:
+    reference = ReferenceStream(small_model)
     instance.initialize()
     for row, sample in enumerate(samples):
         bad = (math.nan, sample[1], math.inf) if 450 <= row < 455 else sample
@@ -34,11 +34,11 @@ def test_steps_are_the_references(instance: FmuInstance, step_model: StepModel, 
             assert instance.get_boolean(flag.name.lower()) == bool(flags & flag)
 
 
-def test_before_the_first_step_nothing_is_ready(instance: FmuInstance, step_model: StepModel) -> None:
+def test_before_the_first_step_nothing_is_ready(instance: FmuInstance, small_model: StepModel) -> None:
     instance.initialize(start_s=3.0)
     assert instance.outputs() == (0.0, 0.0, 0.0, Flag.NOT_READY)
     assert not instance.get_boolean("trusted")
-    assert instance.get_real("time", "sample_time") == (3.0, step_model.sample_time_s)
+    assert instance.get_real("time", "sample_time") == (3.0, small_model.sample_time_s)
 
 
 def test_time_follows_the_steps(instance: FmuInstance, samples: Samples) -> None:
@@ -48,9 +48,9 @@ def test_time_follows_the_steps(instance: FmuInstance, samples: Samples) -> None
     assert instance.get_real("time") == pytest.approx((3.02,))
 
 
-def test_warm_up_is_the_references(instance: FmuInstance, step_model: StepModel, samples: Samples) -> None:
-    reference = ReferenceStream(step_model)
-    steps = step_model.guard.warm_up_samples
+def test_warm_up_is_the_references(instance: FmuInstance, small_model: StepModel, samples: Samples) -> None:
+    reference = ReferenceStream(small_model)
+    steps = small_model.guard.warm_up_samples
     reference.warm_up(*samples[0], steps=steps)
     instance.initialize(warm_up_steps=steps, sample=samples[0])
     assert instance.get_integer("warm_up_steps") == steps

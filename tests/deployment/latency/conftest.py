@@ -3,44 +3,21 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
-from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
+from golden_fixtures import hybrid, lugre, samples
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.estimators.lugre import LugreEstimator
 
 STEPS = 50
-GOLDEN = Path(__file__).parents[2] / "golden"
-
-
-@pytest.fixture(scope="session")
-def hybrid() -> HybridEstimator:
-    estimator = load_estimator(GOLDEN / MODEL_FOLDER)
-    assert isinstance(estimator, HybridEstimator)
-    return estimator
-
-
-@pytest.fixture(scope="session")
-def lugre(cylinder: Cylinder, labelled_recordings: list[Recording]) -> LugreEstimator:
-    estimator = LugreEstimator(cylinder, population=4, generations=1, simulated_recordings=1)
-    estimator.fit(labelled_recordings[:1])
-    return estimator
-
-
-@pytest.fixture(scope="session")
-def samples() -> np.ndarray:
-    return read_trajectories(GOLDEN)["stick_slip_reversals"].samples[:400]
+__all__ = ["hybrid", "lugre", "measured", "samples"]
 
 
 @pytest.fixture(scope="session")

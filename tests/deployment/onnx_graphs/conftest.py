@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.estimators.forest import ForestPlan, fit_forest
-from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.lstm import LstmWeights
-from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
+from cylinder_friction.testing.golden import read_trajectories
+from golden_fixtures import GOLDEN, golden_model
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+__all__ = ["golden_model", "model", "samples"]
 SHAPES = ("hybrid", "lstm", "three_layers", "forest_on_hidden", "forest_alone", "linear")
-
-
-@pytest.fixture(scope="session")
-def golden_model() -> StepModel:
-    return load_estimator(GOLDEN / MODEL_FOLDER).step_model()
 
 
 def network(inputs: int, layers: int, nodes: int) -> LstmWeights:
