@@ -36,9 +36,14 @@ $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
 
 reproduce: install ## run the whole pipeline, then print the result and what to do next
 	cylinder-friction check
+	dvc repro split
+	$(MAKE) --no-print-directory --jobs=3 lane-train lane-baselines lane-lugre
 	dvc repro
 	cylinder-friction track
 	cylinder-friction summary
+
+lane-%: # a stage and what it needs, beside the other lanes: dvc itself runs one stage at a time
+	TQDM_POSITION=$(words $(filter lane-$*,lane-baselines)) dvc --wait-for-lock repro $*
 
 benchmark: install ## run the comparison of the literature, then print where its page is
 	cd benchmark && dvc repro

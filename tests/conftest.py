@@ -175,7 +175,14 @@ def _write_run_records(root: Path) -> None:
     records = (
         RunRecord("record", {"seed": 1}, {"recordings": 8.0}),
         RunRecord("search", {"trials": 3}, {"best_mae_n": 6.0}, children=trials),
-        RunRecord("train", {"seed": 2}, {"mae_n": 8.0}, {"mae": [9.0, 8.0]}, datasets={"train": "0" * 64}),
+        RunRecord(
+            "train",
+            {"seed": 2},
+            {"mae_n": 8.0},
+            {"mae": [9.0, 8.0]},
+            artifacts={"models/hybrid": hash_of(root / "models/hybrid")},
+            datasets={"train": "0" * 64},
+        ),
         RunRecord(
             "compare",
             metrics={"hybrid.condition_1.label_percent": 2.1},

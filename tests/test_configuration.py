@@ -58,7 +58,7 @@ def test_the_paper_recipe_searches_table_1_as_published() -> None:
 
 
 def test_the_papers_final_values_are_trained_by_default() -> None:
-    assert compose_params(CONF)["train"]["paper_hybrid"] == {
+    assert compose_params(CONF)["baselines"]["hybrid"] == {
         "layers": 4,
         "nodes": 64,
         "dropout": 0.3,

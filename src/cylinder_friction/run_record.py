@@ -9,7 +9,19 @@ from typing import Any, Self
 
 Scalar = str | int | float | bool
 
-STAGES = ("record", "ingest", "filter", "label", "split", "search", "train", "lugre", "compare", "register")
+STAGES = (
+    "record",
+    "ingest",
+    "filter",
+    "label",
+    "split",
+    "search",
+    "train",
+    "baselines",
+    "lugre",
+    "compare",
+    "register",
+)
 """The stages of the pipeline, in its order."""
 
 

@@ -61,6 +61,7 @@ def workplace(
         truth.to_parquet(TRUTH_FOLDER / f"{recording.name}.parquet")
     models: dict[str, FrictionEstimator] = {
         "hybrid": RidgeEstimator(12),
+        "lstm": RidgeEstimator(2),
         "paper_hybrid": ForceBalanceEstimator(cylinder, "paper"),
         "lugre/lugre": ForceBalanceEstimator(cylinder, "paper"),
         "lugre/pressure_lugre": RidgeEstimator(1),
@@ -92,6 +93,7 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(workplace, lab
         "force_balance_unfiltered",
         "force_balance_low_pass",
         "a_users_own",
+        "lstm",
         "paper_hybrid",
         "hybrid",
     ]

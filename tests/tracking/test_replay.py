@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from mlflow import MlflowClient
 
-from candidates import candidate_in, champion, never, other_model, versions
+from candidates import candidate_in, champion, never, other_model, record_model, versions
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.replay import replay
@@ -63,6 +63,7 @@ def test_a_replay_leaves_a_newer_champion_in_its_place(registered_pipeline: Path
     register(candidate_in(root, {"1": 1.0, "2": 1.0}), root, 0.1, never)
     shutil.rmtree(root / "models/hybrid")
     shutil.move(root / "kept", root / "models/hybrid")
+    record_model(root)
     (root / REGISTERED_FILE).write_text(saved, encoding="utf-8")
     assert replay(root).version == "friction-estimator version 1 (not champion)"
     assert champion(root) == "2"

@@ -9,7 +9,7 @@ from pathlib import Path
 from cylinder_friction.run_record import STAGES
 
 _STAGES_FOLDER = Path(__file__).parents[1] / "stages"
-_RESUMED = {"search": "finished trials", "train": "finished epochs"}
+_RESUMED = {"search": "finished trials", "train": "finished epochs", "baselines": "finished epochs"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,7 +10,14 @@ from pydantic import Field, ValidationError, model_validator
 
 from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams, SplitParams
 from cylinder_friction.params.ingest import IngestParams
-from cylinder_friction.params.learning import CompareParams, LugreParams, RegisterParams, SearchParams, TrainParams
+from cylinder_friction.params.learning import (
+    BaselinesParams,
+    CompareParams,
+    LugreParams,
+    RegisterParams,
+    SearchParams,
+    TrainParams,
+)
 from cylinder_friction.params.section import Section
 
 PARAMS_FILE = Path("params.yaml")
@@ -32,6 +39,7 @@ class Params(Section):
     split: SplitParams
     search: SearchParams
     train: TrainParams
+    baselines: BaselinesParams
     lugre: LugreParams
     compare: CompareParams
     register_: RegisterParams = Field(alias="register")

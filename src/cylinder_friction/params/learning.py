@@ -67,16 +67,23 @@ class SearchParams(Section):
 
 
 class TrainParams(Section):
-    """The final training: the default hybrid with the best parameters found, the paper's with the published ones."""
+    """The final training of the hybrid, with the best hyperparameters found or with those stated here."""
 
     seed: Seed
     device: Literal["auto", "cpu", "cuda"]
     use_search: bool
     design: Literal["force_balance", "paper"]
     hybrid: HybridParams
-    paper_hybrid: HybridParams
     training: TrainingParams
-    paper_training: TrainingParams
+
+
+class BaselinesParams(Section):
+    """The paper's hybrid with the published hyperparameters, which the random forest alone shares."""
+
+    seed: Seed
+    device: Literal["auto", "cpu", "cuda"]
+    hybrid: HybridParams
+    training: TrainingParams
 
 
 class LugreParams(Section):

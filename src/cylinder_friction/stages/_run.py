@@ -23,7 +23,7 @@ def run_stage(name: str) -> None:
     if name not in STAGES:
         raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
     params: Params = load_params()
-    if name in ("search", "train"):
+    if name in ("search", "train", "baselines"):
         _refuse_unknown_condition(params.lugre.condition)
     root = Path.cwd()
     with sampled_resources(name, root):

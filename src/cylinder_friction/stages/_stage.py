@@ -23,6 +23,7 @@ PROCESSED_FOLDERS = {role: Path("data/processed") / role for role in ("train", "
 AUDIT_FOLDER = Path("data/processed/audit")
 SEARCH_FOLDER = Path("models/search")
 HYBRID_FOLDER = Path("models/hybrid")
+LSTM_FOLDER = Path("models/lstm")
 PAPER_HYBRID_FOLDER = Path("models/paper_hybrid")
 BASELINES_FOLDER = Path("models/baselines")
 LUGRE_FOLDER = Path("models/lugre")

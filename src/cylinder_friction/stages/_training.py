@@ -1,29 +1,121 @@
-"""What the stages that train share: a hybrid from parameters, the device, and where they resume."""
+"""What the stages that train share: a hybrid from parameters, trained, resumed and written."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import torch
 from pydantic import BaseModel
+from tqdm import tqdm
 
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.estimators.training_plan import Architecture, Checkpoint, TrainingPlan
+from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.import_graph import code_key
+from cylinder_friction.recordings.files import hash_of, write_json
+from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.stages._stage import PROCESSED_FOLDERS, cylinder_from
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.front_end import Design
-    from cylinder_friction.params.learning import TrainingParams
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.learning import BaselinesParams, TrainingParams, TrainParams
+    from cylinder_friction.recordings.recording import Recording
 
 RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.training_plan")
 """The modules that train a hybrid: what was trained with other ones is not continued."""
+
+
+@dataclass(frozen=True)
+class LearningData:
+    """The recordings to train on, and those of other sessions that stop the training and calibrate the bounds."""
+
+    train: list[Recording]
+    validation: list[Recording]
+    hashes: dict[str, str]  # Content hash of each folder read, by role
+
+    @classmethod
+    def read(cls) -> Self:
+        folders = {role: PROCESSED_FOLDERS[role] for role in ("train", "validation")}
+        train, validation = (read_recordings(folder) for folder in folders.values())
+        return cls(train, validation, {role: hash_of(folder) for role, folder in folders.items()})
+
+    def sources(self) -> dict[str, dict[str, str]]:
+        """Return the hash of every source file, by role and recording."""
+        return {
+            role: {recording.name: recording.metadata.source_sha256 for recording in recordings}
+            for role, recordings in (("train", self.train), ("validation", self.validation))
+        }
+
+
+def train_hybrid(
+    stage: str,
+    params: Params,
+    section: TrainParams | BaselinesParams,
+    design: Design,
+    chosen: Mapping[str, Any],
+    data: LearningData,
+) -> HybridEstimator:
+    """Return a trained hybrid; a run of the same stage that was killed is gone on with, from its last epoch.
+
+    Args:
+        stage: Name of the stage.
+        params: Of the pipeline, for the cylinder.
+        section: Training, seed and device of the stage.
+        design: What the forest and the network are given.
+        chosen: The hyperparameters that a search would vary.
+        data: What is learned from.
+    """
+    training = section.training
+    estimator = hybrid_from(cylinder_from(params.cylinder), design, chosen, training, section.seed, section.device)
+    own = {"design": design, "seed": section.seed}
+    folder = resume_folder(stage, RESUMED_CODE, params.cylinder, chosen, training, data.hashes, own)
+    with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch", disable=None) as bar:
+
+        def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:
+            bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
+            bar.update(epoch - bar.n)
+
+        estimator.fit(data.train, data.validation, Checkpoint(folder), after_epoch)
+    return estimator
+
+
+def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData) -> None:
+    """Write a hybrid with its learning curve and the hashes of the files that it was trained on."""
+    estimator.save(folder)
+    curve = estimator.learning_curve
+    write_json(
+        folder / "learning_curve.json",
+        {
+            "epoch": list(range(1, len(curve.train_mae) + 1)),
+            "train_mae_n": curve.train_mae,
+            "validation_mae_n": curve.validation_mae,
+            "best_epoch": curve.best_epoch,
+        },
+    )
+    write_json(folder / "training_data.json", data.sources())
+
+
+def learned_metrics(estimators: Mapping[str, FrictionEstimator], validation: Sequence[Recording]) -> dict[str, float]:
+    """Return each estimator's validation error [N] and cost of a step [multiply-adds], by name."""
+    return {
+        f"{name}_validation_mae_n": mean_absolute_error_n(each, validation) for name, each in estimators.items()
+    } | {f"{name}_multiply_adds": float(each.multiply_adds()) for name, each in estimators.items()}
+
+
+def learning_curves(name: str, estimator: HybridEstimator) -> dict[str, list[float]]:
+    """Return the errors of the network after each epoch [N], on training and on validation recordings."""
+    curve = estimator.learning_curve
+    return {f"{name}_train_mae_n": curve.train_mae, f"{name}_validation_mae_n": curve.validation_mae}
 
 
 def hybrid_from(

@@ -34,6 +34,7 @@ from cylinder_friction.stages._stage import (
     CHOSEN_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
+    LSTM_FOLDER,
     LUGRE_FOLDER,
     METRICS_FILE,
     PAPER_HYBRID_FOLDER,
@@ -117,7 +118,7 @@ def load_estimators() -> dict[str, FrictionEstimator]:
     known = [folder.name for folder in BASELINES_FOLDER.iterdir() if (folder / DESCRIPTION_FILE).is_file()]
     folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre")}
     folders |= {name: BASELINES_FOLDER / name for name in sorted(known, key=_place)}
-    folders |= {folder.name: folder for folder in (PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
+    folders |= {folder.name: folder for folder in (LSTM_FOLDER, PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
     return {name: load_estimator(folder) for name, folder in folders.items()}
 
 
@@ -128,7 +129,6 @@ _ORDER = (
     "ridge",
     "random_forest",
     "paper_lstm",
-    "lstm",
 )
 
 

@@ -10,20 +10,18 @@ from tqdm import tqdm
 from cylinder_friction.estimators.front_end import feature_count
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
-from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
     BEST_FILE,
-    PROCESSED_FOLDERS,
     SEARCH_FOLDER,
     SPACE_FILE,
     artifacts,
     cylinder_from,
     flat,
 )
-from cylinder_friction.stages._training import RESUMED_CODE, hybrid_from, resume_folder
+from cylinder_friction.stages._training import RESUMED_CODE, LearningData, hybrid_from, resume_folder
 from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
 from cylinder_friction.tuning.space import SearchSpace
 
@@ -39,11 +37,9 @@ SEARCHED_CODE = ("cylinder_friction.tuning.search", "cylinder_friction.evaluatio
 def run(params: Params) -> RunRecord:
     """Read the training and validation recordings, write the trials, the best parameters and the plots."""
     settings = params.search
-    train = read_recordings(PROCESSED_FOLDERS["train"])
-    validation = read_recordings(PROCESSED_FOLDERS["validation"])
+    data = LearningData.read()
     cylinder = cylinder_from(params.cylinder)
-    datasets = {role: hash_of(PROCESSED_FOLDERS[role]) for role in ("train", "validation")}
-    journal = resume_folder("search", SEARCHED_CODE, settings, params.cylinder, datasets) / "trials.log"
+    journal = resume_folder("search", SEARCHED_CODE, settings, params.cylinder, data.hashes) / "trials.log"
     epochs = settings.training.epochs
     bar = tqdm(total=settings.trials * epochs, desc="search", unit="epoch", disable=None)
 
@@ -54,8 +50,8 @@ def run(params: Params) -> RunRecord:
             bar.update(1)
             report(validation_mae_n)
 
-        estimator.fit(train, validation, report=after_epoch)
-        return mean_absolute_error_n(estimator, validation)
+        estimator.fit(data.train, data.validation, report=after_epoch)
+        return mean_absolute_error_n(estimator, data.validation)
 
     finished: list[Trial] = []
 
@@ -80,7 +76,7 @@ def run(params: Params) -> RunRecord:
         | {f"best_{name}": float(value) for name, value in best.params.items()},
         tags={"trials": str(len(trials)), "pruned": str(sum(trial.value is None for trial in trials))},
         artifacts=artifacts(SEARCH_FOLDER),
-        datasets=datasets,
+        datasets=data.hashes,
         children=tuple(_child(number, trial) for number, trial in enumerate(trials)),
     )
 

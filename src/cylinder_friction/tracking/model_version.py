@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 MODEL_KEY = "model_key"
 """Tag of a version and of its logged model: the hash of the candidate's folder, by which it is recognised."""
 
-TRAIN_RECORD = "reports/runs/train.json"
+TRAINING_STAGES = ("train", "baselines")
+"""The stages that make what can be registered."""
 
 
 def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersion:
@@ -111,9 +112,12 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> tupl
 
 def _training_record(candidate: Candidate, root: Path) -> RunRecord:
     """Return the record of the stage that made the model; a short one of its own where that file is not there."""
-    path = root / TRAIN_RECORD
-    if path.is_file():
-        return RunRecord.from_dict(json.loads(path.read_text(encoding="utf-8")))
+    for stage in TRAINING_STAGES:
+        path = root / f"reports/runs/{stage}.json"
+        if path.is_file():
+            record = RunRecord.from_dict(json.loads(path.read_text(encoding="utf-8")))
+            if candidate.folder in record.artifacts:
+                return record
     return RunRecord(name="train", artifacts={candidate.folder: candidate.model_key})
 
 

@@ -1,0 +1,58 @@
+"""Stage ``baselines``: the paper's hybrid, its LSTM alone, and the simpler baselines, which the hybrid has to beat."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from cylinder_friction.estimators.baselines import baselines
+from cylinder_friction.realtime.guard import largest_friction_n
+from cylinder_friction.recordings.files import whole_folder
+from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER, artifacts, cylinder_from, flat
+from cylinder_friction.stages._training import (
+    LearningData,
+    forest_plan,
+    learned_metrics,
+    learning_curves,
+    train_hybrid,
+    write_hybrid,
+)
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.params.checking import Params
+
+REAL_TIME = ("random_forest", "paper_lstm")
+"""What can be exported to other runtimes beside the hybrids, and so needs guard and bounds."""
+
+
+def run(params: Params) -> RunRecord:
+    """Read the training and validation recordings, write the paper's hybrid and every baseline."""
+    settings = params.baselines
+    data = LearningData.read()
+    chosen = settings.hybrid.model_dump()
+    paper = train_hybrid("baselines", params, settings, "paper", chosen, data)
+    trees = forest_plan(chosen, settings.training)
+    named: dict[str, FrictionEstimator] = dict(
+        baselines(cylinder_from(params.cylinder), forest_plan=trees, seed=settings.seed)
+    )
+    for estimator in tqdm(named.values(), desc="train baselines", unit="estimator", disable=None):
+        estimator.fit(data.train)
+    named["paper_lstm"] = paper.without_forest()
+    for name in REAL_TIME:
+        named[name].calibrate(largest_friction_n(data.train), data.validation)
+    with whole_folder(PAPER_HYBRID_FOLDER) as draft:
+        write_hybrid(draft, paper, data)
+    with whole_folder(BASELINES_FOLDER) as draft:
+        for name, baseline in named.items():
+            baseline.save(draft / name)
+    return RunRecord(
+        name="baselines",
+        params=flat(settings),
+        metrics=learned_metrics({"paper_hybrid": paper, **named}, data.validation),
+        curves=learning_curves("paper_hybrid", paper),
+        artifacts=artifacts(PAPER_HYBRID_FOLDER, BASELINES_FOLDER),
+        datasets=data.hashes,
+    )
