@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from public_data import labelled, recordings_of
 
 from cylinder_friction.friction_models.stribeck import StribeckCurve
@@ -20,7 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-Array = NDArray[np.float64]
+    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
 
 RIGS = ("damper 36 lb", "damper 30 lb", "tribometer")
 IDENTIFIED = "identified"

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     import onnx
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, Runtime
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.realtime.model import StepModel
 
-    Array = NDArray[np.float64]
     Times = NDArray[np.int64]
 
 

@@ -16,11 +16,9 @@ from cylinder_friction.rig.campaign import CampaignPlan, campaign
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
 
-    Array = NDArray[np.float64]
 
 RATE_HZ = 200
 SESSIONS = 10

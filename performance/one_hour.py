@@ -29,9 +29,8 @@ from cylinder_friction.recordings.storage import read_recordings
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 HOUR = 720_000
 FOLDERS = ("models/hybrid", "models/paper_hybrid")

@@ -16,7 +16,8 @@ from cylinder_friction.recordings.recording import RecordingError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
+
 
 _LEAST_ROWS = 5
 _LEAST_REVERSALS = 3

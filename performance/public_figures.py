@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 from public_data import CYLINDERS, labelled, recordings_of
 from scipy.optimize import minimize
@@ -23,10 +22,9 @@ from cylinder_friction.signals.smooth_signals import signals_of
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.recordings.recording import Recording
-
-Array = NDArray[np.float64]
 
 EMPS_FILES = ("DATA_EMPS", "DATA_EMPS_PULSES")
 SEALS = ("NAPN", "O-ring")

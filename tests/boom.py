@@ -10,9 +10,8 @@ from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.strokes import StrokePoints, stroke_points
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 STEP_S = 0.01
 

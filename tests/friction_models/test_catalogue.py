@@ -19,15 +19,13 @@ from friction_samples import ODD, held_path
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.coulomb_stribeck import CoulombStribeckParameters
     from cylinder_friction.friction_models.dahl import DahlParameters
     from cylinder_friction.friction_models.lugre import LugreParameters
     from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
     from cylinder_friction.friction_models.parameters import ModelParameters
 
-    Array = NDArray[np.float64]
 
 STEP_S = 5e-3
 PRESSURE_PA = 3e6

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import (
@@ -19,7 +19,9 @@ from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array
+
 STEP_S = 0.002
 
 

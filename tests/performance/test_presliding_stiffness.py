@@ -1,17 +1,19 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import RecordingError
 from friction_samples import new_bristle, simulate
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array
+
 STEP_S = 1e-3
 MODEL = LugreParameters(300.0, 300.0, 0.01, 1.0, 0.0, 2e6, 0.0, 0.01)
 

@@ -19,12 +19,10 @@ from cylinder_friction.stages._stage import LABELLED_FOLDER
 nptdms = pytest.importorskip("nptdms")
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
 
-    Array = NDArray[np.float64]
 
 CONF = Path(__file__).parents[2] / "conf"
 VENTED_S, PRESSURISED_S, SECONDS = 3.0, 3.5, 30.0

@@ -20,13 +20,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.model import FrictionModel
     from cylinder_friction.friction_models.parameters import ModelParameters
     from cylinder_friction.recordings.recording import Recording
 
-    Array = NDArray[np.float64]
 
 VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
 """One-sided Savitzky-Golay differentiators on offer, window in samples and order."""

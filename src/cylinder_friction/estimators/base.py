@@ -20,9 +20,8 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, re
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 DESCRIPTION_FILE = "estimator.json"
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import Array
     from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
 

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import Array
     from cylinder_friction.estimators.training_plan import Checkpoint
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.lstm import LstmWeights

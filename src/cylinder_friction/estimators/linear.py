@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
 

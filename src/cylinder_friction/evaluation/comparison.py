@@ -92,9 +92,14 @@ class Comparison:
     def _tables(self) -> list[tuple[str, pd.DataFrame]]:
         tables = [("Mean absolute error against the label", error_frame(self.label, self.conditions, "label"))]
         if self.truth:
-            known = [condition for condition in self.conditions if condition in self.truth[LABEL_ITSELF]]
-            tables.append(("Mean absolute error against true friction", error_frame(self.truth, known, "truth")))
+            frame = error_frame(self.truth, self.truth_conditions, "truth")
+            tables.append(("Mean absolute error against true friction", frame))
         return tables
+
+    @property
+    def truth_conditions(self) -> tuple[str, ...]:
+        """The conditions in which true friction is known, sorted."""
+        return tuple(condition for condition in self.conditions if condition in self.truth.get(LABEL_ITSELF, {}))
 
     def of_condition(self, condition: str) -> list[Trace]:
         return [trace for trace in self.traces if trace.condition == condition]

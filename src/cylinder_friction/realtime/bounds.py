@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
 
-    Array = NDArray[np.float64]
     Whole = NDArray[np.int64]
 
 REGIMES = ("standstill", "creep", "sliding", "reversal")

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
 
-    Array = NDArray[np.float64]
 
 TRAINED_MARGIN = 0.05
 """Share of its span by which a range is widened before a value counts as beyond it, and an estimate as extrapolated."""

@@ -11,9 +11,8 @@ import numpy as np
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
 BACKLASH, MOVES, DWELL, TRAVEL_SHORT, TRAVEL_LONG, MOVING = range(6)

@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.history import History
     from cylinder_friction.realtime.lstm import LstmWeights
 
-    Array = NDArray[np.float64]
 
 ForestSees = Literal["nothing", "hidden", "hidden_head_features", "features"]
 

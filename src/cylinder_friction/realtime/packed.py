@@ -14,10 +14,10 @@ from cylinder_friction.realtime.lstm import LstmWeights
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.model import StepModel
 
-    Array = NDArray[np.float64]
     Single = NDArray[np.float32]
     Whole = NDArray[np.int64]
 

@@ -21,10 +21,10 @@ from cylinder_friction.realtime.lstm import Lstm
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.lstm import LstmState
     from cylinder_friction.realtime.model import Guard, StepModel
 
-    Array = NDArray[np.float64]
     Single = NDArray[np.float32]
 
 

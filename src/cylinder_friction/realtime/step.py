@@ -17,7 +17,8 @@ from cylinder_friction.realtime.lstm import head_of, lstm_step
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cylinder_friction.realtime.packed import Array, Single, Whole
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.realtime.packed import Single, Whole
 
     Int = NDArray[np.int32]
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.model import StepModel
 
-    Array = NDArray[np.float64]
 
 _STEP: Callable[..., Any] = step
 

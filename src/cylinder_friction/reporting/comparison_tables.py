@@ -214,8 +214,7 @@ def markdown_tables(comparison: Comparison) -> str:
     against_label = error_table(comparison.label, comparison.conditions, "label").markdown()
     parts = ["Mean absolute error against the label:\n", against_label]
     if comparison.truth:
-        conditions = [condition for condition in comparison.conditions if condition in comparison.truth[LABEL_ITSELF]]
-        against_truth = error_table(comparison.truth, conditions, "true friction").markdown()
+        against_truth = error_table(comparison.truth, comparison.truth_conditions, "true friction").markdown()
         parts += ["Mean absolute error against true friction:\n", against_truth]
     else:
         parts.append("True friction is not known for these recordings.\n")

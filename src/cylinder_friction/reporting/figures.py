@@ -31,14 +31,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Comparison, Scores
     from cylinder_friction.evaluation.views import Agreement, Excerpt, Histogram, LearningCurve, VelocityProfile
     from cylinder_friction.recordings.recording import Recording
 
-    Array = NDArray[np.float64]
 
 PANEL = (4.8, 3.3)
 """Width and height of one panel [in]; so wide, letters stay legible on a screen of 400 pixels."""
@@ -133,8 +132,9 @@ def all_figures(analysis: Analysis) -> dict[str, Figure]:
         "friction_against_velocity": draw(friction_against_velocity, analysis.profiles),
     }
     if comparison.truth:
-        known = sorted({condition for scores in comparison.truth.values() for condition in scores})
-        figures["errors_by_condition_truth"] = draw(errors_by_condition, comparison.truth, known, "true friction", main)
+        figures["errors_by_condition_truth"] = draw(
+            errors_by_condition, comparison.truth, comparison.truth_conditions, "true friction", main
+        )
     return figures
 
 

@@ -14,7 +14,7 @@ from cylinder_friction.reporting.summary import CLEAR_POINTS, summary
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import plotly.graph_objects as go
     from matplotlib.figure import Figure
@@ -102,13 +102,13 @@ def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Fig
         )
     }
     if truth:
-        known = sorted({condition for scores in truth.values() for condition in scores})
+        known = comparison.truth_conditions
         chart = draw(figures.errors_by_condition, truth, known, "true friction", analysis.main)
         found["truth"] = (tables.error_table(truth, known, "true friction"), _details(truth, known), chart)
     return found
 
 
-def _details(scores: Scores, conditions: list[str]) -> dict[str, Table]:
+def _details(scores: Scores, conditions: Sequence[str]) -> dict[str, Table]:
     return {condition: tables.detail_table(scores, condition) for condition in conditions}
 
 

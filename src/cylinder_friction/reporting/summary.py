@@ -85,7 +85,7 @@ def _truth(comparison: Comparison, main: str) -> str:
     truth = comparison.truth
     if not truth:
         return "True friction is not known for these recordings, so nothing is stated about errors against it."
-    known = [condition for condition in comparison.conditions if condition in truth[main]]
+    known = comparison.truth_conditions
     own, label = (_span([f"{truth[name][c].errors.percent:.2f}" for c in known]) for name in (main, LABEL_ITSELF))
     best = list(dict.fromkeys(winner(truth, condition) for condition in known))
     nearest = "which no estimator betters" if best == [main] else f"where {_listed(map(phrase, best))} is nearest"

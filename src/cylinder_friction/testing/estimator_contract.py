@@ -29,9 +29,8 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 ROWS = 600
 """First samples of the first recording, which most checks use."""

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
 
-    Array = NDArray[np.float64]
 
 MODEL_FOLDER = "model"
 """Folder of the model beside the trajectories."""

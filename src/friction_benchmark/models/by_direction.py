@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
 
 SITUATIONS = ("extending", "retracting", "at_rest_after_extending", "at_rest_after_retracting", "never_moved")

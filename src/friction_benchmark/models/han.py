@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import Array
     from cylinder_friction.estimators.training_plan import SequenceData
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.models.learned import LearnedState

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
 
 NETWORK_FILE = "network.onnx"

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import torch
     from numpy.typing import NDArray
 
-    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.lstm import LstmWeights
     from cylinder_friction.recordings.recording import Recording
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import Array
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.models.learned import LearnedState
 

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.estimators.training_plan import SequenceData
 
     Single = NDArray[np.float32]
-    Array = NDArray[np.float64]
 
 CREEP_M_S = 3e-3
 """Below this speed the stiction force is given: above the noise of the velocity of a 12-bit potentiometer."""

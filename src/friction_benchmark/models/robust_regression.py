@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 RIDGE = 1e-6
 """Penalty of standardised weights, as a share of the mean squared regressor: keeps collinear columns in bounds."""

@@ -18,9 +18,8 @@ from cylinder_friction.signals.backlash import DIRECTION, new_backlash, pushing_
 from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 AVERAGED = 10
 """Samples of the moving average before the backlash operator."""

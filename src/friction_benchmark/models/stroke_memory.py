@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 if TYPE_CHECKING:
-    from cylinder_friction.estimators.base import Array
+    from cylinder_friction.arrays import Array
 
 MEMORY_NAMES = (
     "stroke_sum",

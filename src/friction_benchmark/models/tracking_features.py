@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import Array
     from cylinder_friction.recordings.recording import Recording
 
 PRESSURE_1, PRESSURE_2, POSITION = range(3)

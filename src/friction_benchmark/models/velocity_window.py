@@ -7,12 +7,15 @@ too short or too wide for a small network.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array
+
 Single = NDArray[np.float32]
 
 EVERY = 4

@@ -14,9 +14,9 @@ from cylinder_friction.recordings.signal import Signal
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from cylinder_friction.arrays import Array
+
 
 ROWS = 6000
 TIME_S = 0.005 * np.arange(ROWS)

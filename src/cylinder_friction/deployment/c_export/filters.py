@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.model import StepModel
 
-    Array = NDArray[np.float64]
 
 ROUNDING = 1e-9
 """Taps with a smaller sum give nothing for a constant: derivatives."""

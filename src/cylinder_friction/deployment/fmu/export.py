@@ -21,6 +21,7 @@ from cylinder_friction.deployment.c_export.lugre import LugreModel
 from cylinder_friction.deployment.fmu.variables import UNITS, fmu_variables
 from cylinder_friction.deployment.rendering import render
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.recordings.files import write_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -109,10 +110,7 @@ def export_model_fmu(
         content["sources/buildDescription.xml"] = render("fmi3_build.xml.j2", **values).encode()
     if binary is not None:
         content[binary] = library
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.draft")
-    draft.write_bytes(_packed(content))
-    draft.replace(path)
+    write_bytes(path, _packed(content))
     return ExportedFmu(path, name, token, binary, note)
 
 

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.deployment.latency.runtimes import Runtime
     from cylinder_friction.estimators.base import FrictionEstimator
 
-    Array = NDArray[np.float64]
     Times = NDArray[np.int64]
     Peers = Callable[[FrictionEstimator, CompiledRuntime, Array, Path], Sequence[Runtime]]
 

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.deployment.c_export.export import ExportedC
     from cylinder_friction.estimators.base import FrictionEstimator
 
-    Array = NDArray[np.float64]
     Times = NDArray[np.int64]
 
 COMPILER_OPTIONS = {"c": OPTIMISED, "c_o2": ("-O2", "-ffp-contract=off"), "c_float": OPTIMISED}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.rendering import model_hash
+from cylinder_friction.recordings.files import write_bytes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,11 +48,8 @@ def export_onnx(estimator: FrictionEstimator, folder: Path) -> ExportedOnnx:
 def export_model(model: StepModel, folder: Path) -> ExportedOnnx:
     """Write both files of a step model."""
     graphs = {STEP_FILE: step_graph(model), SEQUENCE_FILE: sequence_graph(model)}
-    folder.mkdir(parents=True, exist_ok=True)
     for name, graph in graphs.items():
-        draft = folder / f".{name}.draft"
-        draft.write_bytes(graph.SerializeToString(deterministic=True))
-        draft.replace(folder / name)
+        write_bytes(folder / name, graph.SerializeToString(deterministic=True))
     return ExportedOnnx(
         folder / STEP_FILE, folder / SEQUENCE_FILE, model_hash(model), len(graphs[STEP_FILE].graph.node)
     )

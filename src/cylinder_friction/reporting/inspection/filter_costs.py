@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 
-    Array = NDArray[np.float64]
 
 HALF_POWER = 0.5**0.5
 """The gain of a filter at its -3 dB bandwidth."""

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.reporting.inspection.filter_costs import FilterCost
     from cylinder_friction.reporting.inspection.friction_view import FrictionView
 
-    Array = NDArray[np.float64]
 
 SPECTRUM_POINTS = 250
 MS_PER_S = 1e3

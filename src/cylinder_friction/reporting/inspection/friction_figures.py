@@ -14,11 +14,11 @@ from cylinder_friction.reporting.time_figure import single, spread_evenly
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
     from cylinder_friction.friction_models.stribeck import StribeckCurve
     from cylinder_friction.reporting.inspection.friction_view import FrictionView
 
-    Array = NDArray[np.float64]
 
 CLOUD_POINTS = 3000
 CURVE_POINTS = 200

@@ -18,13 +18,13 @@ from cylinder_friction.signals.smooth_signals import has_pressures, smooth_load,
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.friction_models.stribeck import StribeckCurve
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.reporting.inspection.subject import Inspected
     from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothDrive, SmoothSignals
 
-    Array = NDArray[np.float64]
 
 NOISE_MULTIPLE = 4.0
 """Slower than so many standard deviations of the velocity's noise is standstill."""

@@ -12,9 +12,8 @@ from scipy.signal import detrend, welch
 from cylinder_friction.signals.rts import quantisation_step
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from cylinder_friction.arrays import Array
 
-    Array = NDArray[np.float64]
 
 SEGMENT_S = 8.0
 """Length of a Welch segment: motion slower than this is not of interest."""
