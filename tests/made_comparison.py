@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LABEL_PER_PASCAL = 1e-3
-SETTINGS = ComparisonSettings(StrataLimits(0.001, 0.008, 0.1), 0.05, 200, 0.5, 0)
+SETTINGS = ComparisonSettings(StrataLimits(0.001, 0.008, 0.1), 0.05)
 
 
 class OffsetEstimator(FrictionEstimator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, with_gaps
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, mean_percent, points_ahead, with_gaps
 from cylinder_friction.evaluation.metric_tree import flat_metrics, metric_tree
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -20,7 +20,10 @@ def test_scores_by_hand(compared, strokes):
         assert score.errors.mean_abs_friction_n == pytest.approx(np.abs(labels).mean())
         assert score.errors.percent == pytest.approx(300.0 / np.abs(labels).mean())
         assert score.errors.rows == 2 * 1990
-        assert score.interval_percent[0] <= score.errors.percent <= score.interval_percent[1]
+        percent, low, high = mean_percent(comparison.label["hybrid"], [condition])
+        assert low <= percent <= high
+        assert percent == score.errors.percent
+        assert list(score.sessions.percent) == [f"s-t{condition}_1", f"s-t{condition}_2"]
         assert score.lag_s == pytest.approx(0.0, abs=1e-3)
         assert comparison.label["lugre"][condition].errors.bias_n == pytest.approx(-30.0)
     assert comparison.multiply_adds == {"hybrid": 2, "lugre": 2}
@@ -33,6 +36,17 @@ def test_strata_hold_the_rows_of_both_recordings(compared):
     assert strata["sliding"].rows == 2 * 1990
     assert strata["extend"].rows + strata["retract"].rows == 2 * 1990
     assert strata["after_reversal"].rows == 2 * 9 * 20  # nine reversals a recording, 100 ms each
+
+
+def test_the_mean_of_the_conditions_and_a_difference_have_the_sessions_intervals(compared, strokes):
+    truth = {each.name: each.column("friction_n") + 5.0 * each.name.endswith("2") for each in strokes}
+    scores = compared(truth, hybrid=2.0, lugre=9.0).truth
+    percent, low, high = mean_percent(scores["hybrid"], ["1", "2", "3", "4"])
+    assert percent == pytest.approx(np.mean([scores["hybrid"][each].errors.percent for each in "1234"]))
+    assert low < percent < high
+    ahead, low, high = points_ahead(scores, "hybrid", "lugre", "1")
+    assert ahead == pytest.approx(scores["lugre"]["1"].errors.percent - scores["hybrid"]["1"].errors.percent)
+    assert low < ahead < high
 
 
 def test_truth_has_its_own_scores_and_its_own_denominator(compared, strokes):

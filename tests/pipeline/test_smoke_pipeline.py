@@ -52,7 +52,7 @@ def test_every_estimator_is_scored_in_every_test_against_label_and_truth(finishe
     metrics = json.loads(metrics_of(finished_pipeline))
     expected = {
         "hybrid", "paper_hybrid", "lstm", "paper_lstm", "random_forest", "ridge", "lugre", "pressure_lugre",
-        "force_balance_unfiltered", "force_balance_paper", "force_balance_low_pass",
+        "pressure_lugre_all", "force_balance_unfiltered", "force_balance_paper", "force_balance_low_pass",
     }  # fmt: skip
     assert set(metrics) == expected
     for name in expected:

@@ -13,6 +13,7 @@ from cylinder_friction.reporting.comparison_tables import (
     error_table,
     hyperparameter_table,
     markdown_tables,
+    session_table,
 )
 
 
@@ -34,11 +35,21 @@ def test_the_error_table_states_its_denominator_and_marks_the_smallest(compared,
 def test_markdown_keeps_its_columns_though_heads_hold_bars(compared, strokes):
     truth = {recording.name: recording.column("friction_n") for recording in strokes}
     text = markdown_tables(compared(truth, hybrid=1.0, lugre=40.0))
+    assert text.startswith("8 held-out sessions. Bold: ")
     assert "against the label" in text
     assert "against true friction" in text
     rows = [line.replace("\\|", "") for line in text.splitlines() if line.startswith("|")]
     assert {line.count("|") for line in rows} == {6}
     assert "**0.33 % (1.0 N)**" in text
+
+
+def test_the_session_table_shows_every_session_and_the_mean_of_the_conditions(compared, strokes):
+    comparison = compared(hybrid=3.0, lugre=40.0)
+    table = session_table(comparison.label, comparison.conditions)
+    assert (table.head_cells[1].words, table.head_cells[1].small) == ("Condition 1", "s-t1_1, s-t1_2")
+    assert table.cells[0][1].words == "1.00, 1.00"
+    assert table.cells[0][5].words == f"{np.mean([comparison.percent('hybrid', each) for each in '1234']):.2f}"
+    assert table.cells[0][5].small == "{0} to {0}".format(table.cells[0][5].words)  # the sessions are alike
 
 
 def test_the_cost_table_shows_counts_times_and_the_published_ones(compared):

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from cylinder_friction.evaluation.comparison import compare, points_ahead
+from cylinder_friction.evaluation.metric_tree import metric_tree
+from cylinder_friction.reporting.comparison_tables import difference_table
 from cylinder_friction.reporting.summary import CLEAR_POINTS, leaders, summary, verdict, winner
+from made_comparison import SETTINGS, OffsetEstimator
 
 
 def test_a_hybrid_that_wins_everywhere(compared):
@@ -34,12 +38,23 @@ def test_a_difference_within_chance_is_not_clear(compared):
 
 def test_a_difference_too_small_to_matter_is_not_clear_however_certain(compared):
     comparison = compared(hybrid=1.0, lstm=1.0 + 0.9 * CLEAR_POINTS * 6.0, lugre=40.0)
-    score, other = (comparison.label[name]["4"] for name in ("hybrid", "lstm"))
-    assert (other.draws_percent - score.draws_percent).min() > 0.0
+    assert points_ahead(comparison.label, "hybrid", "lstm", "4")[1] > 0.0
     assert verdict(comparison.label, "hybrid", "lstm", "4") == "level"
     assert verdict(comparison.label, "hybrid", "lugre", "4") == "better"
     assert verdict(comparison.label, "lugre", "hybrid", "4") == "worse"
     assert leaders(comparison.label, "4") == ["hybrid", "lstm"]
+
+
+def test_with_one_session_in_each_condition_nothing_is_clear(strokes):
+    estimators = {name: OffsetEstimator(offset).fit(strokes) for name, offset in (("hybrid", 1.0), ("lugre", 40.0))}
+    comparison = compare(estimators, strokes[::2], SETTINGS)
+    assert summary(comparison, "hybrid")[1] == (
+        "With one held-out session in each condition chance is not known and no difference is clear: hold out two "
+        "(split.test_sessions)."
+    )
+    assert leaders(comparison.label, "1") == ["hybrid", "lugre"]
+    assert difference_table(comparison, "hybrid").cells[0][1].small == "not known"
+    assert not [name for name in metric_tree(comparison)["hybrid"]["1"] if name.endswith(("_low", "_high"))]
 
 
 @pytest.mark.parametrize(

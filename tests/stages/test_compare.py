@@ -33,9 +33,6 @@ SETTINGS = CompareParams(
     stribeck_velocity_m_s=0.008,
     reversal_window_s=0.1,
     maximum_lag_s=0.1,
-    bootstrap_repeats=50,
-    bootstrap_block_s=1.0,
-    seed=0,
 )
 TRUTH_FOLDER = Path("data/raw/rig_truth")
 DETERMINISTIC = ("metrics.json", "figures", "plots", "table.md")
@@ -65,6 +62,7 @@ def workplace(
         "paper_hybrid": ForceBalanceEstimator(cylinder, "paper"),
         "lugre/lugre": ForceBalanceEstimator(cylinder, "paper"),
         "lugre/pressure_lugre": RidgeEstimator(1),
+        "lugre/pressure_lugre_all": RidgeEstimator(1),
         "baselines/force_balance_low_pass": LowPassForceBalanceEstimator(cylinder),
         "baselines/force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none"),
         "baselines/a_users_own": RidgeEstimator(3),
@@ -90,6 +88,7 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(workplace, lab
     assert list(compare.load_estimators()) == [
         "lugre",
         "pressure_lugre",
+        "pressure_lugre_all",
         "force_balance_unfiltered",
         "force_balance_low_pass",
         "a_users_own",
@@ -105,6 +104,8 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(workplace, lab
     assert metrics["hybrid"]["1"]["label_percent"] == pytest.approx(expected)
     assert record.metrics["hybrid.condition_1.label_percent"] == metrics["hybrid"]["1"]["label_percent"]
     assert metrics["hybrid"]["1"]["truth_mae_n"] != metrics["hybrid"]["1"]["label_mae_n"]
+    session = f"label_percent_of_{held_out.metadata.session}"
+    assert metrics["hybrid"]["1"][session] == pytest.approx(expected)
     assert metrics["hybrid"]["1"]["multiply_adds"] == 36
     for path, recorded in record.artifacts.items():
         assert hash_of(Path(path)) == recorded

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
 from cylinder_friction.evaluation.metrics import Errors, errors, lag_s
+from cylinder_friction.evaluation.sessions import SessionErrors, half_width_points, session_errors
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -31,9 +31,6 @@ class ComparisonSettings:
 
     limits: StrataLimits = field(default_factory=StrataLimits)  # Limits of the strata
     maximum_lag_s: float = 0.2  # Shifts tried when looking for an estimate's lag [s]
-    bootstrap_repeats: int = 1000  # Draws of the block bootstrap
-    bootstrap_block_s: float = 2.0  # Length of a block [s]; longer than the memory of the residuals
-    seed: int = 0  # Seeds the draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +40,7 @@ class Trace:
     # Of the recording
     name: str
     condition: str
+    session: str
     sample_time_s: float
     # Of the recording, the velocity from the off-line filter
     time_s: Array
@@ -60,8 +58,7 @@ class Score:
     """One estimator in one condition against one reference."""
 
     errors: Errors  # Over all usable rows of the condition
-    interval_percent: tuple[float, float]  # 95 % interval of ``errors.percent`` by block bootstrap
-    draws_percent: Array  # The draws behind it; those of two estimators in one condition are paired
+    sessions: SessionErrors  # The same within each session
     lag_s: float  # How late the estimate is [s]
     strata: Mapping[str, Errors]  # Errors within each stratum that has a usable row
 
@@ -101,6 +98,11 @@ class Comparison:
         """The conditions in which true friction is known, sorted."""
         return tuple(condition for condition in self.conditions if condition in self.truth.get(LABEL_ITSELF, {}))
 
+    @property
+    def sessions(self) -> int:
+        """The number of held-out sessions with a usable row."""
+        return sum(len(score.sessions.percent) for score in self.label[self.estimators[0]].values())
+
     def of_condition(self, condition: str) -> list[Trace]:
         return [trace for trace in self.traces if trace.condition == condition]
 
@@ -115,6 +117,26 @@ class Comparison:
             [trace.usable for trace in self.traces],
             1,
         )
+
+
+def mean_percent(by_condition: Mapping[str, Score], conditions: Sequence[str]) -> tuple[float, float, float]:
+    """Return the mean over some conditions of MAE / mean |friction| [%] and its 95 % interval, by sessions."""
+    percent = float(np.mean([by_condition[condition].errors.percent for condition in conditions]))
+    deviations = {condition: score.sessions.deviation for condition, score in by_condition.items()}
+    half = half_width_points(deviations, conditions)
+    return percent, percent - half, percent + half
+
+
+def points_ahead(scores: Scores, one: str, other: str, condition: str) -> tuple[float, float, float]:
+    """Return by how many percentage points ``one`` is better than ``other``, and the 95 % interval of that.
+
+    Sessions are compared in pairs: one that is hard for both widens nothing.
+    """
+    mine, theirs = scores[one], scores[other]
+    ahead = theirs[condition].errors.percent - mine[condition].errors.percent
+    deviations = {name: theirs[name].sessions.deviation - mine[name].sessions.deviation for name in mine}
+    half = half_width_points(deviations, [condition])
+    return ahead, ahead - half, ahead + half
 
 
 def error_frame(scores: Scores, conditions: Sequence[str], reference: str) -> pd.DataFrame:
@@ -200,6 +222,7 @@ def _trace(
     return Trace(
         name=recording.name,
         condition=recording.metadata.condition,
+        session=recording.metadata.session,
         sample_time_s=recording.sample_time_s,
         time_s=recording.column("time_s"),
         velocity_m_s=recording.column("velocity_m_s"),
@@ -232,9 +255,8 @@ def _score(
         for stratum, rows in _strata_rows(traces, gap, settings.limits).items()
         if rows.any()
     }
-    sums = block_sums(references, estimates, masks, max(1, round(settings.bootstrap_block_s / sample_time_s)))
-    draws = bootstrap_percent(sums, settings.bootstrap_repeats, settings.seed)
-    return Score(total, interval(draws), draws, lag, strata)
+    sessions = session_errors([trace.session for trace in traces], references, estimates, masks)
+    return Score(total, sessions, lag, strata)
 
 
 def _strata_rows(traces: list[Trace], gap: int, limits: StrataLimits) -> dict[str, Mask]:

@@ -5,7 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from cylinder_friction.evaluation.comparison import mean_percent
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from cylinder_friction.evaluation.comparison import Comparison, Score
 
 MetricTree = dict[str, dict[str, dict[str, float]]]
@@ -16,15 +20,16 @@ def metric_tree(comparison: Comparison) -> MetricTree:
     """Return every score: ``tree["hybrid"]["1"]["label_percent"]`` and so on.
 
     Names begin with ``label_`` or ``truth_``, whichever the error is measured against; ``truth_`` is there only where
-    the truth is known. ``multiply_adds`` is the cost of one step. A number that is not defined is left out.
+    the truth is known; ``label_percent_of_<session>`` is the error in one session alone. ``multiply_adds`` is the cost
+    of one step. A number that is not defined is left out.
     """
     tree: MetricTree = {}
     for estimator in comparison.estimators:
         tree[estimator] = {}
         for condition in comparison.conditions:
-            numbers = _numbers("label", comparison.label[estimator][condition])
+            numbers = _numbers("label", comparison.label[estimator], condition)
             if condition in comparison.truth.get(estimator, {}):
-                numbers |= _numbers("truth", comparison.truth[estimator][condition])
+                numbers |= _numbers("truth", comparison.truth[estimator], condition)
             numbers["multiply_adds"] = float(comparison.multiply_adds[estimator])
             tree[estimator][condition] = numbers
     return tree
@@ -40,13 +45,15 @@ def flat_metrics(tree: MetricTree) -> dict[str, float]:
     }
 
 
-def _numbers(against: str, score: Score) -> dict[str, float]:
-    low, high = score.interval_percent
+def _numbers(against: str, by_condition: Mapping[str, Score], condition: str) -> dict[str, float]:
+    score = by_condition[condition]
+    _, low, high = mean_percent(by_condition, [condition])
     numbers = {f"{against}_{name}": float(value) for name, value in score.errors.to_dict().items()}
     numbers |= {
         f"{against}_percent_low": low,
         f"{against}_percent_high": high,
         f"{against}_lag_ms": 1e3 * score.lag_s,
     }
+    numbers |= {f"{against}_percent_of_{session}": each for session, each in score.sessions.percent.items()}
     numbers |= {f"{against}_{stratum}_mae_n": found.mae_n for stratum, found in score.strata.items()}
     return {name: value for name, value in numbers.items() if math.isfinite(value)}

@@ -25,7 +25,7 @@ class TrainingParams(Section):
     """How a hybrid is trained."""
 
     epochs: Count
-    patience: Count
+    patience: Count | None
     sequence_length: Count
     burn_in: Annotated[int, Field(ge=0)]
     batch_size: Count
@@ -87,7 +87,7 @@ class BaselinesParams(Section):
 
 
 class LugreParams(Section):
-    """LuGre's identification in one condition alone."""
+    """LuGre's identification, in one condition alone and in all."""
 
     seed: Seed
     condition: str
@@ -109,9 +109,6 @@ class CompareParams(Section):
     stribeck_velocity_m_s: Positive
     reversal_window_s: Positive
     maximum_lag_s: Positive
-    bootstrap_repeats: Count
-    bootstrap_block_s: Positive
-    seed: Seed
 
 
 class RegisterParams(Section):

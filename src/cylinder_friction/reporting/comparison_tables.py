@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, mean_percent, points_ahead
 from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
-from cylinder_friction.reporting.summary import leaders, points_ahead, verdict
+from cylinder_friction.reporting.summary import leaders, verdict
 from cylinder_friction.tuning.space import RANGES
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def difference_table(comparison: Comparison, main: str) -> Table:
         for condition in comparison.conditions:
             ahead, low, high = points_ahead(scores, main, name, condition)
             style = {"better": "good", "worse": "bad", "level": ""}[verdict(scores, main, name, condition)]
-            row.append(Cell(f"{ahead:+.2f}", f"{low:+.2f} to {high:+.2f}", ahead, style=style))
+            row.append(Cell(f"{ahead:+.2f}", _interval(low, high, "+.2f"), ahead, style=style))
         rows.append(row)
     return Table(["Estimator", *(f"Condition {condition} [points]" for condition in comparison.conditions)], rows)
 
@@ -83,11 +83,29 @@ def detail_table(scores: Scores, condition: str) -> Table:
     rows = []
     for name, by_condition in scores.items():
         score, found = by_condition[condition], by_condition[condition].errors
-        low, high = score.interval_percent
+        _, low, high = mean_percent(by_condition, [condition])
         numbers = (f"{found.mae_n:.2f}", f"{found.rmse_n:.2f}", f"{found.bias_n:+.2f}", f"{found.p95_n:.1f}")
-        shares = (f"{found.percent:.2f}", f"{low:.2f} – {high:.2f}", f"{found.fit_percent:.1f}")
+        shares = (f"{found.percent:.2f}", _interval(low, high, ".2f"), f"{found.fit_percent:.1f}")
         rows.append([title(name), *numbers, *shares, f"{found.range_nrmse_percent:.2f}", f"{1e3 * score.lag_s:+.1f}"])
     return Table(head, rows)
+
+
+def session_table(scores: Scores, conditions: Sequence[str]) -> Table:
+    """Return the error in each held-out session [%], and the mean over the conditions with its 95 % interval."""
+    head: list[str | Cell] = ["Estimator"]
+    sessions = next(iter(scores.values()))
+    head += [
+        Cell(f"Condition {condition}", ", ".join(sessions[condition].sessions.percent)) for condition in conditions
+    ]
+    rows: list[list[str | Cell]] = []
+    for name, by_condition in scores.items():
+        mean, low, high = mean_percent(by_condition, conditions)
+        each = [
+            ", ".join(f"{percent:.2f}" for percent in by_condition[condition].sessions.percent.values())
+            for condition in conditions
+        ]
+        rows.append([title(name), *each, Cell(f"{mean:.2f}", _interval(low, high, ".2f"), mean)])
+    return Table([*head, "Mean of the conditions"], rows)
 
 
 def hyperparameter_table(searched: Mapping[str, Any], chosen: Mapping[str, Any]) -> Table:
@@ -212,13 +230,22 @@ def _groups(content: Any, path: tuple[str, ...]) -> list[tuple[str, dict[str, An
 def markdown_tables(comparison: Comparison) -> str:
     """Return Table II against the label and, where it is known, against true friction, as Markdown."""
     against_label = error_table(comparison.label, comparison.conditions, "label").markdown()
-    parts = ["Mean absolute error against the label:\n", against_label]
+    parts = [
+        f"{comparison.sessions} held-out sessions. Bold: the smallest error of a condition, and those that it is not "
+        "clearly better than.\n",
+        "Mean absolute error against the label:\n",
+        against_label,
+    ]
     if comparison.truth:
         against_truth = error_table(comparison.truth, comparison.truth_conditions, "true friction").markdown()
         parts += ["Mean absolute error against true friction:\n", against_truth]
     else:
         parts.append("True friction is not known for these recordings.\n")
     return "\n".join(parts)
+
+
+def _interval(low: float, high: float, digits: str) -> str:
+    return "not known" if math.isnan(low) else f"{low:{digits}} to {high:{digits}}"
 
 
 def _audited(value: Any) -> str:

@@ -21,6 +21,11 @@ _KNOWN = {
     "paper_hybrid": Naming("Hybrid as published", "the hybrid as published", "hybrid"),
     "lugre": Naming("LuGre (identified in one condition)", "LuGre", "friction model"),
     "pressure_lugre": Naming("LuGre, pressure-scaled", "the pressure-scaled LuGre", "friction model"),
+    "pressure_lugre_all": Naming(
+        "LuGre, pressure-scaled, all conditions",
+        "the pressure-scaled LuGre identified in all conditions",
+        "friction model",
+    ),
     "force_balance_unfiltered": Naming("Force balance, unfiltered", "the unfiltered force balance", "force balance"),
     "force_balance_paper": Naming(
         "Force balance, moving averages", "the force balance with the paper's moving averages", "force balance"

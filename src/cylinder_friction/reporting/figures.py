@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from cylinder_friction.evaluation.comparison import mean_percent
 from cylinder_friction.evaluation.strata import STRATA
 from cylinder_friction.reporting.estimator_titles import TRACE_COLOURS, colour, title
 from cylinder_friction.reporting.style import (
     BLACK,
     BLUE,
+    BROWN,
     CONDITION_MARKS,
     GREEN,
     INK,
@@ -49,6 +51,7 @@ ESTIMATE_WIDTH = 1.1
 STRATA_SHADES = {
     "lugre": ORANGE,
     "pressure_lugre": YELLOW,
+    "pressure_lugre_all": BROWN,
     "force_balance_low_pass": GREEN,
     "ridge": PINK,
     "paper_hybrid": SKY,
@@ -160,7 +163,11 @@ def friction_over_time(excerpts: Sequence[Excerpt], width: float = PANEL[0]) -> 
 
 
 def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str, main: str) -> Figure:
-    """Return one row per estimator, one mark and 95 % interval per condition, on a log scale; ``main`` is shaded."""
+    """Return one row per estimator, on a log scale: each condition's error, interval and sessions.
+
+    A mark is the error of a condition, the line through it its 95 % interval, each stroke one session; ``main`` is
+    shaded.
+    """
     names = [name for name in scores if scores[name]]
     figure, (axis,) = panels(1, 1, PANEL[0], 0.5 * len(names) + 0.9)
     spread = np.linspace(-0.04, 0.36, max(2, len(conditions)))
@@ -171,7 +178,9 @@ def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str,
                 continue
             score, (shade, marker, _) = scores[name][condition], CONDITION_MARKS[index % len(CONDITION_MARKS)]
             place = row + float(spread[index])
-            axis.plot(score.interval_percent, [place, place], color=shade, linewidth=1.6, alpha=0.55)
+            sessions = list(score.sessions.percent.values())
+            axis.plot(mean_percent(scores[name], [condition])[1:], [place] * 2, color=shade, linewidth=1.6, alpha=0.55)
+            axis.plot(sessions, [place] * len(sessions), "|", color=shade, markersize=5.0, markeredgewidth=0.8)
             axis.plot(score.errors.percent, place, marker, color=shade, markersize=4.2, markeredgewidth=0)
         low, high = (end(score.errors.percent for score in found) for end in (min, max))
         strong: dict[str, Any] = {"fontweight": "bold"} if name == main else {}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from cylinder_friction.evaluation.comparison import mean_percent
+
 if TYPE_CHECKING:
     from cylinder_friction.evaluation.analysis import Analysis
 
@@ -39,7 +41,7 @@ def _errors(analysis: Analysis) -> pd.DataFrame:
     for name in comparison.estimators:
         for condition in comparison.conditions:
             score = comparison.label[name][condition]
-            low, high = score.interval_percent
+            _, low, high = mean_percent(comparison.label[name], [condition])
             true = comparison.truth.get(name, {}).get(condition)
             rows.append(
                 {

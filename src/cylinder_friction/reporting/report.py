@@ -91,7 +91,7 @@ def _opening(analysis: Analysis) -> tuple[Figure, Figure]:
 
 
 def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Figure | None]]:
-    """Return by reference: Table II, every measure by condition, and the chart unless the page opens with it."""
+    """Return by reference: Table II, tables to unfold by title, and the chart unless the page opens with it."""
     comparison, truth = analysis.comparison, analysis.comparison.truth
     conditions = list(comparison.conditions)
     found: dict[str, tuple[Table, dict[str, Table], Figure | None]] = {
@@ -109,7 +109,8 @@ def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Fig
 
 
 def _details(scores: Scores, conditions: Sequence[str]) -> dict[str, Table]:
-    return {condition: tables.detail_table(scores, condition) for condition in conditions}
+    each = {f"All measures, condition {condition}": tables.detail_table(scores, condition) for condition in conditions}
+    return {"Each held-out session": tables.session_table(scores, conditions), **each}
 
 
 def _over_time(part: Excerpt) -> go.Figure:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.evaluation.bootstrap import interval
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, points_ahead
 from cylinder_friction.reporting.estimator_titles import phrase
 
 if TYPE_CHECKING:
@@ -26,16 +25,13 @@ def winner(scores: Scores, condition: str) -> str:
     return min(names, key=lambda name: (scores[name][condition].errors.percent, name))
 
 
-def points_ahead(scores: Scores, one: str, other: str, condition: str) -> tuple[float, float, float]:
-    """Return by how many percentage points ``one`` is better than ``other``, and the paired 95 % interval of that."""
-    ahead = scores[other][condition].errors.percent - scores[one][condition].errors.percent
-    return ahead, *interval(scores[other][condition].draws_percent - scores[one][condition].draws_percent)
-
-
 def verdict(scores: Scores, one: str, other: str, condition: str) -> str:
-    """Return ``better``, ``worse`` or ``level``: within chance, or with less than ``CLEAR_POINTS`` between them."""
+    """Return ``better``, ``worse`` or ``level``: within chance, or with less than ``CLEAR_POINTS`` between them.
+
+    Where no condition has two sessions, chance is not known and everything is level.
+    """
     ahead, low, high = points_ahead(scores, one, other, condition)
-    if low <= 0.0 <= high or abs(ahead) < CLEAR_POINTS:
+    if not (low > 0.0 or high < 0.0) or abs(ahead) < CLEAR_POINTS:  # an interval that is not known leaves out nothing
         return "level"
     return "better" if ahead > 0.0 else "worse"
 
@@ -62,6 +58,11 @@ def _errors(comparison: Comparison, main: str) -> str:
 
 
 def _rivals(comparison: Comparison, main: str) -> str:
+    if comparison.sessions == len(comparison.conditions):
+        return (
+            "With one held-out session in each condition chance is not known and no difference is clear: hold out two "
+            "(split.test_sessions)."
+        )
     verdicts = {
         name: [verdict(comparison.label, main, name, condition) for condition in comparison.conditions]
         for name in comparison.estimators

@@ -101,9 +101,6 @@ def comparison_settings(settings: CompareParams) -> ComparisonSettings:
     return ComparisonSettings(
         StrataLimits(settings.standstill_velocity_m_s, settings.stribeck_velocity_m_s, settings.reversal_window_s),
         settings.maximum_lag_s,
-        settings.bootstrap_repeats,
-        settings.bootstrap_block_s,
-        settings.seed,
     )
 
 
@@ -116,7 +113,7 @@ def load_estimators() -> dict[str, FrictionEstimator]:
     if not BASELINES_FOLDER.is_dir():
         raise FileNotFoundError(f"{BASELINES_FOLDER}: no such folder of baselines; run `dvc repro` to make it")
     known = [folder.name for folder in BASELINES_FOLDER.iterdir() if (folder / DESCRIPTION_FILE).is_file()]
-    folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre")}
+    folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre", "pressure_lugre_all")}
     folders |= {name: BASELINES_FOLDER / name for name in sorted(known, key=_place)}
     folders |= {folder.name: folder for folder in (LSTM_FOLDER, PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
     return {name: load_estimator(folder) for name, folder in folders.items()}
