@@ -121,6 +121,4 @@ def labelled(
     labeller = Labeller(cylinder, end_stop_margin_m=0.0, load=load, inertia=inertia, load_plan=plan or LoadPlan())
     filtered = [recording.with_columns(**smooth_columns(recording, chosen)) for recording in recordings]
     identified = labeller.identify(filtered, chosen)
-    return [
-        labeller.label(recording, chosen.support(recording.sample_time_s), identified) for recording in filtered
-    ], identified
+    return [labeller.label(recording, chosen, identified) for recording in filtered], identified

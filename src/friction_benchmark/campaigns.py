@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cylinder_friction.labelling.equation_of_motion import Stiffness
-from cylinder_friction.labelling.label import DEFAULT_FILTER, Labeller
+from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
 from cylinder_friction.recordings.files import whole_folder
@@ -28,6 +28,7 @@ from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import as_written
 from cylinder_friction.signals.smooth_signals import filtered
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD
 from friction_benchmark.rig_channels import NAME_PATTERN, logger_channels
@@ -159,14 +160,14 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     mapped = map_signals([LoggedTable(as_written(logged.logger))], recipe.channels)
     signals, _ = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
     pieces = align(signals, recipe.time)
-    truth = logged.truth
+    truth, signal_filter = logged.truth, SavitzkyGolay()
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe.cylinder)
         raw = checked(piece, metadata, recipe)
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))
         yield LabelledRecording(
-            labeller.labelled(filtered(raw, DEFAULT_FILTER), DEFAULT_FILTER),
+            labeller.labelled(filtered(raw, signal_filter), signal_filter),
             truth["friction_n"].to_numpy()[rows],
             load_n[rows],
         )

@@ -57,7 +57,7 @@ def worst_error(labelled: Recording) -> float:
 def test_friction_comes_out_of_a_cylinder_that_carries_something(cylinder: Cylinder, pressures: bool) -> None:
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     recording = boom_recording(cylinder, pressures)
-    labelled = labeller.label(recording, FILTER.support(STEP_S), session(labeller, recording))
+    labelled = labeller.label(recording, FILTER, session(labeller, recording))
     assert worst_error(labelled) < 5.0
     assert labelled.usable().mean() > 0.8
     assert np.abs(labelled.column("load_force_n") - boom_load(motion()[0]))[labelled.usable()].max() < 20.0
@@ -67,7 +67,7 @@ def test_friction_comes_out_of_a_cylinder_that_carries_something(cylinder: Cylin
 @pytest.mark.parametrize("pressures", [True, False], ids=["pressures", "drive force"])
 def test_a_measured_load_is_taken_off(cylinder: Cylinder, pressures: bool) -> None:
     recording = boom_recording(cylinder, pressures, load_force_n=boom_load(motion()[0]))
-    labelled = Labeller(cylinder, Stiffness(), 0.003, load="measured").label(recording, FILTER.support(STEP_S))
+    labelled = Labeller(cylinder, Stiffness(), 0.003, load="measured").label(recording, FILTER)
     assert worst_error(labelled) < 1.0
 
 
@@ -84,7 +84,7 @@ def test_rows_where_the_load_is_not_known_are_not_usable(cylinder: Cylinder) -> 
     found = session(labeller, recording)
     assert found.load is not None
     low = found.load.coverage.range_m[0]
-    labelled = labeller.label(recording, FILTER.support(STEP_S), found)
+    labelled = labeller.label(recording, FILTER, found)
     outside = recording.column("position_m") < low
     assert outside.any()
     assert not labelled.usable()[outside].any()
@@ -96,7 +96,7 @@ def test_uncertainty_of_an_identified_load_goes_into_the_labels(cylinder: Cylind
     recording = boom_recording(cylinder, uncertainty=stated)
     found = session(labeller, recording)
     assert found.load is not None
-    labelled = labeller.label(recording, FILTER.support(STEP_S), found)
+    labelled = labeller.label(recording, FILTER, found)
     expanded = labelled.column("friction_uncertainty_n")
     assert (expanded > 2.0 * found.load.asymmetry_n).all()
     assert expanded.max() < 2.0 * np.hypot(found.load.uncertainty_n(recording.column("position_m")).max(), 10.0)
@@ -104,11 +104,10 @@ def test_uncertainty_of_an_identified_load_goes_into_the_labels(cylinder: Cylind
 
 def test_a_load_column_that_contradicts_the_mode_is_refused(cylinder: Cylinder) -> None:
     with_load = boom_recording(cylinder, load_force_n=boom_load(motion()[0]))
-    support = FILTER.support(STEP_S)
     with pytest.raises(
         RecordingError, match=r"recording 'boom': load \(ingest\.load\) is none, but a load was measured"
     ):
-        Labeller(cylinder, Stiffness(), 0.003).label(with_load, support)
+        Labeller(cylinder, Stiffness(), 0.003).label(with_load, FILTER)
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     with pytest.raises(
         RecordingError, match=r"load \(ingest\.load\) is position, but a load was measured .* set load to"
@@ -117,13 +116,13 @@ def test_a_load_column_that_contradicts_the_mode_is_refused(cylinder: Cylinder) 
     with pytest.raises(
         RecordingError, match=r"load \(ingest\.load\) is measured, but there is no column 'load_force_n'; map the"
     ):
-        Labeller(cylinder, Stiffness(), 0.003, load="measured").label(boom_recording(cylinder), support)
+        Labeller(cylinder, Stiffness(), 0.003, load="measured").label(boom_recording(cylinder), FILTER)
 
 
 def test_a_session_that_was_not_asked_is_refused(cylinder: Cylinder) -> None:
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     with pytest.raises(ValueError, match=r"expected load and mass of its session .* but got None"):
-        labeller.label(boom_recording(cylinder), FILTER.support(STEP_S))
+        labeller.label(boom_recording(cylinder), FILTER)
 
 
 def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
@@ -132,16 +131,15 @@ def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="measured", inertia="identified")
     given = SessionIdentification(cylinder.moving_mass_kg)
     found = replace(given, moving_mass_kg=2000.0)
-    support = FILTER.support(STEP_S)
-    assert worst_error(labeller.label(recording, support, found)) < 1.0
-    assert worst_error(labeller.label(recording, support, given)) > 5.0
+    assert worst_error(labeller.label(recording, FILTER, found)) < 1.0
+    assert worst_error(labeller.label(recording, FILTER, given)) > 5.0
 
 
 @pytest.mark.parametrize("mode", ["trapped_oil", "paper_literal"])
 def test_the_oils_spring_needs_pressures(cylinder: Cylinder, mode: Any) -> None:
     labeller = Labeller(cylinder, Stiffness(mode), 0.003)
     with pytest.raises(RecordingError, match=f"label.stiffness is {mode}, .* but the recording has drive_force_n"):
-        labeller.label(boom_recording(cylinder, pressures=False), FILTER.support(STEP_S))
+        labeller.label(boom_recording(cylinder, pressures=False), FILTER)
 
 
 def test_audit_takes_the_session_too(cylinder: Cylinder) -> None:

@@ -8,10 +8,12 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.uncertainty import label_uncertainty
+from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_uncertainty
 from cylinder_friction.recordings.mapping.sensor import SensorScale
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
+from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,3 +86,23 @@ def test_unknown_is_not_zero() -> None:
     assert label_uncertainty(loaded, CYLINDER) is None
     assert label_uncertainty(loaded, CYLINDER, 10.0) is not None
     assert label_uncertainty(loaded, CYLINDER, measured_load=False) is not None
+
+
+def test_what_smoothing_leaves_counts_in_quadrature() -> None:
+    stated = both(SensorUncertainty(zero=1e3, span=0.0))
+    without, smoothed = (
+        label_uncertainty(recording(stated), CYLINDER, 0.0, each) for each in (0.0, np.array([0.0, 5.0]))
+    )
+    assert without is not None
+    np.testing.assert_allclose(smoothed, np.hypot(without, [0.0, 10.0]))
+
+
+def test_smoothing_leaves_less_noise_than_there_was() -> None:
+    noise_pa = 5e3 * np.random.default_rng(1).normal(size=(2, 4000))
+    columns = {"pressure_1_pa": noise_pa[0], "pressure_2_pa": noise_pa[1], "position_m": np.full(4000, 0.1)}
+    metadata = RecordingMetadata("r", "1", "s", 0.005)
+    raw = Recording(metadata, pd.DataFrame({"time_s": 0.005 * np.arange(4000)} | columns))
+    noise_n = 5e3 * math.hypot(A1, A2)
+    polynomial = smoothing_deviation(raw, CYLINDER, SavitzkyGolay())
+    np.testing.assert_allclose(polynomial, 0.455 * noise_n, rtol=0.05)
+    assert np.median(smoothing_deviation(raw, CYLINDER, default_filter(CYLINDER))) < 0.2 * noise_n

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.signals.causal_chain import MovingAverage
-from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
 
@@ -116,13 +115,3 @@ def test_too_short_recordings_are_refused() -> None:
     for each in (CentredMovingAverage(), SavitzkyGolay()):
         with pytest.raises(ValueError, match="got 20 samples, but"):
             each.smooth(np.zeros((20, 3)), STEP_S)
-
-
-def test_every_method_has_its_filter() -> None:
-    filters = filters_by_method({"window": 4}, {"velocity_window": 9}, {"pressure_noise_pa": 1.0})
-    assert filters == {
-        "moving_average": MovingAverage(4),
-        "moving_average_centred": CentredMovingAverage(4),
-        "savitzky_golay": SavitzkyGolay(velocity_window=9),
-        "rts": RtsSmoother(pressure_noise_pa=1.0),
-    }

@@ -43,7 +43,7 @@ TRUTH = ["time_s", "friction_n", "velocity_m_s"]
 
 def params_for(cylinder: Cylinder, **label_changes: Any) -> Params:
     content = {
-        "filter": yaml.safe_load((CONF / "filter/savitzky_golay.yaml").read_text(encoding="utf-8")),
+        "filter": yaml.safe_load((CONF / "filter/adaptive.yaml").read_text(encoding="utf-8")),
         "label": yaml.safe_load((CONF / "label/default.yaml").read_text(encoding="utf-8")) | label_changes,
     }
     return Params.model_construct(
@@ -86,8 +86,8 @@ def test_labels_are_near_friction(workplace: Path, cylinder: Cylinder, made: lis
     for recording in recordings:
         true_n = by_name[recording.name].column("friction_n")
         usable = recording.usable()
-        assert not usable[:20].any()
-        assert usable[20:-20].all()
+        assert not usable[:40].any()
+        assert usable[40:-40].all()
         assert np.abs(recording.column("friction_n") - true_n)[usable].mean() < 0.05 * np.abs(true_n).mean()
         assert set(recording.table.columns) - set(RAW) == {"velocity_m_s", "friction_n", "usable"}
     assert record == label.run(params_for(cylinder))
@@ -102,7 +102,7 @@ def test_two_recordings_are_labelled_without_any_split(workplace: Path, cylinder
 def test_audit_judges_every_filter_in_every_test(workplace: Path, cylinder: Cylinder) -> None:
     record = label.run(params_for(cylinder))
     audit = read_json(AUDIT_FOLDER / "audit.json")
-    assert set(audit) == {"moving_average", "moving_average_centred", "savitzky_golay", "rts"}
+    assert set(audit) == {"adaptive", "moving_average", "moving_average_centred", "savitzky_golay", "rts"}
     for conditions in audit.values():
         assert set(conditions) == {"1", "2", "all"}
         assert {"all", "steady", "events", "reversal"} <= set(conditions["1"])
@@ -133,10 +133,10 @@ def test_labels_do_not_depend_on_the_truth(workplace: Path, cylinder: Cylinder) 
 
 
 def test_end_stop_margin_is_kept(workplace: Path, cylinder: Cylinder) -> None:
-    label.run(params_for(cylinder, end_stop_margin_m=0.11))
+    label.run(params_for(cylinder, end_stop_margin_m=0.10))
     for recording in read_recordings(LABELLED_FOLDER):
         usable = recording.usable()
-        assert np.abs(recording.column("position_m")[usable] - 0.125).max() < 0.015
+        assert np.abs(recording.column("position_m")[usable] - 0.125).max() < 0.025
         assert 0 < usable.sum() < 0.5 * len(usable)
 
 

@@ -42,9 +42,9 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     """
     recipe = recipe_from(params, Path(params.ingest.source))
     files = _files(path, params, recipe.names.table)
-    filters = filters_by_method(**params.filter.model_dump(exclude={"method"}))
-    labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
     cylinder, margin_m = cylinder_from(params.cylinder), params.label.end_stop_margin_m
+    filters = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))
+    labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
     loaded = (_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
     subjects = held(with_friction(subject, cylinder, chosen, margin_m) for subject in loaded)
     write_page(page, subjects, cylinder, filters, params.filter.method, margin_m)

@@ -13,13 +13,13 @@ from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import MotionPlan, motion_points
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
-from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty
+from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty, smoothing_deviation
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.motion import widened
 from cylinder_friction.signals.smooth_signals import SMOOTH_LOAD, filtered, signals_of, smooth_load, smooth_recording
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -44,7 +44,6 @@ ONLY_FOR_LABELS = (
 )
 """Columns that nothing after the label uses; ``labelled`` drops them."""
 
-DEFAULT_FILTER = SavitzkyGolay()
 NO_STIFFNESS = Stiffness()
 
 
@@ -125,25 +124,27 @@ class Labeller:
         return identified
 
     def label(
-        self, recording: Recording, support: Support, identified: SessionIdentification | None = None
+        self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
     ) -> Recording:
-        """Return a filtered recording with ``friction_n`` and ``usable``.
+        """Return a recording that ``signal_filter`` has smoothed with ``friction_n`` and ``usable``.
 
         An identified load is added as ``load_force_n``, and where the sensors' uncertainty is stated,
-        ``friction_uncertainty_n``, which includes that of an identified load. Load and mass of the session are required
-        if ``needs_identification``.
+        ``friction_uncertainty_n``, which includes those of smoothing and of an identified load. Load and mass of the
+        session are required if ``needs_identification``.
 
         Raises:
             RecordingError: The recording's columns and ``load`` contradict each other.
         """
         load_n = self._load(recording, identified, partial(recording.column, SMOOTH_LOAD))
+        support = signal_filter.support(recording.sample_time_s)
         friction_n, usable = self._from_signals(recording, signals_of(recording), load_n, support, identified)
         columns: dict[str, Array] = {}
         load_uncertainty_n: Array | float = 0.0
         if self.load == "position" and identified is not None and identified.load is not None:
             columns[LOAD_FORCE] = np.asarray(load_n)
             load_uncertainty_n = identified.load.uncertainty_n(recording.column("position_m"))
-        uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n)
+        smoothing_n = smoothing_deviation(recording, self.cylinder, signal_filter)
+        uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n, smoothing_n)
         if uncertainty_n is not None:
             columns[UNCERTAINTY_COLUMN] = uncertainty_n
         return recording.with_columns(**columns, friction_n=friction_n, usable=usable)
@@ -152,8 +153,7 @@ class Labeller:
         self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
     ) -> Recording:
         """Return ``label`` without the columns that only the label needs, as it is stored and trained on."""
-        support = signal_filter.support(recording.sample_time_s)
-        return self.label(recording, support, identified).without_columns(*ONLY_FOR_LABELS)
+        return self.label(recording, signal_filter, identified).without_columns(*ONLY_FOR_LABELS)
 
     def audit(
         self,
@@ -231,7 +231,7 @@ def label(
     recordings: Iterable[Recording],
     cylinder: Cylinder,
     *,
-    signal_filter: SignalFilter = DEFAULT_FILTER,
+    signal_filter: SignalFilter | None = None,
     load: LoadMode = "none",
     inertia: InertiaMode = "given",
     stiffness: Stiffness = NO_STIFFNESS,
@@ -245,7 +245,7 @@ def label(
     Args:
         recordings: Raw recordings in SI units, of any sessions and conditions, in the order of the result.
         cylinder: Its areas, stroke and moving mass.
-        signal_filter: Smooths pressures and differentiates position.
+        signal_filter: Smooths pressures and differentiates position; None: ``AdaptiveWindow`` with its defaults.
         load, inertia, stiffness, end_stop_margin_m: As in ``Labeller``.
 
     Raises:
@@ -253,6 +253,7 @@ def label(
         ValueError: There is no recording, or a mode is not known.
     """
     labeller = Labeller(cylinder, stiffness, end_stop_margin_m, load, inertia)
+    signal_filter = signal_filter or default_filter(cylinder)
     smooth = [filtered(recording, signal_filter) for recording in recordings]
     if not smooth:
         raise ValueError("label: expected at least one recording, but got none")

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 UNCERTAINTY_COLUMN = "friction_uncertainty_n"
 
@@ -20,20 +21,38 @@ COVERAGE_FACTOR = 2.0
 """From standard to expanded uncertainty, for a level of confidence of about 95 % (JCGM 100:2008, 6.3.3)."""
 
 
+def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:
+    """Return the standard deviation that smoothing leaves in the label [N], shape ``(n,)``; see ``deviation``."""
+    force_n = sum(
+        (area * recording.column(column) for column, area in _sensitivities(recording, cylinder).items()),
+        start=np.zeros(len(recording)),
+    )
+    variance = np.square(signal_filter.deviation(force_n, recording.sample_time_s))
+    if LOAD_FORCE in recording.table.columns:
+        variance += np.square(signal_filter.deviation(recording.column(LOAD_FORCE), recording.sample_time_s))
+    return np.asarray(np.sqrt(variance))
+
+
 def label_uncertainty(
-    recording: Recording, cylinder: Cylinder, load_uncertainty_n: float | Array = 0.0, *, measured_load: bool = True
+    recording: Recording,
+    cylinder: Cylinder,
+    load_uncertainty_n: float | Array = 0.0,
+    smoothing_n: float | Array = 0.0,
+    *,
+    measured_load: bool = True,
 ) -> Array | None:
     """Return the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
 
     Friction is P1·A1 - P2·A2 - m·a - F_load, so that (JCGM 100:2008, GUM, equations 10 and 11a)
 
-        U² = 4·[A1²·u²(P1) + A2²·u²(P2) + u²(F_load)],    u²(x) = zero² + (span·x)² + resolution²/12
+        U² = 4·[A1²·u²(P1) + A2²·u²(P2) + u²(F_load) + u_s²],    u²(x) = zero² + (span·x)² + resolution²/12
 
     where zero and span are each sensor's standard uncertainties and resolution is one step of its converter, within
     which the reading is uniformly distributed. A measured drive force takes the place of both pressures. The terms add
-    in quadrature, as two sensors are independent. The label's filter is left out, and the inertia, whose uncertainty is
-    newtons where the sensors' is hundreds. A sensor's zero is constant within a recording, so that averaging rows does
-    not reduce it. ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, one or ``(n,)``;
+    in quadrature, as two sensors are independent. ``smoothing_n``, u_s, is the standard deviation that the label's
+    filter leaves, one or ``(n,)``. The inertia is left out, whose uncertainty is newtons where the sensors' is
+    hundreds. A sensor's zero is constant within a recording, so that averaging rows does not reduce it.
+    ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, one or ``(n,)``;
     ``measured_load`` states whether ``load_force_n``, where the recording has it, is subtracted in the label.
 
     Returns None where the uncertainty of a sensor that enters the label is not stated, as unknown is not zero; that of
@@ -45,7 +64,7 @@ def label_uncertainty(
         areas[LOAD_FORCE] = 1.0
     if any(column not in recording.metadata.uncertainty for column in areas):
         return None
-    variance = np.broadcast_to(np.square(np.asarray(load_uncertainty_n, dtype=np.float64)), (len(recording),)).copy()
+    variance = np.full(len(recording), np.square(load_uncertainty_n) + np.square(smoothing_n))
     for column, area in areas.items():
         stated = recording.metadata.uncertainty[column]
         constant = stated.zero**2 + stated.resolution**2 / 12.0
@@ -58,5 +77,5 @@ def label_uncertainty(
 def _sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
     """Return the derivative of friction by each column of the driving force [m², or 1 for a force]."""
     if has_pressures(recording):
-        return {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": cylinder.annulus_area_m2}
+        return {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": -cylinder.annulus_area_m2}
     return {DRIVE_FORCE: 1.0}

@@ -52,6 +52,20 @@ class RecordParams(Section):
         return seconds
 
 
+class AdaptiveParams(Section):
+    """Windows on either side of a sample, and how wide the confidence intervals are that decide their lengths."""
+
+    shortest_s: Positive
+    longest_s: Positive
+    confidence: Positive
+
+    @model_validator(mode="after")
+    def _shortest_first(self) -> AdaptiveParams:
+        if self.shortest_s > self.longest_s:
+            raise ValueError(f"shortest_s must not exceed longest_s, but got {self.shortest_s} and {self.longest_s}")
+        return self
+
+
 class MovingAverageParams(Section):
     """The paper's chain, causal as published or centred: windows in samples."""
 
@@ -85,9 +99,10 @@ class RtsParams(Section):
 
 
 class FilterParams(Section):
-    """How raw signals are smoothed and differentiated, off line; the label audit compares all four methods."""
+    """How raw signals are smoothed and differentiated, off line; the label audit compares all methods."""
 
-    method: Literal["moving_average", "moving_average_centred", "savitzky_golay", "rts"]
+    method: Literal["adaptive", "moving_average", "moving_average_centred", "savitzky_golay", "rts"]
+    adaptive: AdaptiveParams
     moving_average: MovingAverageParams
     savitzky_golay: SavitzkyGolayParams
     rts: RtsParams

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from cylinder_friction.signals.adaptive import AdaptiveWindow
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
@@ -11,16 +12,33 @@ from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyG
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 
+def default_filter(cylinder: Cylinder) -> AdaptiveWindow:
+    """Return the filter whose labels are nearest to true friction."""
+    return AdaptiveWindow(cylinder.piston_area_m2, cylinder.annulus_area_m2)
+
+
 def filters_by_method(
-    moving_average: Mapping[str, Any], savitzky_golay: Mapping[str, Any], rts: Mapping[str, Any]
+    cylinder: Cylinder,
+    adaptive: Mapping[str, Any],
+    moving_average: Mapping[str, Any],
+    savitzky_golay: Mapping[str, Any],
+    rts: Mapping[str, Any],
 ) -> dict[str, SignalFilter]:
-    """Return the filters from the parameters of each; both moving averages share theirs."""
+    """Return the filters from the parameters of each; both moving averages share theirs.
+
+    The adaptive one differentiates the position as ``savitzky_golay`` does.
+    """
+    polynomials = SavitzkyGolay(**savitzky_golay)
     return {
+        "adaptive": AdaptiveWindow(
+            cylinder.piston_area_m2, cylinder.annulus_area_m2, **adaptive, derivatives=polynomials
+        ),
         "moving_average": MovingAverage(**moving_average),
         "moving_average_centred": CentredMovingAverage(**moving_average),
-        "savitzky_golay": SavitzkyGolay(**savitzky_golay),
+        "savitzky_golay": polynomials,
         "rts": RtsSmoother(**rts),
     }

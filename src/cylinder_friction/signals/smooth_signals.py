@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, SAMPLE_COLUMNS
+from cylinder_friction.signals.noise import noise_deviation
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
@@ -51,6 +52,9 @@ class Support:
 class SignalFilter(ABC):
     """Smooths pressures and differentiates position, over a whole recording."""
 
+    linear: ClassVar[bool] = True
+    """Whether what it does to a signal does not depend on the signal, so that it has a frequency response."""
+
     @abstractmethod
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         """Return a force, shape ``(n,)``, smoothed as pressures are: with the same delay and bandwidth."""
@@ -62,6 +66,19 @@ class SignalFilter(ABC):
     @abstractmethod
     def support(self, sample_time_s: float) -> Support:
         """Return the support of the filter, the longest of its four outputs."""
+
+    def deviation(self, force_n: Array, sample_time_s: float) -> Array:
+        """Return the standard deviation that noise leaves in a smoothed force [N], shape ``(n,)``.
+
+        The noise, taken as white, is estimated from the force. What smoothing takes away from the force itself, next to
+        steps above all, is not included.
+        """
+        support = self.support(sample_time_s)
+        middle = 2 * max(support.before, support.after) + 1
+        pulse = np.zeros(2 * middle + 1)
+        pulse[middle] = 1.0
+        gain = float(np.linalg.norm(self.smooth_force(pulse, sample_time_s)))
+        return np.full(len(force_n), gain * noise_deviation(force_n))
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         """Return the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""

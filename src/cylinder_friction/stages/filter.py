@@ -11,7 +11,7 @@ from cylinder_friction.recordings.storage import iterate_recordings, recording_p
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.signals.smooth_signals import filtered
-from cylinder_friction.stages._stage import FILTERS_FILE, RECORDINGS_FOLDER, SIGNALS_FOLDER, flat
+from cylinder_friction.stages._stage import FILTERS_FILE, RECORDINGS_FOLDER, SIGNALS_FOLDER, cylinder_from, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
@@ -25,7 +25,8 @@ def run(params: Params) -> RunRecord:
     ``load_force_smooth_n``. They are stored in single precision, thousands of times finer than any sensor's step.
     ``filters.json`` beside the recordings holds the method and the settings of every method.
     """
-    chosen = filters_by_method(**params.filter.model_dump(exclude={"method"}))[params.filter.method]
+    cylinder = cylinder_from(params.cylinder)
+    chosen = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))[params.filter.method]
     rows = 0
     count = len(recording_paths(RECORDINGS_FOLDER))
     with whole_folder(SIGNALS_FOLDER) as folder:

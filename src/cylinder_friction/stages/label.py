@@ -61,7 +61,7 @@ def run(params: Params) -> RunRecord:
     settings = params.label
     ingested, filtering = read_json(INGESTED_FILE), read_json(FILTERS_FILE)
     method = filtering.pop("method")
-    filters = filters_by_method(**filtering)
+    filters = filters_by_method(cylinder_from(params.cylinder), **filtering)
     labeller = labeller_from(params, ingested["load"])
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
     names = [entry.name for entry in metadata]

@@ -19,8 +19,8 @@ SAMPLE_TIME_S = 0.005
 
 
 @pytest.fixture(scope="session")
-def filters() -> dict[str, SignalFilter]:
-    return filters_by_method({}, {}, {})
+def filters(cylinder: Cylinder) -> dict[str, SignalFilter]:
+    return filters_by_method(cylinder, {}, {}, {}, {})
 
 
 @pytest.fixture(scope="session")

@@ -85,6 +85,8 @@ def filter_costs(filters: Mapping[str, SignalFilter], recording: Recording) -> t
 
 
 def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -> FilterCost:
+    if not method.linear:
+        raise ValueError("its windows depend on the signal, so that it has no frequency response of its own")
     sample_time_s, position_m = recording.sample_time_s, recording.column("position_m")
     velocity_m_s, _ = method.motion(position_m, sample_time_s)
     position_noise_m = spectrum(position_m, sample_time_s).noise * math.sqrt(0.5 / sample_time_s)

@@ -1,0 +1,152 @@
+"""A zero-phase filter whose windows are as wide as the signal allows: for labels, never for estimates."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+import numba
+import numpy as np
+
+from cylinder_friction.signals.noise import noise_deviation
+from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
+
+GROWTH = 1.3
+"""Each window is longer than the last by this factor."""
+
+
+@dataclass(frozen=True)
+class AdaptiveWindow(SignalFilter):
+    """Means over windows chosen per sample by the intersection of confidence intervals.
+
+    For every sample, one mean over the samples before it and one over those after it, each with the longest window
+    whose mean agrees with those of all shorter windows within their confidence intervals (Goldenshluger and Nemirovski
+    1997; Katkovnik 1999); both are averaged with the inverse of their variances as weights. Where friction is constant,
+    windows are long; towards a step, they end before it, but for the shortest, which is always taken: the few samples
+    beside a step are smoothed over it. The noise that the intervals need is
+    estimated from the recording. Windows of the pressures are those of the force P1·A1 - P2·A2, in which changes that
+    both pressures share have no part.
+
+    Args:
+        piston_area_m2, annulus_area_m2: Areas A1 and A2 that turn pressures into the force.
+        shortest_s: Shortest window on one side.
+        longest_s: Longest one.
+        confidence: Half-width of the intervals in standard deviations; larger ones give longer windows.
+        derivatives: Differentiates the position.
+
+    Raises:
+        ValueError: A length or the confidence is not positive, or the shortest window is longer than the longest.
+    """
+
+    linear: ClassVar[bool] = False
+
+    piston_area_m2: float
+    annulus_area_m2: float
+    shortest_s: float = 0.015
+    longest_s: float = 0.2
+    confidence: float = 1.2
+    derivatives: SavitzkyGolay = field(default_factory=SavitzkyGolay)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest_s <= self.longest_s:
+            raise ValueError(
+                "adaptive window: expected 0 < shortest_s <= longest_s, but got "
+                f"shortest_s {self.shortest_s} and longest_s {self.longest_s}"
+            )
+        if not self.confidence > 0.0:
+            raise ValueError(f"adaptive window: expected a positive confidence, but got {self.confidence}")
+
+    def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
+        force_n = samples[:, P1] * self.piston_area_m2 - samples[:, P2] * self.annulus_area_m2
+        windows = self.windows(force_n, sample_time_s)
+        p1, p2 = (windows.mean(np.ascontiguousarray(samples[:, side])) for side in (P1, P2))
+        return SmoothSignals(p1, p2, *self.motion(samples[:, X], sample_time_s))
+
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        return self.windows(force_n, sample_time_s).mean(force_n)
+
+    def deviation(self, force_n: Array, sample_time_s: float) -> Array:
+        """Return the standard deviation of a smoothed force about the true one [N], shape ``(n,)``.
+
+        What noise leaves in the mean, and in quadrature half of the difference between the means of both sides: where
+        they differ, the signal changes within the windows, and the smoothing error is as large as that.
+        """
+        windows = self.windows(force_n, sample_time_s)
+        before, after = windows.means(force_n)
+        return np.hypot(windows.residual_noise(), 0.5 * (after - before))
+
+    def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        return self.derivatives.motion(position_m, sample_time_s)
+
+    def support(self, sample_time_s: float) -> Support:
+        half = max(self._lengths(sample_time_s)[-1], self.derivatives.support(sample_time_s).before)
+        return Support(half, half)
+
+    def windows(self, force_n: Array, sample_time_s: float) -> Windows:
+        """Return the windows of a force, shape ``(n,)``."""
+        lengths, noise_n = np.array(self._lengths(sample_time_s)), noise_deviation(force_n)
+        force_n = np.ascontiguousarray(force_n - force_n[0])
+        before = _one_side(force_n[::-1].copy(), lengths, self.confidence * noise_n)[::-1].copy()
+        return Windows(before, _one_side(force_n, lengths, self.confidence * noise_n), noise_n)
+
+    def _lengths(self, sample_time_s: float) -> list[int]:
+        shortest, longest = (max(1, round(each / sample_time_s)) for each in (self.shortest_s, self.longest_s))
+        grown = itertools.accumulate(itertools.repeat(GROWTH), lambda length, by: length * by, initial=float(shortest))
+        between = {round(length) for length in itertools.takewhile(lambda length: length < longest, grown)}
+        return sorted({*between, longest})
+
+
+@dataclass(frozen=True)
+class Windows:
+    """How many samples before and after each sample its mean takes in, each of shape ``(n,)``."""
+
+    before: NDArray[np.int64]
+    after: NDArray[np.int64]
+    noise: float  # Standard deviation of the white noise of the force [N]
+
+    def mean(self, values: Array) -> Array:
+        """Return the means of values over both windows, shape ``(n,)``; the sample itself counts on both sides."""
+        before, after = self.means(values)
+        return before + (after - before) * (self.after + 1) / (self.before + self.after + 2)
+
+    def means(self, values: Array) -> tuple[Array, Array]:
+        """Return the means over the windows before and after each sample, which is part of both; each ``(n,)``."""
+        sums = np.concatenate([[0.0], np.cumsum(values - values[0])])
+        row = np.arange(len(values))
+        before = (sums[row + 1] - sums[row - self.before]) / (self.before + 1)
+        after = (sums[row + 1 + self.after] - sums[row]) / (self.after + 1)
+        return values[0] + before, values[0] + after
+
+    def residual_noise(self) -> Array:
+        """Return the standard deviation that the noise leaves in the means, shape ``(n,)``."""
+        counted = self.before + self.after
+        return self.noise * np.sqrt(counted + 4.0) / (counted + 2.0)
+
+
+@numba.njit(cache=True)
+def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> NDArray[np.int64]:
+    """Return for each sample the longest agreeing window after it, in samples, shape ``(n,)``, integers."""
+    rows = values.shape[0]
+    sums = np.zeros(rows + 1)
+    for row in range(rows):
+        sums[row + 1] = sums[row] + values[row]
+    chosen = np.zeros(rows, dtype=np.int64)
+    for row in range(rows):
+        lower, upper = -np.inf, np.inf
+        for length in lengths:
+            if row + length >= rows:
+                break
+            mean = (sums[row + length + 1] - sums[row]) / (length + 1)
+            width = half_width / np.sqrt(length + 1.0)
+            lower, upper = max(lower, mean - width), min(upper, mean + width)
+            if lower > upper:
+                break
+            chosen[row] = length
+    return chosen

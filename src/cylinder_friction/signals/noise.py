@@ -1,0 +1,34 @@
+"""How noisy a signal is, from the signal alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array
+
+BLOCK = 4
+"""Samples of a mean: as many as a logger's filter may spread its noise over."""
+MEDIAN_OF_NORMAL, VARIANCE_WITHIN_3 = 0.6745, 0.9733
+"""Of a standard normal distribution: the median of the magnitude, and the variance within three deviations."""
+
+
+def noise_deviation(values: Array) -> float:
+    """Return the standard deviation of white noise on a signal.
+
+    It is that of second differences, of samples and of means over ``BLOCK`` of them, whichever is larger: noise that a
+    logger has filtered shows in the means. Differences beyond three standard deviations, which steps make, are left
+    out.
+    """
+    blocks = values[: len(values) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+    return max(_second_difference_noise(values), BLOCK**0.5 * _second_difference_noise(blocks))
+
+
+def _second_difference_noise(values: Array) -> float:
+    differences = np.diff(values, 2) / 6.0**0.5
+    if not len(differences):
+        return 0.0
+    inner = 3.0 * float(np.median(np.abs(differences))) / MEDIAN_OF_NORMAL
+    return float(np.sqrt(np.mean(np.square(differences[np.abs(differences) <= inner])) / VARIANCE_WITHIN_3))
