@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
 
-LIMITS = StrataLimits(1e-3, 8e-3, 0.1)
+LIMITS = StrataLimits(1e-3, 16e-3, 0.1)
 BACK_N = 0.5
 LENGTHS = (1, 20, 200, 1000)
 AFTER = 4000
@@ -45,7 +45,7 @@ def coverage(model: StepModel, recordings: list[Recording]) -> None:
         usable = recording.usable().copy()
         usable[: model.guard.warm_up_samples] = False
         within = (newtons[:, 1] <= label) & (label <= newtons[:, 2])
-        regime = regimes_of(recording)
+        regime = regimes_of(recording, model.bounds.creep_m_s)
         masks = {f"condition {recording.metadata.condition}": np.ones(len(label), dtype=bool)}
         masks |= strata_masks(recording.column("velocity_m_s"), recording.sample_time_s, LIMITS)
         masks |= {f"regime {name}": regime == number for number, name in enumerate(REGIMES)}

@@ -10,7 +10,6 @@ import pytest
 
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.evaluation.comparison import Comparison, ComparisonSettings, compare
-from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LABEL_PER_PASCAL = 1e-3
-SETTINGS = ComparisonSettings(StrataLimits(0.001, 0.008, 0.1), 0.05)
+SETTINGS = ComparisonSettings(maximum_lag_s=0.05)
 
 
 class OffsetEstimator(FrictionEstimator):

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 SIZES, LEVELS = 2, 3
 LEVEL_TIME_S = 2.0
 """Over which the size of estimates is averaged to separate loads."""
+CREEP_M_S = 16e-3
+"""Slower motion is creep, whatever the rig."""
 BINS = len(REGIMES) * SIZES * LEVELS
 FEWEST_ROWS = 100
 """A bin with fewer calibrating rows takes the interval of all rows together."""
@@ -136,7 +138,9 @@ def _groups(recordings: Sequence[Recording]) -> Bins:
 
 def _known(recording: Recording, estimate_n: Array) -> _Known:
     size_n = np.abs(estimate_n)
-    return _Known(regimes_of(recording), size_n, _running_mean(size_n, recording.sample_time_s / LEVEL_TIME_S))
+    return _Known(
+        regimes_of(recording, CREEP_M_S), size_n, _running_mean(size_n, recording.sample_time_s / LEVEL_TIME_S)
+    )
 
 
 @numba.njit(cache=True)

@@ -127,7 +127,7 @@ def runner_from(params: BenchmarkParams) -> Runner:
         cache=cache,
         settings=ScoreSettings(
             limits=StrataLimits(
-                scoring.standstill_velocity_m_s, scoring.stribeck_velocity_m_s, scoring.reversal_window_s
+                scoring.standstill_velocity_m_s, 2.0 * scoring.stribeck_velocity_m_s, scoring.reversal_window_s
             ),
             maximum_lag_s=scoring.maximum_lag_s,
             bootstrap_repeats=scoring.bootstrap_repeats,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
 
-LIMITS = StrataLimits(standstill_velocity_m_s=0.001, stribeck_velocity_m_s=0.008, reversal_window_s=0.02)
+LIMITS = StrataLimits(standstill_velocity_m_s=0.001, near_zero_velocity_m_s=0.016, reversal_window_s=0.02)
 
 
 def test_each_row_of_a_stroke_out_and_back():

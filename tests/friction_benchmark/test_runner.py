@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from friction_benchmark.results import BenchmarkResults
 
-SETTINGS = ScoreSettings(StrataLimits(1e-3, 8e-3, 0.1), 0.05, bootstrap_repeats=50, bootstrap_block_s=1.0)
+SETTINGS = ScoreSettings(StrataLimits(1e-3, 16e-3, 0.1), 0.05, bootstrap_repeats=50, bootstrap_block_s=1.0)
 PLAN = Plan(
     tasks=("identity", "pressure_free", "external_load"),
     splits={

@@ -16,6 +16,8 @@ from cylinder_friction.realtime.bounds import (
     STANDSTILL,
     UNKNOWN_N,
     calibrated_bounds,
+    causal_velocity,
+    creep_below_m_s,
     regimes,
     regimes_of,
     velocity_taps,
@@ -65,20 +67,29 @@ def bounds_of(recordings: list[Recording], warm_up_samples: int = 0, probability
 def test_half_of_the_misses_lie_on_either_side_within_every_regime(labelled_recordings: list[Recording]) -> None:
     generator = np.random.default_rng(0)
     recordings = []
+    creep_m_s = creep_below_m_s([causal_velocity(recording) for recording in labelled_recordings])
     for recording in labelled_recordings:
-        regime = regimes_of(recording)
+        regime = regimes_of(recording, creep_m_s)
         recordings.append(labelled(recording, (1.0 + regime) * generator.normal(size=len(recording))))
     bounds = bounds_of(recordings, probability=0.8)
+    assert bounds.creep_m_s == creep_m_s
     for one in (CREEP, SLIDING, REVERSAL):
-        errors = np.concatenate([each.column("friction_n")[regimes_of(each) == one] for each in recordings])
+        errors = np.concatenate([each.column("friction_n")[regimes_of(each, creep_m_s) == one] for each in recordings])
         assert np.mean(errors < bounds.lower_n[one]) == pytest.approx(0.1, abs=1.0 / len(errors) + 1e-3)
         assert np.mean(errors > bounds.upper_n[one]) == pytest.approx(0.1, abs=1.0 / len(errors) + 1e-3)
     assert bounds.upper_n[SLIDING] > bounds.upper_n[CREEP]
 
 
+def test_creep_is_the_slowest_two_fifths_of_motion() -> None:
+    velocity_m_s = np.array([0.0, 1e-4, -0.01, 0.02, 0.03, -0.04, 0.05, 0.06])
+    assert creep_below_m_s([velocity_m_s[:3], velocity_m_s[3:]]) == pytest.approx(0.03)
+    assert creep_below_m_s([10.0 * velocity_m_s]) == pytest.approx(0.3)
+    assert creep_below_m_s([np.zeros(4)]) == 1e-3
+
+
 def test_the_finite_sample_quantile_is_taken(labelled_recordings: list[Recording]) -> None:
     recording = labelled_recordings[0]
-    regime = regimes_of(recording)
+    regime = regimes_of(recording, creep_below_m_s([causal_velocity(recording)]))
     rows = np.flatnonzero(regime == SLIDING)[:39]
     friction = np.zeros(len(recording))
     friction[rows] = np.arange(1.0, 40.0)

@@ -30,7 +30,6 @@ SETTINGS = CompareParams(
     autocorrelation_lags=40,
     timing_repeats=5,
     standstill_velocity_m_s=0.001,
-    stribeck_velocity_m_s=0.008,
     reversal_window_s=0.1,
     maximum_lag_s=0.1,
 )

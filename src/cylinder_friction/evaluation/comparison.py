@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from tqdm import tqdm
 from cylinder_friction.evaluation.metrics import Errors, errors, lag_s
 from cylinder_friction.evaluation.sessions import SessionErrors, half_width_points, session_errors
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
+from cylinder_friction.realtime.bounds import creep_below_m_s
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ LABEL_ITSELF = "label"
 class ComparisonSettings:
     """How estimators are compared."""
 
-    limits: StrataLimits = field(default_factory=StrataLimits)  # Limits of the strata
+    standstill_velocity_m_s: float = 0.001  # At or below this speed the piston counts as at rest [m/s]
+    reversal_window_s: float = 0.1  # How long after a change of direction a row counts as just after it [s]
     maximum_lag_s: float = 0.2  # Shifts tried when looking for an estimate's lag [s]
 
 
@@ -77,6 +79,8 @@ class Comparison:
     # Scores against true friction, with ``LABEL_ITSELF`` as one more name; only of recordings whose truth is known, so
     # a condition may be missing, or all
     truth: Scores
+    # Of the strata; near zero velocity are the slowest ``realtime.bounds.CREEP_SHARE`` of the recordings' motion
+    limits: StrataLimits
     multiply_adds: dict[str, int]  # Operations of one step by estimator
     traces: tuple[Trace, ...]  # Every recording with every estimate; 8 bytes per sample and estimator
 
@@ -178,6 +182,10 @@ def compare(
     with tqdm(total=len(recordings) * len(estimators), desc="compare", unit="estimate", disable=None) as bar:
         traces = tuple(_trace(estimators, recording, truth_n.get(recording.name), bar) for recording in recordings)
     conditions = tuple(sorted({trace.condition for trace in traces}))
+    near_zero_m_s = creep_below_m_s(
+        [each.velocity_m_s[each.usable] for each in traces], settings.standstill_velocity_m_s
+    )
+    limits = StrataLimits(settings.standstill_velocity_m_s, near_zero_m_s, settings.reversal_window_s)
     label: Scores = {name: {} for name in estimators}
     truth: Scores = {}
     for condition in conditions:
@@ -186,16 +194,16 @@ def compare(
         for name in estimators:
             estimates = [trace.estimates_n[name] for trace in labelled]
             label[name][condition] = _score(
-                f"condition {condition}, {name} against the label", labelled, labels, estimates, settings
+                f"condition {condition}, {name} against the label", labelled, labels, estimates, settings, limits
             )
         known = [trace for trace in labelled if trace.truth_n is not None and trace.usable.any()]
         truths = [trace.truth_n for trace in known if trace.truth_n is not None]
         for name in (*estimators, LABEL_ITSELF) if known else ():
             estimates = [trace.label_n if name == LABEL_ITSELF else trace.estimates_n[name] for trace in known]
             where = f"condition {condition}, {name} against the truth"
-            truth.setdefault(name, {})[condition] = _score(where, known, truths, estimates, settings)
+            truth.setdefault(name, {})[condition] = _score(where, known, truths, estimates, settings, limits)
     costs = {name: estimator.multiply_adds() for name, estimator in estimators.items()}
-    return Comparison(tuple(estimators), conditions, label, truth, costs, traces)
+    return Comparison(tuple(estimators), conditions, label, truth, limits, costs, traces)
 
 
 def with_gaps(parts: Sequence[Array], masks: Sequence[Mask], gap: int) -> tuple[Array, Mask]:
@@ -236,7 +244,12 @@ def _trace(
 
 
 def _score(
-    where: str, traces: list[Trace], references: list[Array], estimates: list[Array], settings: ComparisonSettings
+    where: str,
+    traces: list[Trace],
+    references: list[Array],
+    estimates: list[Array],
+    settings: ComparisonSettings,
+    limits: StrataLimits,
 ) -> Score:
     masks = [trace.usable for trace in traces]
     sample_time_s = traces[0].sample_time_s
@@ -252,7 +265,7 @@ def _score(
         raise RecordingError(f"{where}: friction is zero in every usable row, so a percentage has no denominator")
     strata = {
         stratum: errors(reference, estimate, rows)
-        for stratum, rows in _strata_rows(traces, gap, settings.limits).items()
+        for stratum, rows in _strata_rows(traces, gap, limits).items()
         if rows.any()
     }
     sessions = session_errors([trace.session for trace in traces], references, estimates, masks)

@@ -25,10 +25,9 @@ STRATA = {
 class StrataLimits:
     """What counts as at rest, near zero, and just after a reversal."""
 
-    standstill_velocity_m_s: float = 0.001  # At or below this speed the piston counts as at rest [m/s]
-    # Up to twice this speed (and above standstill) a row is near zero velocity [m/s]
-    stribeck_velocity_m_s: float = 0.008
-    reversal_window_s: float = 0.1  # How long after a change of direction a row counts as just after it [s]
+    standstill_velocity_m_s: float  # At or below this speed the piston counts as at rest [m/s]
+    near_zero_velocity_m_s: float  # Below this speed (and above standstill) a row is near zero velocity [m/s]
+    reversal_window_s: float  # How long after a change of direction a row counts as just after it [s]
 
 
 def strata_masks(velocity_m_s: Array, sample_time_s: float, limits: StrataLimits) -> dict[str, Mask]:
@@ -39,7 +38,7 @@ def strata_masks(velocity_m_s: Array, sample_time_s: float, limits: StrataLimits
     """
     speed = np.abs(velocity_m_s)
     rest = speed <= limits.standstill_velocity_m_s
-    near = ~rest & (speed <= 2.0 * limits.stribeck_velocity_m_s)
+    near = ~rest & (speed < limits.near_zero_velocity_m_s)
     return {
         "standstill": rest,
         "near_zero": near,

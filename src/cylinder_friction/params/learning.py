@@ -106,7 +106,6 @@ class CompareParams(Section):
     autocorrelation_lags: Count
     timing_repeats: Count
     standstill_velocity_m_s: Positive
-    stribeck_velocity_m_s: Positive
     reversal_window_s: Positive
     maximum_lag_s: Positive
 

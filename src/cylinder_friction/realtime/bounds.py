@@ -3,9 +3,9 @@
 The errors of an estimate on recordings that it was not trained on are sorted by regime, and their quantiles become the
 bounds (split conformal prediction: Vovk, Gammerman and Shafer 2005; within groups: Vovk, Lindsay, Nouretdinov and
 Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, so it is the label that the bounds hold.
-The regime follows from the causal velocity, so every runtime knows it at once. Neighbouring samples are alike, so the
-finite-sample guarantee, which needs exchangeable errors, does not hold to the letter; coverage is measured on the test
-recordings instead.
+The regime follows from the causal velocity, so every runtime knows it at once; what counts as creep follows from the
+speeds of those recordings. Neighbouring samples are alike, so the finite-sample guarantee, which needs exchangeable
+errors, does not hold to the letter; coverage is measured on the test recordings instead.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 REGIMES = ("standstill", "creep", "sliding", "reversal")
 STANDSTILL, CREEP, SLIDING, REVERSAL = range(4)
 STANDSTILL_M_S = 1e-3
-CREEP_M_S = 16e-3
-"""Twice the rig's Stribeck velocity: below, friction still falls with velocity."""
+CREEP_SHARE = 0.4
+"""Creep is this share of a cylinder's motion, the slowest, where friction still falls with velocity."""
 REVERSAL_S = 0.1
 PROBABILITY = 0.9
 VELOCITY_WINDOW = 21
@@ -58,16 +58,23 @@ def causal_velocity(recording: Recording) -> Array:
     return block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
 
 
-def regimes_of(recording: Recording) -> Whole:
+def regimes_of(recording: Recording, creep_m_s: float) -> Whole:
     """Return the regime of each row, shape ``(n,)``, as the real-time step finds it on valid samples."""
     reversal_samples = round(REVERSAL_S / recording.sample_time_s)
-    return regimes(causal_velocity(recording), STANDSTILL_M_S, CREEP_M_S, reversal_samples)
+    return regimes(causal_velocity(recording), STANDSTILL_M_S, creep_m_s, reversal_samples)
+
+
+def creep_below_m_s(velocities_m_s: Sequence[Array], standstill_m_s: float = STANDSTILL_M_S) -> float:
+    """Return the speed below which ``CREEP_SHARE`` of all motion lies [m/s]; that of standstill where nothing moves."""
+    speed = np.abs(np.concatenate([np.empty(0), *velocities_m_s]))
+    moving = speed[speed > standstill_m_s]
+    return round(float(np.quantile(moving, CREEP_SHARE)), 4) if len(moving) else standstill_m_s
 
 
 def unknown_bounds(sample_time_s: float) -> Bounds:
     """Return bounds that state nothing, for an estimator that was never calibrated."""
     wide = np.full(len(REGIMES), UNKNOWN_N)
-    return _bounds(-wide, wide, sample_time_s, 1.0)
+    return _bounds(-wide, wide, STANDSTILL_M_S, sample_time_s, 1.0)
 
 
 def calibrated_bounds(
@@ -89,14 +96,15 @@ def calibrated_bounds(
     Raises:
         ValueError: The probability is not in (0, 1).
     """
+    creep_m_s = creep_below_m_s([causal_velocity(each) for each in recordings])
     errors, regime = [np.empty(0)], [np.empty(0, dtype=np.int64)]
     for recording, estimate_n in zip(recordings, estimates_n, strict=True):
         counted = recording.usable().copy()
         counted[:warm_up_samples] = False
         errors.append((recording.column("friction_n") - estimate_n)[counted])
-        regime.append(regimes_of(recording)[counted])
+        regime.append(regimes_of(recording, creep_m_s)[counted])
     lower, upper = conformal_offsets(np.concatenate(errors), np.concatenate(regime), len(REGIMES), probability)
-    return _bounds(lower, upper, sample_time_s, probability)
+    return _bounds(lower, upper, creep_m_s, sample_time_s, probability)
 
 
 def conformal_offsets(
@@ -174,13 +182,13 @@ def next_regime(
     return 2, now, left
 
 
-def _bounds(lower: Array, upper: Array, sample_time_s: float, probability: float) -> Bounds:
+def _bounds(lower: Array, upper: Array, creep_m_s: float, sample_time_s: float, probability: float) -> Bounds:
     below, above = lower.tolist(), upper.tolist()
     return Bounds(
         lower_n=(below[0], below[1], below[2], below[3]),
         upper_n=(above[0], above[1], above[2], above[3]),
         standstill_m_s=STANDSTILL_M_S,
-        creep_m_s=CREEP_M_S,
+        creep_m_s=creep_m_s,
         reversal_samples=round(REVERSAL_S / sample_time_s),
         probability=probability,
     )

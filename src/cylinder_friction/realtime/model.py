@@ -45,7 +45,7 @@ class Bounds:
     lower_n: tuple[float, float, float, float]  # Added to the estimate [N], one per regime, shape ``(4,)``
     upper_n: tuple[float, float, float, float]  # The same for the upper bound [N]
     standstill_m_s: float  # Slower, the piston stands still [m/s]
-    creep_m_s: float  # Slower, it creeps [m/s]
+    creep_m_s: float  # Slower, it creeps [m/s]; as ``standstill_m_s`` where that is not known
     reversal_samples: int  # How long a reversal or start lasts
     probability: float  # That the label lies between the bounds, on recordings like those of the calibration
 

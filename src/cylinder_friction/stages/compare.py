@@ -15,7 +15,6 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
 from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
-from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
@@ -98,10 +97,7 @@ def run(params: Params) -> RunRecord:
 
 
 def comparison_settings(settings: CompareParams) -> ComparisonSettings:
-    return ComparisonSettings(
-        StrataLimits(settings.standstill_velocity_m_s, settings.stribeck_velocity_m_s, settings.reversal_window_s),
-        settings.maximum_lag_s,
-    )
+    return ComparisonSettings(settings.standstill_velocity_m_s, settings.reversal_window_s, settings.maximum_lag_s)
 
 
 def load_estimators() -> dict[str, FrictionEstimator]:
