@@ -128,6 +128,7 @@ class FrictionModel:
             "bristle_stiffness_n_m": stiffness_n_m,
             "bristle_damping_n_s_m": 0.0,
             "damping_velocity_m_s": curve.stribeck_velocity_m_s,
+            "film_velocity_m_s": curve.speed_of_least_friction(),
             "regularising_velocity_m_s": curve.coulomb_n / stiffness_n_m / _PRESLIDING_S,
             "retract_ratio": curve.retract_ratio,
             "pressure_slope_n_pa": slope,

@@ -58,6 +58,11 @@ class StribeckCurve:
         velocity = np.asarray(velocity_m_s, dtype=np.float64)
         return np.asarray(np.sign(velocity) * self.dry_friction(velocity) + self.viscous_n_s_m * velocity)
 
+    def speed_of_least_friction(self) -> float:
+        """Return where friction has fallen and does not yet rise, while extending [m/s], to within 3 %."""
+        speeds = self.stribeck_velocity_m_s * np.geomspace(0.1, 100.0, 301)
+        return float(speeds[np.argmin(self.friction(speeds))])
+
 
 @numba.njit(cache=True)
 def falling_part(log_speed: float, stribeck_velocity: float, exponent: float) -> float:

@@ -1,0 +1,87 @@
+"""What labels, estimates or scores knows nothing of the rig: it imports nothing of it and repeats no value by name."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import yaml
+
+import cylinder_friction
+from cylinder_friction.friction_models.catalogue import MODELS
+from cylinder_friction.rig.parameters import FrictionParameters, HydraulicParameters, SensorParameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SOURCE = Path(cylinder_friction.__file__).parent
+MODULES = sorted(path for path in SOURCE.rglob("*.py") if SOURCE / "rig" not in path.parents)
+VALUES = {
+    each.name: each.default
+    for kind in (FrictionParameters, HydraulicParameters, SensorParameters)
+    for each in fields(kind)
+    if isinstance(each.default, float)
+}
+CLOSE = 0.2
+STATED = {"position_noise_m", "pressure_noise_pa"}
+"""The RTS smoother is told its sensors' noise by ``filter.rts``; whoever uses it states that of their own."""
+
+
+def repeats(name: str, value: object) -> bool:
+    known = VALUES.get(name.lower())
+    return isinstance(value, float) and known is not None and abs(value - known) <= CLOSE * abs(known)
+
+
+def named_numbers(tree: ast.AST) -> Iterator[tuple[str, object]]:
+    """Yield the constants, fields and arguments that have a literal for value or default."""
+    for node in ast.walk(tree):
+        pairs: list[tuple[str, ast.expr | None]] = []
+        if isinstance(node, ast.Assign):
+            pairs = [(target.id, node.value) for target in node.targets if isinstance(target, ast.Name)]
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            pairs = [(node.target.id, node.value)]
+        elif isinstance(node, ast.arguments):
+            positional = [*node.posonlyargs, *node.args]
+            with_default = positional[len(positional) - len(node.defaults) :]
+            pairs = [(each.arg, value) for each, value in zip(with_default, node.defaults, strict=True)]
+            pairs += [(each.arg, value) for each, value in zip(node.kwonlyargs, node.kw_defaults, strict=True)]
+        yield from ((name, value.value) for name, value in pairs if isinstance(value, ast.Constant))
+
+
+def leaves(content: object, name: str = "") -> Iterator[tuple[str, object]]:
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield from leaves(value, key)
+    else:
+        yield name, content
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(SOURCE).as_posix())
+def test_no_module_imports_the_rig_or_repeats_a_value_of_it(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imported = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    if path != SOURCE / "stages" / "record.py":
+        assert not [name for name in imported if name.startswith("cylinder_friction.rig")]
+    assert {name for name, value in named_numbers(tree) if repeats(name, value)} <= STATED
+
+
+def test_no_parameter_of_a_later_stage_repeats_a_value_of_the_rig() -> None:
+    params = yaml.safe_load((SOURCE.parents[1] / "params.yaml").read_text(encoding="utf-8"))
+    later = {stage: section for stage, section in params.items() if stage not in ("cylinder", "record")}
+    assert {name for name, value in leaves(later) if repeats(name, value)} <= STATED
+
+
+def test_no_search_starts_at_a_value_of_the_rig() -> None:
+    specs = {spec.name: spec for model in MODELS.values() for spec in model.specs}
+    assert not [name for name, spec in specs.items() if repeats(name, spec.first)]
+
+
+def test_a_value_of_the_rig_would_be_noticed() -> None:
+    tree = ast.parse("STRIBECK_VELOCITY_M_S = 8e-3\ndef f(*, film_build_s=0.05, static_ratio=3.0): ...")
+    assert [name for name, value in named_numbers(tree) if repeats(name, value)] == [
+        "STRIBECK_VELOCITY_M_S",
+        "film_build_s",
+    ]
