@@ -72,27 +72,52 @@ def stroke_points(
     ``(n,)``; velocity and acceleration are smooth, and the drive force is meaningful where ``usable``.
     """
     direction = np.where(usable, direction_of_motion(velocity_m_s, slowest_m_s), 0.0)
-    run = np.cumsum(np.diff(direction, prepend=direction[:1]) != 0.0)
-    path = np.cumsum(np.abs(velocity_m_s)) * sample_time_s
-    starts = np.flatnonzero(np.diff(run, prepend=-1))
-    rows = np.flatnonzero((direction != 0.0) & (path - path[starts][run] >= settling_travel_m))
-    first_of_run = np.searchsorted(run[rows], run[rows], side="left")
-    piece = (np.arange(len(rows)) - first_of_run) // max(1, round(POINT_DURATION_S / sample_time_s))
-    begins = np.flatnonzero((np.diff(run[rows], prepend=-1) != 0) | (np.diff(piece, prepend=-1) != 0))
-    counts = np.diff(np.append(begins, len(rows)))
-
-    def mean(values: Array) -> Array:
-        return np.asarray(np.add.reduceat(values[rows], begins) / counts) if len(rows) else np.zeros(0)
-
+    path_m = np.cumsum(np.abs(velocity_m_s)) * sample_time_s
+    pieces = stroke_pieces(direction, path_m, settling_travel_m, max(1, round(POINT_DURATION_S / sample_time_s)))
+    mean = pieces.mean
     return StrokePoints(
         force_n=mean(force_n),
         position_m=mean(position_m),
         velocity_m_s=mean(velocity_m_s),
         acceleration_m_s2=mean(acceleration_m_s2),
-        first_m=position_m[rows[begins]],
-        last_m=position_m[rows[begins + counts - 1]],
-        stroke=np.unique(run[rows][begins], return_inverse=True)[1].astype(np.int64),
+        first_m=position_m[pieces.rows[pieces.begins]],
+        last_m=position_m[pieces.rows[pieces.begins + pieces.counts - 1]],
+        stroke=pieces.stroke,
     )
+
+
+@dataclass(frozen=True)
+class StrokePieces:
+    """Which rows of a recording belong to which short piece of a stroke."""
+
+    rows: NDArray[np.int64]  # Rows of all pieces, ascending
+    # Where each piece begins in ``rows``, how many it has, and its stroke, counted from 0; shape ``(pieces,)``
+    begins: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    stroke: NDArray[np.int64]
+
+    def mean(self, values: Array) -> Array:
+        """Return the mean over each piece of values of shape ``(n,)``, shape ``(pieces,)``."""
+        return np.asarray(np.add.reduceat(values[self.rows], self.begins) / self.counts) if len(self.rows) else _NONE
+
+
+_NONE: Array = np.zeros(0)
+
+
+def stroke_pieces(direction: Array, progress: Array, settling: float, piece_rows: int) -> StrokePieces:
+    """Return the pieces of at most ``piece_rows`` rows of each unbroken run of one direction.
+
+    ``direction`` is 1, -1, or 0 where nothing counts; rows within ``settling`` of their run's first one by
+    ``progress``, time or path, are left out. Both have shape ``(n,)``.
+    """
+    run = np.cumsum(np.diff(direction, prepend=direction[:1]) != 0.0)
+    starts = np.flatnonzero(np.diff(run, prepend=-1))
+    rows = np.flatnonzero((direction != 0.0) & (progress - progress[starts][run] >= settling))
+    first_of_run = np.searchsorted(run[rows], run[rows], side="left")
+    piece = (np.arange(len(rows)) - first_of_run) // piece_rows
+    begins = np.flatnonzero((np.diff(run[rows], prepend=-1) != 0) | (np.diff(piece, prepend=-1) != 0))
+    stroke = np.unique(run[rows][begins], return_inverse=True)[1].astype(np.int64)
+    return StrokePieces(rows, begins, np.diff(np.append(begins, len(rows))), stroke)
 
 
 def coverage_of(points: StrokePoints) -> Coverage:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
@@ -15,11 +15,16 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
+UNCERTAINTY_COLUMN = "friction_uncertainty_n"
+
+COVERAGE_FACTOR = 2.0
+"""From standard to expanded uncertainty, for a level of confidence of about 95 % (JCGM 100:2008, 6.3.3)."""
+
 
 def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:
     """Return the standard deviation that smoothing leaves in the label [N], shape ``(n,)``; see ``deviation``."""
     force_n = sum(
-        (area * recording.column(column) for column, area in _sensitivities(recording, cylinder).items()),
+        (area * recording.column(column) for column, area in sensitivities(recording, cylinder).items()),
         start=np.zeros(len(recording)),
     )
     variance = np.square(signal_filter.deviation(force_n, recording.sample_time_s))
@@ -53,7 +58,7 @@ def label_uncertainty(
     Returns None where the uncertainty of a sensor that enters the label is not stated, as unknown is not zero; that of
     a measured load may come from ``load_uncertainty_n`` instead.
     """
-    areas = _sensitivities(recording, cylinder)
+    areas = sensitivities(recording, cylinder)
     load_covered = LOAD_FORCE not in recording.metadata.uncertainty and bool(np.any(load_uncertainty_n))
     if measured_load and LOAD_FORCE in recording.table.columns and not load_covered:
         areas[LOAD_FORCE] = 1.0
@@ -69,7 +74,7 @@ def label_uncertainty(
     return np.asarray(COVERAGE_FACTOR * np.sqrt(variance))
 
 
-def _sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
+def sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
     """Return the derivative of friction by each column of the driving force [m², or 1 for a force]."""
     if has_pressures(recording):
         return {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": -cylinder.annulus_area_m2}

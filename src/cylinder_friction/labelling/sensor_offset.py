@@ -1,0 +1,514 @@
+"""The offset of the pressure sensors' zeros in each session's friction label, identified without knowing the truth.
+
+Friction changes its sign with the direction of motion, a sensor's zero does not. Over steady sliding, averaged in
+short blocks, the label of a session is a linear mixed model (Henderson 1975):
+
+    label = direction·g(speed, pressure, temperature, position) + h(pressure)
+            + offset + asymmetry·mean level + scale·direction·level + stroke + noise
+
+g is friction and h its asymmetry, common to all sessions of a cylinder. Each session has an offset of its own, whose
+prior is the stated uncertainty of the sensors' zeros; a scale, as friction differs from day to day; and an asymmetry
+of its own. Blocks of a stroke share an error, so that strokes, not rows, count. The standard deviations of scale,
+stroke and noise are found by restricted maximum likelihood, all else by generalised least squares.
+
+Strokes do not separate an asymmetry of a session's own from its offset, so that its standard deviation is stated and
+enters the uncertainty; nor **the mean offset of all sessions from the asymmetry common to them**, which stays as
+uncertain as the sensors' zeros make it, divided by the root of the number of sessions.
+
+Only the mean of both pressures, weighted by their areas, explains friction: each pressure by itself contains friction,
+as their difference is the label. A gain error of the sensors is not identified; what of it does not change with
+direction goes into the offset.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.optimize import minimize
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.strokes import stroke_pieces
+from cylinder_friction.labelling.uncertainty import sensitivities
+from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, PRESSURE_2
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.signals.motion import direction_of_motion
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.recordings.recording import Recording
+
+POSITION_ORDER = 12
+"""Order of the polynomial in position: ripple of the bore, where strokes do not average it out."""
+PASSES = 2
+"""The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
+
+_OFFSET = 0
+"""First of what a session has of its own: offset, asymmetry, scale."""
+_GUESS = np.log([0.01, 0.01, 0.03])
+"""Logarithms of the standard deviations of noise, stroke (over friction's level) and scale; each may be off by e."""
+
+
+@dataclass(frozen=True)
+class OffsetPlan:
+    """How sensor offsets are identified.
+
+    Raises:
+        ValueError: A number is out of its range.
+    """
+
+    slowest_m_s: float = 6e-3  # Slower rows are left out: there friction depends on its history [m/s]
+    settling_s: float = 0.2  # Time after a start or reversal that does not count [s]
+    block_s: float = 0.1  # Duration that is averaged [s]
+    # Standard uncertainty of the asymmetry common to all sessions: half the difference of friction between the
+    # directions over its mean, as ``LoadPlan.asymmetry``
+    asymmetry: float = 0.15
+    # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
+    asymmetry_sd: float = 0.005
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            positive = name in ("slowest_m_s", "block_s")
+            if not (math.isfinite(value) and (value > 0.0 if positive else value >= 0.0)):
+                expected = "a positive number" if positive else "zero or a positive number"
+                raise ValueError(f"OffsetPlan: {name} must be {expected}, but got {value!r}")
+
+
+@dataclass(frozen=True)
+class SessionOffset:
+    """The offset of one session's friction label: to be subtracted from it."""
+
+    session: str
+    offset_n: float  # Posterior mean; 0 where nothing is known but the prior [N]
+    # Standard uncertainty (k = 1): of the strokes, of the session's own asymmetry, and ``common_uncertainty_n`` [N]
+    standard_uncertainty_n: float
+    common_uncertainty_n: float  # Part of it that is common to all sessions: of their mean offset [N]
+    prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
+    # Number of strokes; with none in one of the directions, offset and friction's level are not separated
+    strokes_extend: int
+    strokes_retract: int
+    sliding_s: float  # Steady sliding that was used [s]
+
+    @property
+    def relative_uncertainty_n(self) -> float:
+        """Standard uncertainty (k = 1) relative to the mean offset of all sessions [N]."""
+        return math.sqrt(max(self.standard_uncertainty_n**2 - self.common_uncertainty_n**2, 0.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """Return what ``to_dict`` wrote."""
+        return cls(**content)
+
+
+@dataclass(frozen=True)
+class OffsetModel:
+    """Friction common to all sessions of a cylinder, and the offset of each session it was fitted to."""
+
+    plan: OffsetPlan
+    cylinder: Cylinder
+    inputs: tuple[str, ...]  # Columns beside velocity and position that explain friction
+    position_range_m: tuple[float, float]
+    # Mean and standard deviation by which each quantity that explains friction is standardised
+    means: tuple[float, ...]
+    deviations: tuple[float, ...]
+    level_n: float  # Mean absolute friction [N]
+    noise_n: float  # Standard deviation of a block [N]
+    stroke_n: float  # Standard deviation of what the blocks of a stroke share [N]
+    scale: float  # Standard deviation of a session's friction over that of all sessions
+    coefficients: tuple[float, ...]  # Of friction and its common asymmetry, over ``level_n``
+    precision: tuple[tuple[float, ...], ...]  # Inverse of their covariance
+    common_uncertainty_n: float  # Standard uncertainty of the mean offset of all sessions [N]
+    sessions: Mapping[str, SessionOffset] = field(default_factory=dict)  # Of those it was fitted to
+
+    def identify(self, recordings: Iterable[Recording]) -> SessionOffset:
+        """Return the offset of a further session from its own labelled recordings, given the friction of the others.
+
+        Nothing flows back into the model. ``recordings`` may be truncated, to see what the first seconds determine;
+        without any steady sliding the offset is 0, as uncertain as stated. A session of the fit has its offset in
+        ``sessions``: here its strokes would count twice.
+
+        Raises:
+            RecordingError: The recordings are of several sessions, lack labels or a column of ``inputs``, or do not
+                state the uncertainty of their sensors' zeros.
+        """
+        session = _session(list(recordings), self.cylinder, self.plan)
+        missing = [column for column in self.inputs if column not in session.columns]
+        if missing:
+            raise RecordingError(
+                f"session {session.name!r}: column {missing[0]!r} is missing; the offset model was fitted to "
+                f"recordings with {', '.join(self.inputs)}; fit it without that column"
+            )
+        level_n = self._level_n(session)
+        deviations = _own_deviations(session, self.plan, self.scale)
+        part = _Evidence.of(self._design(session), session, level_n).reduced(self.noise_n, self.stroke_n, deviations)
+        precision = np.array(self.precision)
+        posterior = _solved(precision, precision @ np.array(self.coefficients), [part])
+        return posterior.offset(part, session, self.common_uncertainty_n)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values."""
+        content = asdict(self) | {"sessions": {name: each.to_dict() for name, each in self.sessions.items()}}
+        for name in ("inputs", "position_range_m", "means", "deviations", "coefficients"):
+            content[name] = list(content[name])
+        return content | {"precision": [list(row) for row in self.precision]}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """Return what ``to_dict`` wrote."""
+        lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list)}
+        return cls(
+            **{
+                **content,
+                **lists,
+                "plan": OffsetPlan(**content["plan"]),
+                "cylinder": Cylinder(**content["cylinder"]),
+                "precision": tuple(tuple(row) for row in content["precision"]),
+                "sessions": {name: SessionOffset.from_dict(each) for name, each in content["sessions"].items()},
+            }
+        )
+
+    def _explaining(self, session: _Session) -> Array:
+        """Return what friction depends on, standardised, the constant first, shape ``(blocks, quantities)``."""
+        standard = (_quantities(session, self.inputs, self.cylinder) - np.array(self.means)) / np.array(self.deviations)
+        first, last = self.position_range_m
+        along = np.clip((2.0 * session.columns["position_m"] - first - last) / max(last - first, 1e-12), -1.0, 1.0)
+        return np.hstack([np.ones((len(standard), 1)), standard, legendre.legvander(along, POSITION_ORDER)[:, 1:]])
+
+    def _design(self, session: _Session) -> Array:
+        """Return the columns of friction and of its common asymmetry, shape ``(blocks, coefficients)``."""
+        explaining = self._explaining(session)
+        even = explaining[:, : 1 + (PRESSURE_1 in self.inputs)]
+        return np.hstack([session.direction[:, None] * explaining, even]) * self.level_n
+
+    def _level_n(self, session: _Session) -> Array:
+        """Return the magnitude of friction [N], shape ``(blocks,)``; before it is known, the mean of all sessions."""
+        if not self.coefficients:
+            return np.full(len(session.direction), self.level_n)
+        explaining = self._explaining(session)
+        return np.abs(explaining @ np.array(self.coefficients[: explaining.shape[1]])) * self.level_n
+
+
+def fit_offset_model(
+    recordings: Iterable[Recording], cylinder: Cylinder, plan: OffsetPlan | None = None
+) -> OffsetModel:
+    """Return friction common to the sessions of a cylinder, and the offset of each session, all found together.
+
+    The recordings are labelled. Sliding is explained by speed and position, and by pressures, oil temperature and a
+    measured load where every recording has them. A session alone, or strokes in one direction alone, do not separate
+    offset from asymmetry or from friction's level: the offset then stays as uncertain as the plan's asymmetry or the
+    stated zeros make it. A session has one zero: recordings zeroed each for itself share what is left on average.
+
+    Raises:
+        RecordingError: There is no recording, nothing slides steadily, there are no labels, or the uncertainty of a
+            sensor's zero is not stated. That of a load identified from position never is: such a load has absorbed
+            the offset already.
+    """
+    plan = plan or OffsetPlan()
+    by_session: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        by_session.setdefault(recording.metadata.session, []).append(recording)
+    sessions = [_session(each, cylinder, plan) for each in by_session.values()]
+    if not sessions:
+        raise RecordingError("sensor offsets cannot be identified: expected at least one recording, but got none")
+    if not sum(len(session.direction) for session in sessions):
+        raise RecordingError(
+            f"sensor offsets cannot be identified: got no steady sliding in sessions "
+            f"{', '.join(session.name for session in sessions)}; expected strokes faster than "
+            f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
+        )
+    model = _empty_model(sessions, cylinder, plan)
+    guess = _GUESS
+    for _ in range(PASSES):
+        model, guess = _fitted(model, sessions, guess)
+    return model
+
+
+def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None:
+    """Return the standard uncertainty of a label from the stated zeros of its sensors [N], or None if one is not."""
+    stated = recording.metadata.uncertainty
+    areas = _sensor_areas(recording, cylinder)
+    return None if any(column not in stated for column in areas) else _zero_n(recording, areas)
+
+
+def _sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
+    """Return the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
+    load = {LOAD_FORCE: 1.0} if LOAD_FORCE in recording.table.columns else {}
+    return sensitivities(recording, cylinder) | load
+
+
+def _zero_n(recording: Recording, areas: Mapping[str, float]) -> float:
+    stated = recording.metadata.uncertainty
+    return math.sqrt(sum((area * stated[column].zero) ** 2 for column, area in areas.items()))
+
+
+@dataclass(frozen=True)
+class _Session:
+    """Blocks of steady sliding of one session."""
+
+    name: str
+    prior_n: float
+    sliding_s: float
+    label_n: Array
+    direction: Array
+    columns: dict[str, Array]  # Mean of each column that may explain friction
+    stroke: NDArray[np.int64]  # Of each block, counted from 0
+
+
+def _session(recordings: Sequence[Recording], cylinder: Cylinder, plan: OffsetPlan) -> _Session:
+    names = sorted({recording.metadata.session for recording in recordings})
+    if len(names) != 1:
+        raise RecordingError(
+            f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
+            "identify each session's offset by itself"
+        )
+    parts, strokes, sliding_s = [], [np.zeros(0, dtype=np.int64)], 0.0
+    columns = ["friction_n", "velocity_m_s", "position_m"]
+    columns += [
+        each
+        for each in (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
+        if all(each in recording.table.columns for recording in recordings)
+    ]
+    for recording in recordings:
+        velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
+        direction = np.where(recording.usable(), direction_of_motion(velocity_m_s, plan.slowest_m_s), 0.0)
+        size = max(1, round(plan.block_s / step_s))
+        pieces = stroke_pieces(direction, step_s * np.arange(len(direction), dtype=np.float64), plan.settling_s, size)
+        whole = 2 * pieces.counts >= size
+        parts.append([pieces.mean(recording.column(name))[whole] for name in columns])
+        strokes.append(pieces.stroke[whole] + 1 + max(int(each.max(initial=-1)) for each in strokes))
+        sliding_s += float(pieces.counts[whole].sum()) * step_s
+    means = {name: np.concatenate(values) for name, values in zip(columns, zip(*parts, strict=True), strict=True)}
+    return _Session(
+        names[0],
+        max(_stated_zero_n(recording, cylinder) for recording in recordings),
+        sliding_s,
+        means.pop("friction_n"),
+        np.sign(means["velocity_m_s"]),
+        means,
+        np.unique(np.concatenate(strokes), return_inverse=True)[1].astype(np.int64),
+    )
+
+
+def _stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
+    areas = _sensor_areas(recording, cylinder)
+    for column in areas:
+        if column not in recording.metadata.uncertainty:
+            instead = (
+                "state sensor.zero_uncertainty of the load cell; a load identified from position has absorbed the "
+                "sensors' offset already, so that there is none to identify"
+                if column == LOAD_FORCE
+                else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
+            )
+            raise RecordingError(
+                f"recording {recording.name!r}: the uncertainty of the zero of {column!r} is not stated; expected that "
+                f"of every sensor behind the label, as it limits the offset; {instead}"
+            )
+    return _zero_n(recording, areas)
+
+
+def _quantities(session: _Session, inputs: Sequence[str], cylinder: Cylinder) -> Array:
+    """Return what friction depends on, but for position, shape ``(blocks, quantities)``; mean pressure comes first."""
+    of = session.columns
+    speed = np.abs(of["velocity_m_s"])
+    fast = np.log(np.maximum(speed, 1e-12))
+    pressure: list[Array] = []
+    if PRESSURE_1 in inputs:
+        areas = np.array([cylinder.piston_area_m2, cylinder.annulus_area_m2])
+        mean = areas @ np.stack([of[PRESSURE_1], of[PRESSURE_2]]) / areas.sum()
+        pressure = [mean, np.sqrt(np.maximum(mean, 0.0))]
+    load = [of[LOAD_FORCE], np.abs(of[LOAD_FORCE])] if LOAD_FORCE in inputs else []
+    quantities = [*pressure, speed, fast, fast**2, *load]
+    if OIL_TEMPERATURE in inputs:
+        warm = of[OIL_TEMPERATURE] - 40.0
+        quantities += [warm, warm**2, *(warm * each for each in (*pressure, speed, fast, fast**2))]
+    return np.column_stack(quantities)
+
+
+def _empty_model(sessions: Sequence[_Session], cylinder: Cylinder, plan: OffsetPlan) -> OffsetModel:
+    """Return a model of scales alone."""
+    common = set.intersection(*(set(session.columns) for session in sessions)) - {"velocity_m_s", "position_m"}
+    inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
+    quantities = np.concatenate([_quantities(session, inputs, cylinder) for session in sessions])
+    deviations = quantities.std(axis=0)
+    position_m = np.concatenate([session.columns["position_m"] for session in sessions])
+    return OffsetModel(
+        plan=plan,
+        cylinder=cylinder,
+        inputs=inputs,
+        position_range_m=(float(position_m.min()), float(position_m.max())),
+        means=_floats(quantities.mean(axis=0)),
+        deviations=_floats(np.where(deviations > 0.0, deviations, 1.0)),
+        level_n=float(np.mean(np.abs(np.concatenate([session.label_n for session in sessions])))),
+        noise_n=math.nan,
+        stroke_n=math.nan,
+        scale=math.nan,
+        coefficients=(),
+        precision=(),
+        common_uncertainty_n=math.nan,
+    )
+
+
+def _floats(values: Array) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def _fitted(model: OffsetModel, sessions: Sequence[_Session], guess: Array) -> tuple[OffsetModel, Array]:
+    """Return the model whose levels of friction are those of ``model``, and its logarithmic standard deviations."""
+    evidence = [_Evidence.of(model._design(each), each, model._level_n(each)) for each in sessions]
+    size = evidence[0].size
+    even = 1 + (PRESSURE_1 in model.inputs)
+    # Friction's coefficients may be as large as its level, those of its asymmetry as the plan states.
+    precision = np.diag(np.repeat([1.0, 1.0 / max(model.plan.asymmetry, 1e-6) ** 2], [size - even, even]))
+
+    def solved(logarithms: Array) -> tuple[_Posterior, list[_Reduced]]:
+        noise_n, stroke_n = model.level_n * np.exp(logarithms[:2])
+        parts = [
+            each.reduced(noise_n, stroke_n, _own_deviations(session, model.plan, math.exp(logarithms[2])))
+            for each, session in zip(evidence, sessions, strict=True)
+        ]
+        return _solved(precision, np.zeros(size), parts), parts
+
+    def objective(logarithms: Array) -> float:
+        return solved(logarithms)[0].minus_twice_likelihood + float(np.sum((logarithms - _GUESS) ** 2))
+
+    found = minimize(objective, guess, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 0.02, "maxiter": 300}).x
+    posterior, parts = solved(found)
+    noise_n, stroke_n = model.level_n * np.exp(found[:2])
+    # The mean offset is known from its prior and from that of the asymmetry, which it looks like, and from no data.
+    known = sum(1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions)
+    known += 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9) ** 2
+    common_n = 1.0 / math.sqrt(known)
+    return (
+        replace(
+            model,
+            noise_n=float(noise_n),
+            stroke_n=float(stroke_n),
+            scale=math.exp(found[2]),
+            coefficients=_floats(posterior.coefficients),
+            precision=tuple(_floats(row) for row in posterior.precision),
+            common_uncertainty_n=common_n,
+            sessions={
+                session.name: posterior.offset(part, session, common_n)
+                for session, part in zip(sessions, parts, strict=True)
+            },
+        ),
+        found,
+    )
+
+
+def _own_deviations(session: _Session, plan: OffsetPlan, scale: float) -> Array:
+    """Return prior standard deviations of what a session has of its own: offset [N], asymmetry and scale [-]."""
+    return np.array([session.prior_n, 0.5 * plan.asymmetry_sd, scale])
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """The products of one session's columns, of design, of its own effects and of the label, from which all follows."""
+
+    products: Array  # Summed over blocks, shape ``(columns, columns)``
+    means: Array  # Of each stroke, shape ``(strokes, columns)``
+    counts: Array  # Blocks of each stroke
+    size: int  # Columns of the design
+
+    @classmethod
+    def of(cls, design: Array, session: _Session, level_n: Array) -> Self:
+        # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
+        # right; and, with strokes in one direction alone, scale from offset.
+        mean_level_n = np.full_like(level_n, level_n.sum() / max(len(level_n), 1))
+        both = len(np.unique(session.direction)) == 2
+        scaled_n = (level_n if both else mean_level_n) * session.direction
+        own = [np.ones_like(level_n), mean_level_n, scaled_n]
+        columns = np.column_stack([design, *own, session.label_n])
+        counts = np.bincount(session.stroke).astype(np.float64)
+        sums = np.zeros((len(counts), columns.shape[1]))
+        np.add.at(sums, session.stroke, columns)
+        return cls(columns.T @ columns, sums / counts[:, None], counts, design.shape[1])
+
+    def reduced(self, noise_n: float, stroke_n: float, deviations: Array) -> _Reduced:
+        """Return the normal equations of the common coefficients, the session's own effects eliminated.
+
+        Blocks of a stroke are equally correlated, so that their covariance is inverted by their means alone.
+        """
+        ratio = self.counts * (stroke_n / noise_n) ** 2
+        gram = (self.products - (self.means.T * (self.counts * ratio / (1.0 + ratio))) @ self.means) / noise_n**2
+        design, own = slice(self.size), slice(self.size, self.size + len(deviations))
+        across = gram[design, own] * deviations
+        inner = np.eye(len(deviations)) + gram[own, own] * np.outer(deviations, deviations)
+        covariance: Array = np.asarray(np.linalg.inv(inner))
+        label = gram[own, -1] * deviations
+        return _Reduced(
+            precision=gram[design, design] - across @ covariance @ across.T,
+            moment=gram[design, -1] - across @ covariance @ label,
+            square=float(gram[-1, -1] - label @ covariance @ label),
+            log_determinant=float(
+                2.0 * self.products[self.size, self.size] * math.log(noise_n)
+                + np.log1p(ratio).sum()
+                + np.linalg.slogdet(inner)[1]
+            ),
+            covariance=covariance,
+            across=across,
+            label=label,
+            deviations=deviations,
+        )
+
+
+@dataclass(frozen=True)
+class _Reduced:
+    """What one session contributes; its own effects are in units of their prior standard deviations."""
+
+    precision: Array
+    moment: Array
+    square: float
+    log_determinant: float
+    covariance: Array  # Of its own effects, given the common coefficients
+    across: Array
+    label: Array
+    deviations: Array
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """The common coefficients, given all sessions."""
+
+    coefficients: Array
+    precision: Array
+    minus_twice_likelihood: float  # Restricted, but for a constant
+
+    def offset(self, part: _Reduced, session: _Session, common_n: float) -> SessionOffset:
+        """Return one session's offset."""
+        own = part.covariance @ (part.label - part.across.T @ self.coefficients)
+        through = part.across @ part.covariance[:, _OFFSET]
+        variance = part.covariance[_OFFSET, _OFFSET] + through @ np.linalg.solve(self.precision, through)
+        extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
+        unit_n = float(part.deviations[_OFFSET])
+        uncertainty_n = unit_n * math.sqrt(float(variance))
+        return SessionOffset(
+            session.name,
+            unit_n * float(own[_OFFSET]),
+            uncertainty_n,
+            min(common_n, uncertainty_n),
+            session.prior_n,
+            extend,
+            retract,
+            session.sliding_s,
+        )
+
+
+def _solved(precision: Array, moment: Array, parts: Sequence[_Reduced]) -> _Posterior:
+    """Return the common coefficients from their prior, ``precision`` times mean, and all sessions."""
+    precision = precision + sum(part.precision for part in parts)
+    moment = moment + sum(part.moment for part in parts)
+    coefficients: Array = np.asarray(np.linalg.solve(precision, moment))
+    likelihood = sum(part.log_determinant + part.square for part in parts) - float(moment @ coefficients)
+    return _Posterior(coefficients, precision, likelihood + float(np.linalg.slogdet(precision)[1]))

@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.labelling.sensor_offset import (
+    OffsetModel,
+    OffsetPlan,
+    fit_offset_model,
+    zero_uncertainty_n,
+)
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+STEP_S, DURATION_S = 0.01, 40.0
+ZERO_PA = 3000.0
+PRESSURES = {name: SensorUncertainty(ZERO_PA, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
+
+
+def sliding(
+    cylinder: Cylinder,
+    session: str,
+    offset_n: float = 0.0,
+    *,
+    asymmetry: float = 0.1,
+    level: float = 1.0,
+    seed: int = 0,
+    only_out: bool = False,
+    drive: bool = False,
+    uncertainty: Any = None,
+    **columns: float,
+) -> Recording:
+    """Return a labelled recording of strokes up and down, of known friction and offset."""
+    generator = np.random.default_rng([seed, *session.encode()])
+    time_s = np.arange(0.0, DURATION_S, STEP_S)
+    period_s = generator.uniform(3.0, 5.0)
+    velocity = 0.05 * np.sin(2.0 * np.pi * time_s / period_s) * (1.0 + 0.5 * np.sin(0.3 * time_s))
+    position_m = 0.08 + np.cumsum(velocity) * STEP_S
+    if only_out:
+        velocity = np.abs(velocity)
+    rod_pa = 1e6 + 1e6 * (velocity > 0.0) + 2e5 * np.sin(time_s)
+    seals_n = 200.0 + 8.0 * (rod_pa / 1e5) ** 0.8
+    friction_n = level * (np.sign(velocity) - asymmetry) * seals_n + 800.0 * velocity
+    label_n = friction_n + offset_n + generator.normal(0.0, 5.0, len(time_s))
+    table = {"time_s": time_s, "position_m": position_m, "velocity_m_s": velocity, "friction_n": label_n}
+    if drive:
+        table["drive_force_n"] = label_n
+    else:
+        table["pressure_2_pa"] = rod_pa
+        table["pressure_1_pa"] = (label_n + rod_pa * cylinder.annulus_area_m2) / cylinder.piston_area_m2
+    table |= {name: np.full(len(time_s), value) for name, value in columns.items()}
+    stated = ({"drive_force_n": SensorUncertainty(12.0, 0.0)} if drive else PRESSURES) | (uncertainty or {})
+    metadata = RecordingMetadata(f"{session}_{seed}", "1", session, STEP_S, cylinder.name, uncertainty=stated)
+    return Recording(metadata, pd.DataFrame(table))
+
+
+def campaign(cylinder: Cylinder, count: int = 12, asymmetry_sd: float = 0.0, **each: Any) -> dict[str, Recording]:
+    """Return one recording of each session, with offsets of 12 N and levels of 3 % rms; keys are exact offsets."""
+    generator = np.random.default_rng(3)
+    offsets_n = 12.0 * generator.standard_normal(count)
+    levels = 1.0 + 0.03 * generator.standard_normal(count)
+    asymmetries = 0.1 + 0.5 * asymmetry_sd * generator.standard_normal(count)
+    return {
+        repr(float(offset_n)): sliding(
+            cylinder, f"s{number:02d}", offset_n, level=float(level), asymmetry=float(own), **each
+        )
+        for number, (offset_n, level, own) in enumerate(zip(offsets_n, levels, asymmetries, strict=True))
+    }
+
+
+def errors(model: OffsetModel, recordings: dict[str, Recording]) -> tuple[np.ndarray, np.ndarray]:
+    """Return offset less truth of every session, both less their mean, and in stated uncertainties."""
+    found = [model.sessions[recording.metadata.session] for recording in recordings.values()]
+    error = np.array([each.offset_n for each in found]) - np.array([float(offset) for offset in recordings])
+    error -= error.mean()
+    return error, error / np.array([each.relative_uncertainty_n for each in found])
+
+
+@pytest.mark.parametrize("drive", [False, True], ids=["pressures", "drive force"])
+def test_offsets_of_sessions_are_found_together(cylinder: Cylinder, drive: bool) -> None:
+    recordings = campaign(cylinder, drive=drive)
+    error, ratio = errors(fit_offset_model(recordings.values(), cylinder), recordings)
+    assert np.sqrt(np.mean(error**2)) < 1.5
+    assert np.abs(ratio).max() < 3.0
+
+
+@pytest.mark.parametrize("columns", [{"oil_temperature_c": 35.0}, {"load_force_n": 100.0}])
+def test_temperature_and_a_measured_load_may_be_there(cylinder: Cylinder, columns: dict[str, float]) -> None:
+    cell = {"load_force_n": SensorUncertainty(5.0, 0.0)}
+    recordings = campaign(cylinder, uncertainty=cell, **columns)
+    model = fit_offset_model(recordings.values(), cylinder)
+    assert set(columns) < set(model.inputs)
+    assert np.abs(errors(model, recordings)[0]).max() < 4.0
+
+
+def test_a_further_session_is_identified_without_the_others(cylinder: Cylinder) -> None:
+    """It is what a joint fit finds too, and the model stays as it was."""
+    recordings = campaign(cylinder)
+    (*others, last), joint = recordings.values(), fit_offset_model(recordings.values(), cylinder)
+    model = fit_offset_model(others, cylinder)
+    before = model.to_dict()
+    found, together = model.identify([last]), joint.sessions[last.metadata.session]
+    assert found.offset_n == pytest.approx(together.offset_n, abs=1.0)
+    assert found.standard_uncertainty_n == pytest.approx(together.standard_uncertainty_n, rel=0.2)
+    assert model.to_dict() == before
+    assert last.metadata.session not in model.sessions
+
+
+def test_the_first_seconds_tell_less(cylinder: Cylinder) -> None:
+    *others, last = campaign(cylinder).values()
+    model = fit_offset_model(others, cylinder)
+    after = [model.identify([replace(last, table=last.table[: round(s / STEP_S)])]) for s in (0.1, 3.0, 10.0, 40.0)]
+    uncertainty_n = [each.standard_uncertainty_n for each in after]
+    assert uncertainty_n == sorted(uncertainty_n, reverse=True)
+    assert (after[0].offset_n, after[0].strokes_extend, after[0].sliding_s) == (0.0, 0, 0.0)
+    assert after[0].standard_uncertainty_n == pytest.approx(after[0].prior_n)
+    assert uncertainty_n[-1] < 0.4 * after[0].prior_n
+
+
+def test_asymmetry_of_a_session_widens_what_is_stated(cylinder: Cylinder) -> None:
+    """A tenth of asymmetry more in a session looks like an offset; the plan has to expect it."""
+    recordings = campaign(cylinder, 24, asymmetry_sd=0.04)
+    calm = fit_offset_model(recordings.values(), cylinder)
+    wide = fit_offset_model(recordings.values(), cylinder, OffsetPlan(asymmetry_sd=0.04))
+    assert np.mean(np.abs(errors(calm, recordings)[1]) < 2.0) < 0.8
+    assert np.mean(np.abs(errors(wide, recordings)[1]) < 2.0) >= 0.9
+    level_n = wide.level_n
+    own = max(each.relative_uncertainty_n for each in wide.sessions.values())
+    assert own == pytest.approx(0.5 * 0.04 * level_n, rel=0.3)
+
+
+def test_the_mean_of_all_sessions_stays_as_uncertain_as_the_zeros(cylinder: Cylinder) -> None:
+    recordings = [sliding(cylinder, f"s{number}", 10.0) for number in range(9)]
+    model = fit_offset_model(recordings, cylinder)
+    zero_n = zero_uncertainty_n(recordings[0], cylinder)
+    assert zero_n == pytest.approx(np.hypot(cylinder.piston_area_m2, cylinder.annulus_area_m2) * ZERO_PA)
+    assert model.common_uncertainty_n == pytest.approx(zero_n / 3.0, rel=0.02)
+    for each in model.sessions.values():
+        assert abs(each.offset_n) < 3.0  # an offset common to all looks like asymmetry
+        assert each.common_uncertainty_n == model.common_uncertainty_n < each.standard_uncertainty_n
+
+
+def test_a_session_alone_keeps_the_uncertainty_of_zero_or_asymmetry(cylinder: Cylinder) -> None:
+    recording = sliding(cylinder, "s1", 10.0)
+    model = fit_offset_model([recording], cylinder)
+    (alone,) = model.sessions.values()
+    assert alone.standard_uncertainty_n == pytest.approx(alone.prior_n, rel=0.1)
+    rough = {name: SensorUncertainty(125e3, 0.0) for name in PRESSURES}
+    unzeroed = sliding(cylinder, "s1", 400.0, uncertainty=rough)
+    (alone,) = fit_offset_model([unzeroed], cylinder).sessions.values()
+    assert abs(alone.offset_n - 400.0) < 2.0 * alone.standard_uncertainty_n < 0.4 * alone.prior_n
+
+
+def test_strokes_in_one_direction_leave_the_offset_uncertain(cylinder: Cylinder) -> None:
+    *others, _ = campaign(cylinder).values()
+    one_way = fit_offset_model(others, cylinder).identify([sliding(cylinder, "x", 10.0, only_out=True)])
+    assert one_way.strokes_retract == 0 < one_way.strokes_extend
+    assert one_way.standard_uncertainty_n > 0.5 * one_way.prior_n
+    (alone,) = fit_offset_model([sliding(cylinder, "x", only_out=True)], cylinder).sessions.values()
+    assert alone.standard_uncertainty_n == pytest.approx(alone.prior_n, rel=0.1)
+
+
+def test_a_model_survives_json(cylinder: Cylinder) -> None:
+    *others, last = campaign(cylinder, 4).values()
+    model = fit_offset_model(others, cylinder)
+    again = OffsetModel.from_dict(json.loads(json.dumps(model.to_dict())))
+    assert again == model
+    assert again.identify([last]) == model.identify([last])
+
+
+def test_what_cannot_be_identified_is_refused(cylinder: Cylinder) -> None:
+    recording = sliding(cylinder, "s1", oil_temperature_c=35.0)
+    unstated = replace(recording, metadata=replace(recording.metadata, uncertainty={}))
+    assert zero_uncertainty_n(unstated, cylinder) is None
+    with pytest.raises(RecordingError, match="recording 's1_0': the uncertainty of the zero of 'pressure_1_pa' is not"):
+        fit_offset_model([unstated], cylinder)
+    from_position = recording.with_columns(load_force_n=np.zeros(len(recording)))
+    with pytest.raises(RecordingError, match=r"'load_force_n' .* a load identified from position has absorbed the"):
+        fit_offset_model([from_position], cylinder)
+    with pytest.raises(RecordingError, match="column 'friction_n' is missing"):
+        fit_offset_model([recording.without_columns("friction_n")], cylinder)
+    resting = recording.with_columns(velocity_m_s=np.zeros(len(recording)))
+    with pytest.raises(
+        RecordingError, match="got no steady sliding in sessions s1; expected strokes faster than 6 mm/s"
+    ):
+        fit_offset_model([resting], cylinder)
+    with pytest.raises(RecordingError, match="sensor offsets cannot be identified: expected at least one recording"):
+        fit_offset_model([], cylinder)
+    model = fit_offset_model([recording], cylinder)
+    with pytest.raises(RecordingError, match=r"expected recordings of one session, but got 2 sessions \(s1, s2\)"):
+        model.identify([recording, sliding(cylinder, "s2")])
+    with pytest.raises(RecordingError, match=r"got 0 sessions \(none\)"):
+        model.identify([])
+    with pytest.raises(
+        RecordingError, match="session 's2': column 'oil_temperature_c' is missing; the offset model was"
+    ):
+        model.identify([sliding(cylinder, "s2")])
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [("slowest_m_s", 0.0, "a positive number"), ("asymmetry_sd", -0.1, "zero or a positive number")],
+)
+def test_a_plan_out_of_range_is_refused(field: str, value: float, expected: str) -> None:
+    with pytest.raises(ValueError, match=f"OffsetPlan: {field} must be {expected}, but got {value}"):
+        OffsetPlan(**{field: value})
