@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from cylinder_friction.commands.cli import INTERRUPTED, refusals
+from friction_benchmark.servo_rig import command as servo_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,10 +54,14 @@ def _parser() -> argparse.ArgumentParser:
     params.add_argument("overrides", nargs="*", help="for example experiment=full plan.models=[low_pass,gru]")
     parsers = {name: commands.add_parser(name, help=text) for name, text in COMMANDS.items()}
     parsers["run"].add_argument("--prune", action="store_true", help="remove from the cache what this run did not use")
+    servo_rig.add_arguments(commands.add_parser("servo-rig", help=servo_rig.HELP))
     return parser
 
 
 def _run(options: argparse.Namespace) -> None:
+    if options.command == "servo-rig":
+        print(servo_rig.run(options))
+        return
     from friction_benchmark import params, run
 
     if (params.FOLDER / params.CONF).is_dir():

@@ -1,0 +1,47 @@
+"""``friction-benchmark servo-rig``: its arguments, and what it prints. Imports nothing heavy until it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+HELP = "score the product's estimators, trained there and elsewhere, on a simulated rig of another structure"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("--mounting", choices=("horizontal", "vertical"), default="horizontal")
+    parser.add_argument("--sessions", type=int, default=6, help="of each of the three conditions, two of them for test")
+    parser.add_argument("--duration-s", type=float, default=40.0, help="of a session")
+    parser.add_argument("--epochs", type=int, default=40, help="of the hybrid's training")
+    parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn")
+    parser.add_argument(
+        "--elsewhere",
+        type=Path,
+        metavar="FOLDER",
+        help="labelled recordings of the default rig; else some are simulated",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the scores of each session there too")
+
+
+def run(options: argparse.Namespace) -> str:
+    """Return the table; writes the JSON file where one is asked for.
+
+    Raises:
+        FileNotFoundError: The folder of recordings is not there.
+        RecordingError: Its recordings are not labelled, or of another cylinder; or there are too few sessions.
+    """
+    from cylinder_friction.recordings.files import write_json
+    from cylinder_friction.recordings.storage import read_recordings
+    from friction_benchmark.servo_rig.evaluation import EvaluationPlan, content, evaluate, table
+    from friction_benchmark.servo_rig.sessions import SessionPlan
+
+    sessions = SessionPlan(options.seed, options.sessions, options.duration_s, options.mounting)
+    plan = EvaluationPlan(sessions, epochs=options.epochs)
+    scores = evaluate(plan, None if options.elsewhere is None else read_recordings(options.elsewhere))
+    if options.json is not None:
+        write_json(options.json, content(plan, scores))
+    return table(scores)

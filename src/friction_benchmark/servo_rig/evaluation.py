@@ -1,0 +1,231 @@
+"""The product's estimators on the servo rig, trained there and trained elsewhere, against its true friction.
+
+What is trained on sessions of this rig is scored on others. What is trained elsewhere - on labelled recordings of the
+default rig - is applied as it is: pressures are converted to those at which that rig's piston is pushed as hard, and
+the logger samples at that rig's rate. Nothing is fitted to the servo rig then.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tqdm import tqdm
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.analytical import AnalyticalEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
+from cylinder_friction.estimators.training_plan import TrainingPlan
+from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.labelling.label import label
+from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.splits import split
+from cylinder_friction.rig.campaign import CampaignPlan
+from friction_benchmark.campaigns import labelled_campaign
+from friction_benchmark.servo_rig.parameters import CYLINDER
+from friction_benchmark.servo_rig.sessions import CONDITIONS, SessionPlan, as_seen_by, record_sessions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.checks.limits import LoadMode
+    from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.servo_rig.sessions import ServoSession
+
+DEFAULT_RIG_CYLINDER = Cylinder(
+    name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+)
+SMALL_CAMPAIGN = CampaignPlan(sessions_per_condition=3, recordings_per_session=1, duration_s=40.0)
+"""What is simulated where no folder of recordings is given: twelve sessions of the default rig."""
+LABEL = "off-line label"
+ELSEWHERE = "elsewhere: "
+"""Before the names of estimators that were trained on the default rig."""
+COLUMN = 23
+"""Characters of a column of the table."""
+
+
+@dataclass(frozen=True)
+class EvaluationPlan:
+    """What is recorded and how the hybrid is trained."""
+
+    sessions: SessionPlan = field(default_factory=SessionPlan)
+    test_sessions: int = 2  # In each condition
+    epochs: int = TrainingPlan.epochs  # Of the hybrid; the rest of its training is the product's default
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors in one test session, sums over its usable rows."""
+
+    estimator: str
+    condition: str
+    session: str
+    truth_n: float  # Mean absolute true friction [N]
+    mae_n: float  # Against true friction [N]
+    offset_n: float  # Mean error against true friction: most of it the sensors' zeros [N]
+    offset_free_mae_n: float  # The mean absolute error that is left without it [N]
+    label_mae_n: float  # Against the off-line label [N]
+    rows: int
+
+
+def evaluate(plan: EvaluationPlan, elsewhere: Sequence[Recording] | None = None) -> list[Score]:
+    """Return every estimator's scores in every test session; equal arguments give equal scores.
+
+    Args:
+        plan: What is recorded here.
+        elsewhere: Labelled recordings of the default rig; None: ``SMALL_CAMPAIGN`` is simulated at this rig's rate.
+    """
+    foreign = _of_the_default_rig(elsewhere, plan.sessions.sample_time_s)
+    sessions = record_sessions(plan.sessions)
+    truth = {each.recording.name: each for each in sessions}
+    labelled = labelled_sessions(sessions, plan.sessions)
+    train, test = split(labelled, plan.test_sessions)
+    inputs = SAMPLE_COLUMNS if plan.sessions.mounting == "horizontal" else (*SAMPLE_COLUMNS, LOAD_FORCE)
+    made = _estimators(CYLINDER, inputs, plan.epochs)
+    made["pressure-scaled LuGre"] = lambda: AnalyticalEstimator(CYLINDER, LuGre(pressure_scaled=True), inputs)
+    fitted = _fitted(made, train, "train on the servo rig")
+    scores = [scored(LABEL, each, each.column("friction_n"), truth[each.name]) for each in test]
+    for name, estimator in fitted.items():
+        scores += [scored(name, each, estimator.estimate(each), truth[each.name]) for each in test]
+    return scores + _from_elsewhere(plan, foreign, {each.name for each in test})
+
+
+def labelled_sessions(sessions: Sequence[ServoSession], plan: SessionPlan) -> list[Recording]:
+    """Return the recordings with the product's default label; a vertical rig's load is identified by position."""
+    load: LoadMode = "none" if plan.mounting == "horizontal" else "position"
+    return label([each.recording for each in sessions], CYLINDER, load=load)
+
+
+def scored(name: str, recording: Recording, estimate_n: Array, session: ServoSession) -> Score:
+    """Return an estimate's errors on the usable rows of a labelled recording."""
+    usable = recording.usable()
+    truth_n = session.true_friction_n[usable]
+    error_n = estimate_n[usable] - truth_n
+    return Score(
+        name,
+        recording.metadata.condition,
+        recording.metadata.session,
+        float(np.mean(np.abs(truth_n))),
+        float(np.mean(np.abs(error_n))),
+        float(np.mean(error_n)),
+        float(np.mean(np.abs(error_n - error_n.mean()))),
+        float(np.mean(np.abs(estimate_n - recording.column("friction_n"))[usable])),
+        int(usable.sum()),
+    )
+
+
+def percent(scores: Sequence[Score], error: str = "mae_n") -> float:
+    """Return an error of sessions together, in percent of their mean absolute true friction."""
+    rows = np.array([each.rows for each in scores], dtype=np.float64)
+    errors = np.array([getattr(each, error) for each in scores])
+    return 100.0 * float(rows @ errors) / float(rows @ np.array([each.truth_n for each in scores]))
+
+
+def table(scores: Sequence[Score]) -> str:
+    """Return the table: percent of mean |true friction|, by condition with each test session's value, and who wins."""
+    grouped: defaultdict[str, list[Score]] = defaultdict(list)
+    for each in scores:
+        grouped[each.estimator].append(each)
+    wide = max(map(len, grouped)) + 2
+    titles = [*(condition.title for condition in CONDITIONS.values()), "all", "offset-free", "against label"]
+    lines = ["Error against true friction, % of its mean (in brackets: each test session)", _line(wide, "", titles)]
+    for name, own in grouped.items():
+        cells = []
+        for condition in CONDITIONS:
+            here = [each for each in own if each.condition == condition]
+            cells.append(f"{percent(here):.2f} ({' '.join(f'{percent([each]):.2f}' for each in here)})")
+        cells += [f"{percent(own, error):.2f}" for error in ("mae_n", "offset_free_mae_n", "label_mae_n")]
+        lines.append(_line(wide, name, cells))
+    return "\n".join([*lines, "", *_sentences(grouped)])
+
+
+def content(plan: EvaluationPlan, scores: Sequence[Score]) -> dict[str, Any]:
+    """Return plan and scores as JSON-compatible values."""
+    return {"plan": asdict(plan), "scores": [asdict(each) for each in scores]}
+
+
+def _line(wide: int, name: str, cells: Sequence[str]) -> str:
+    """Return a line of the table; the last three columns are narrow, one number each."""
+    first, last = cells[:-3], cells[-3:]
+    padded = [cell.ljust(COLUMN) for cell in first] + [
+        cell.rjust(7 if place == 0 else 15) for place, cell in enumerate(last)
+    ]
+    return name.ljust(wide) + "".join(padded)
+
+
+def _sentences(grouped: dict[str, list[Score]]) -> list[str]:
+    """Return who is nearest to true friction, and in how many test sessions; with and without the sessions' offsets."""
+    named = {name: own for name, own in grouped.items() if name != LABEL}
+    sentences = []
+    for error, words in (
+        ("mae_n", "Nearest to true friction"),
+        ("offset_free_mae_n", "Nearest without each session's offset"),
+    ):
+        first, second = sorted(named, key=lambda name: percent(named[name], error))[:2]
+        pairs = list(zip(named[first], named[second], strict=True))
+        ahead = sum(getattr(one, error) < getattr(other, error) for one, other in pairs)
+        sentences.append(
+            f"{words}: {first}, {percent(named[first], error):.2f} %; then {second}, "
+            f"{percent(named[second], error):.2f} %; the first is ahead in {ahead} of {len(pairs)} test sessions."
+        )
+    return sentences
+
+
+def _of_the_default_rig(given: Sequence[Recording] | None, sample_time_s: float) -> Sequence[Recording]:
+    """Return the labelled recordings given, or a small campaign where none are.
+
+    Raises:
+        RecordingError: They are of another cylinder than the default rig's.
+    """
+    if given is None:
+        small = replace(SMALL_CAMPAIGN, sample_time_s=sample_time_s)
+        return [each.recording for each in labelled_campaign(small, DEFAULT_RIG_CYLINDER)]
+    for each in given:
+        if each.metadata.cylinder != DEFAULT_RIG_CYLINDER.name:
+            raise RecordingError(
+                f"recording {each.name!r}: cylinder is {each.metadata.cylinder!r}, but expected the default rig's, "
+                f"{DEFAULT_RIG_CYLINDER.name!r}, by whose areas pressures are converted; give recordings of that rig"
+            )
+    return given
+
+
+def _from_elsewhere(plan: EvaluationPlan, elsewhere: Sequence[Recording], test: set[str]) -> list[Score]:
+    """Return the scores of estimators that were trained on the default rig and are applied here as they are."""
+    made = _estimators(DEFAULT_RIG_CYLINDER, SAMPLE_COLUMNS, plan.epochs)
+    del made["force balance, unfiltered"]  # it learns nothing, there as here
+    fitted = _fitted(made, elsewhere, "train on the default rig")
+    as_logged = replace(plan.sessions, sample_time_s=elsewhere[0].sample_time_s)
+    sessions = [each for each in record_sessions(as_logged) if each.recording.name in test]
+    areas = (DEFAULT_RIG_CYLINDER.piston_area_m2, DEFAULT_RIG_CYLINDER.annulus_area_m2)
+    scores = []
+    for name, estimator in fitted.items():
+        for recording, session in zip(labelled_sessions(sessions, as_logged), sessions, strict=True):
+            load_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.table.columns else 0.0
+            estimate_n = estimator.estimate(as_seen_by(recording, areas, load_n))
+            scores.append(scored(ELSEWHERE + name, recording, estimate_n, session))
+    return scores
+
+
+def _fitted(
+    made: Mapping[str, Callable[[], FrictionEstimator]], recordings: Sequence[Recording], what: str
+) -> dict[str, FrictionEstimator]:
+    """Return the estimators, fitted, with a progress bar."""
+    bar = tqdm(made.items(), what, unit="estimator", disable=None)
+    return {name: make().fit(recordings) for name, make in bar}
+
+
+def _estimators(cylinder: Cylinder, inputs: Sequence[str], epochs: int) -> dict[str, Callable[[], FrictionEstimator]]:
+    """Return how each of the product's estimators is made, by name."""
+    plan = TrainingPlan(epochs=epochs)
+    return {
+        "hybrid": lambda: HybridEstimator(cylinder, plan=plan, inputs=inputs),
+        "ridge": lambda: RidgeEstimator(inputs=inputs),
+        "force balance, low-pass": lambda: LowPassForceBalanceEstimator(cylinder, inputs=inputs),
+        "force balance, unfiltered": lambda: ForceBalanceEstimator(cylinder, inputs=inputs),
+    }

@@ -1,0 +1,132 @@
+"""The product's estimators on the servo rig: scores, table, and the command."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.estimators.analytical import AnalyticalEstimator
+from cylinder_friction.friction_models.identification.procedure import SearchEffort
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.storage import write_recording
+from cylinder_friction.rig.campaign import CampaignPlan
+from friction_benchmark.campaigns import labelled_campaign
+from friction_benchmark.cli import main
+from friction_benchmark.servo_rig import evaluation
+from friction_benchmark.servo_rig.evaluation import (
+    DEFAULT_RIG_CYLINDER,
+    EvaluationPlan,
+    Score,
+    evaluate,
+    percent,
+    table,
+)
+from friction_benchmark.servo_rig.sessions import CONDITIONS, SessionPlan, record_sessions
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TINY = SessionPlan(sessions=3, duration_s=8.0)
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    quick_search = partial(AnalyticalEstimator, effort=SearchEffort(0, 4, 2, 1))
+    monkeypatch.setattr(evaluation, "AnalyticalEstimator", quick_search)
+
+
+@pytest.fixture(scope="module")
+def elsewhere() -> list[Recording]:
+    plan = CampaignPlan(sessions_per_condition=1, recordings_per_session=1, duration_s=8.0)
+    return [each.recording for each in labelled_campaign(plan, DEFAULT_RIG_CYLINDER)]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("mounting", ["horizontal", "vertical"])
+def test_every_estimator_is_scored_in_every_test_session(elsewhere: list[Recording], mounting: str) -> None:
+    duration_s = 8.0 if mounting == "horizontal" else 20.0
+    plan = EvaluationPlan(SessionPlan(0, 3, duration_s, mounting), epochs=1)  # type: ignore[arg-type]
+    scores = evaluate(plan, elsewhere)
+    names = list(dict.fromkeys(score.estimator for score in scores))
+    assert names == [
+        "off-line label",
+        "hybrid",
+        "ridge",
+        "force balance, low-pass",
+        "force balance, unfiltered",
+        "pressure-scaled LuGre",
+        "elsewhere: hybrid",
+        "elsewhere: ridge",
+        "elsewhere: force balance, low-pass",
+    ]
+    sessions = {score.session for score in scores}
+    assert len(sessions) == 6
+    assert len(scores) == len(names) * len(sessions)
+    assert all(np.isfinite(score.mae_n) and score.offset_free_mae_n > 0.0 for score in scores)
+    label = [score for score in scores if score.estimator == "off-line label"]
+    assert {score.label_mae_n for score in label} == {0.0}
+    if mounting == "horizontal":
+        assert percent(label) < 12.0
+    printed = table(scores)
+    assert all(name in printed for name in names)
+    assert "Nearest to true friction: " in printed
+
+
+def test_sessions_are_scored_against_their_own_truth() -> None:
+    session = record_sessions(TINY)[0]
+    labelled = evaluation.labelled_sessions([session], TINY)[0]
+    score = evaluation.scored("off by 7 N", labelled, session.true_friction_n + 7.0, session)
+    assert score.mae_n == pytest.approx(7.0)
+    assert score.offset_n == pytest.approx(7.0)
+    assert score.offset_free_mae_n == pytest.approx(0.0, abs=1e-9)
+    assert score.rows == labelled.usable().sum()
+
+
+def test_sessions_count_by_their_rows() -> None:
+    scores = [made("one", "1", 2.0, 100.0, 100), made("one", "1", 6.0, 200.0, 300)]
+    assert percent(scores) == pytest.approx(100.0 * 2000.0 / 70_000.0)
+
+
+def test_the_table_states_who_is_nearest_and_how_often() -> None:
+    scores = [made("off-line label", condition, 1.0) for condition in CONDITIONS]
+    scores += [made("ridge", condition, error) for condition, error in zip(CONDITIONS, (4.0, 4.0, 4.0), strict=True)]
+    scores += [made("hybrid", condition, error) for condition, error in zip(CONDITIONS, (3.0, 5.0, 2.5), strict=True)]
+    printed = table(scores)
+    assert "Nearest to true friction: hybrid, 3.50 %; then ridge, 4.00 %; the first is ahead in 2 of 3 test" in printed
+    assert "hybrid          3.00 (3.00)" in printed
+
+
+def made(name: str, condition: str, error_n: float, truth_n: float = 100.0, rows: int = 10) -> Score:
+    return Score(name, condition, f"session {condition}", truth_n, error_n, 0.0, error_n, error_n, rows)
+
+
+def test_recordings_of_another_cylinder_are_refused() -> None:
+    foreign = [each.recording for each in record_sessions(SessionPlan(sessions=1, duration_s=4.0))]
+    with pytest.raises(RecordingError, match=r"recording 'servo1_session01': cylinder is 'servo 40/25 x 300', but exp"):
+        evaluate(EvaluationPlan(TINY, epochs=1), foreign)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("quick")
+def test_the_command_prints_the_table_and_writes_the_scores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], elsewhere: list[Recording]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for recording in elsewhere:
+        write_recording(tmp_path / "labelled", recording)
+    small = ["--sessions", "3", "--duration-s", "8", "--epochs", "1", "--elsewhere", "labelled", "--json", "out.json"]
+    assert main(["servo-rig", *small]) == 0
+    assert capsys.readouterr().out.startswith("Error against true friction")
+    content = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert content["plan"]["sessions"]["mounting"] == "horizontal"
+    assert len(content["scores"]) == 54
+
+
+def test_a_folder_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["servo-rig", "--elsewhere", str(tmp_path / "nothing")]) == 1
+    assert "nothing: no such folder of recordings" in capsys.readouterr().err
