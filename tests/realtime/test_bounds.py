@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -129,3 +129,49 @@ def test_a_trained_hybrid_keeps_its_bounds_when_saved(small_hybrid: HybridEstima
     loaded = load_estimator(tmp_path)
     assert (loaded.guard, loaded.bounds) == (small_hybrid.guard, small_hybrid.bounds)
     assert replace(small_hybrid.bounds) == loaded.bounds
+
+
+def test_stated_uncertainty_widens_the_bounds_to_hold_friction(labelled_recordings: list[Recording]) -> None:
+    generator = np.random.default_rng(5)
+    offsets_n = 12.0 * generator.normal(size=40)
+    labels = [labelled(each, 5.0 * generator.normal(size=len(each))) for each in labelled_recordings]
+    stated = [each.with_columns(friction_uncertainty_n=np.full(len(each), 24.0)) for each in labels]
+    bare, bounds = bounds_of(labels), bounds_of(stated)
+    assert (bare.holds, bounds.holds) == ("label", "friction")
+    assert bounds.upper_n[SLIDING] == pytest.approx(1.645 * 13.0, rel=0.03)
+    assert bounds.lower_n[SLIDING] == pytest.approx(-1.645 * 13.0, rel=0.03)
+    assert bare.upper_n[SLIDING] == pytest.approx(1.645 * 5.0, rel=0.06)
+    friction_n = np.concatenate([label.column("friction_n") - offset for label in labels for offset in offsets_n])
+    held = (friction_n > bounds.lower_n[SLIDING]) & (friction_n < bounds.upper_n[SLIDING])
+    assert held.mean() == pytest.approx(0.9, abs=0.06), "over forty sessions, each with an offset of its own"
+
+
+def test_an_uncertainty_of_zero_leaves_the_bounds(labelled_recordings: list[Recording]) -> None:
+    recording = labelled(labelled_recordings[0], np.random.default_rng(6).normal(size=len(labelled_recordings[0])))
+    bare, bounds = (
+        bounds_of([recording]),
+        bounds_of([recording.with_columns(friction_uncertainty_n=np.zeros(len(recording)))]),
+    )
+    np.testing.assert_allclose(bounds.upper_n, bare.upper_n, atol=0.3)
+    assert all(mine >= theirs for mine, theirs in zip(bounds.upper_n, bare.upper_n, strict=True))
+
+
+def test_one_recording_without_stated_uncertainty_leaves_the_label(labelled_recordings: list[Recording]) -> None:
+    first, second = labelled_recordings[:2]
+    assert bounds_of([first.with_columns(friction_uncertainty_n=np.ones(len(first))), second]).holds == "label"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"holds": "friction"}, "with probability 0.9 over all sessions, if the sensors are as accurate as stated"),
+        (
+            {"holds": "label"},
+            "if the sensors have no offset: the uncertainty of their zeros was not stated",
+        ),
+        ({"probability": 1.0}, "as wide as can be, as this model's errors were never calibrated"),
+    ],
+)
+def test_bounds_state_what_they_hold(small_hybrid: HybridEstimator, changes: dict[str, Any], words: str) -> None:
+    assert small_hybrid.bounds is not None
+    assert words in replace(small_hybrid.bounds, **changes).in_words()

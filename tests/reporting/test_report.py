@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from cylinder_friction.evaluation.analysis import analyse
+from cylinder_friction.evaluation.coverage import Coverage
 from cylinder_friction.evaluation.timing import StepTime
 from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.page import static
@@ -21,6 +22,8 @@ AUDIT = {
     "moving_average": {"all": {"steady": {"mae_n": 9.0}}},
 }
 
+HELD = Coverage("truth", "1", 4000, 90.25, 86.5, "s-t1_2", 81.75, 42.5)
+
 
 @pytest.fixture(scope="module")
 def analysis(compared, curves, strokes):
@@ -32,7 +35,7 @@ def analysis(compared, curves, strokes):
 @pytest.fixture(scope="module")
 def page(analysis):
     times = {"hybrid": StepTime(10, 2e-6, 5e-6, 9e-6)}
-    return report_html(analysis, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT))
+    return report_html(analysis, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT, [HELD]))
 
 
 @pytest.mark.slow
@@ -62,9 +65,15 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
 def test_without_truth_there_is_no_truth_figure_and_the_report_says_so(compared, curves):
     bare = analyse(compared(hybrid=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
     assert "errors_by_condition_truth" not in all_figures(bare)
-    page = report_html(bare, ReportInputs({}, {}, {}, None))
+    page = report_html(bare, ReportInputs({}, {}, {}, None, []))
     assert "True friction is not known for these recordings." in page
     assert "Label audit" not in page
+
+
+def test_the_report_states_what_the_bounds_hold(page, analysis):
+    assert "Worst session" in page
+    assert all(number in page for number in ("90.2", "86.5", "81.8", "s-t1_2", "42.5"))
+    assert "Worst session" not in report_html(analysis, ReportInputs({}, {}, {}, None, []))
 
 
 def test_the_report_loads_nothing_from_outside(page):
@@ -81,7 +90,7 @@ def test_no_button_offers_to_upload_the_data(page):
 
 def test_every_link_of_the_contents_leads_to_a_section(page):
     links = re.findall(r'<a href="#([^"]+)"', page)
-    assert len(links) == 11
+    assert len(links) == 12
     assert all(page.count(f'id="{link}"') == 1 for link in links)
 
 
@@ -133,9 +142,9 @@ def test_a_browser_draws_it_wide_and_narrow(tmp_path, page):
 
 def test_text_from_recordings_cannot_break_the_page(compared, curves, strokes):
     comparison = compared(**{"hybrid": 1.0, "lugre": 2.0, "</script><b>": 3.0})
-    page = report_html(analyse(comparison, "hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, None)).replace(
-        PLOTLY, ""
-    )
+    page = report_html(
+        analyse(comparison, "hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, None, [])
+    ).replace(PLOTLY, "")
     assert "</script><b>" not in page
 
 
@@ -146,5 +155,5 @@ def test_the_audit_shows_all_conditions_at_once_first_and_each_in_a_fold(page):
 
 
 def test_an_audit_without_truth_says_its_note(analysis):
-    page = report_html(analysis, ReportInputs({}, {}, {}, {"note": "true friction is unknown here"}))
+    page = report_html(analysis, ReportInputs({}, {}, {}, {"note": "true friction is unknown here"}, []))
     assert "true friction is unknown here" in page

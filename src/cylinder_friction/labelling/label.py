@@ -13,9 +13,9 @@ from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import MotionPlan, motion_points
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
-from cylinder_friction.labelling.uncertainty import UNCERTAINTY_COLUMN, label_uncertainty, smoothing_deviation
+from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.columns import LOAD_FORCE, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.motion import widened

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
@@ -14,11 +14,6 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth_signals import SignalFilter
-
-UNCERTAINTY_COLUMN = "friction_uncertainty_n"
-
-COVERAGE_FACTOR = 2.0
-"""From standard to expanded uncertainty, for a level of confidence of about 95 % (JCGM 100:2008, 6.3.3)."""
 
 
 def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:

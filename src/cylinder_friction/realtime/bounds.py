@@ -2,7 +2,9 @@
 
 The errors of an estimate on recordings that it was not trained on are sorted by regime, and their quantiles become the
 bounds (split conformal prediction: Vovk, Gammerman and Shafer 2005; within groups: Vovk, Lindsay, Nouretdinov and
-Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, so it is the label that the bounds hold.
+Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, whose own uncertainty is added where it is
+stated: a sensor's offset shifts label and estimate alike, so that the errors do not show it. The bounds then hold
+friction, over all sessions; a session whose offset is large is held less often, as its offset is the same in all rows.
 The regime follows from the causal velocity, so every runtime knows it at once; what counts as creep follows from the
 speeds of those recordings. Neighbouring samples are alike, so the finite-sample guarantee, which needs exchangeable
 errors, does not hold to the letter; coverage is measured on the test recordings instead.
@@ -11,13 +13,13 @@ errors, does not hold to the letter; coverage is measured on the test recordings
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numba
 import numpy as np
 
 from cylinder_friction.realtime.model import Bounds
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, SAMPLE_COLUMNS, UNCERTAINTY_COLUMN
 from cylinder_friction.signals.causal import FirFilter, one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
@@ -39,6 +41,8 @@ REVERSAL_S = 0.1
 PROBABILITY = 0.9
 VELOCITY_WINDOW = 21
 VELOCITY_ORDER = 2
+SMALLEST_DEVIATION_N = 1e-3
+"""Of a label whose uncertainty is stated as zero."""
 UNKNOWN_N = 1e9
 """Offset of bounds that were never calibrated: so wide that they state nothing."""
 
@@ -84,7 +88,10 @@ def calibrated_bounds(
     warm_up_samples: int,
     probability: float = PROBABILITY,
 ) -> Bounds:
-    """Return bounds between which the label lies with ``probability``, half of the rest on either side.
+    """Return bounds between which friction lies with ``probability``, half of the rest on either side.
+
+    That takes the label's stated uncertainty, ``friction_uncertainty_n``, of every recording; without it the bounds
+    hold the label (``Bounds.holds``).
 
     Args:
         recordings: Labelled, none of them trained on; their usable rows count, but for the first ``warm_up_samples``.
@@ -97,14 +104,32 @@ def calibrated_bounds(
         ValueError: The probability is not in (0, 1).
     """
     creep_m_s = creep_below_m_s([causal_velocity(each) for each in recordings])
-    errors, regime = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    stated = bool(recordings) and all(UNCERTAINTY_COLUMN in each.table.columns for each in recordings)
+    errors, deviations, regime = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=np.int64)]
     for recording, estimate_n in zip(recordings, estimates_n, strict=True):
         counted = recording.usable().copy()
         counted[:warm_up_samples] = False
         errors.append((recording.column("friction_n") - estimate_n)[counted])
+        if stated:
+            deviations.append(recording.column(UNCERTAINTY_COLUMN)[counted] / COVERAGE_FACTOR)
         regime.append(regimes_of(recording, creep_m_s)[counted])
-    lower, upper = conformal_offsets(np.concatenate(errors), np.concatenate(regime), len(REGIMES), probability)
-    return _bounds(lower, upper, creep_m_s, sample_time_s, probability)
+    error_n, groups = np.concatenate(errors), np.concatenate(regime)
+    lower, upper = conformal_offsets(error_n, groups, len(REGIMES), probability)
+    if stated:
+        deviation_n = np.concatenate(deviations)
+        for group in range(len(REGIMES)):
+            own = groups == group
+            if own.any():
+                known = (error_n[own], deviation_n[own])
+                lower[group], upper[group] = _widened(lower[group], upper[group], *known, probability)
+    return _bounds(lower, upper, creep_m_s, sample_time_s, probability, "friction" if stated else "label")
+
+
+def bounds_around(estimate_n: Array, recording: Recording, bounds: Bounds) -> tuple[Array, Array]:
+    """Return the bounds of an estimate of a recording [N], each of shape ``(n,)``, as the real-time step gives them."""
+    limits = (bounds.standstill_m_s, bounds.creep_m_s, bounds.reversal_samples)
+    regime = regimes(causal_velocity(recording), *limits)
+    return estimate_n + np.array(bounds.lower_n)[regime], estimate_n + np.array(bounds.upper_n)[regime]
 
 
 def conformal_offsets(
@@ -145,6 +170,31 @@ def _finite_sample_quantiles(errors_n: Array, side: float) -> tuple[float, float
     return float(ordered[len(errors_n) - rank]), float(ordered[rank - 1])
 
 
+def _widened(
+    lower: float, upper: float, errors_n: Array, deviations_n: Array, probability: float
+) -> tuple[float, float]:
+    """Return the quantiles of errors to each of which a normal one of its own deviation is added [N].
+
+    They are no nearer to the estimate than those of the errors alone, ``lower`` and ``upper``.
+    """
+    if upper >= UNKNOWN_N:
+        return lower, upper
+    from scipy.optimize import brentq
+    from scipy.special import ndtr
+
+    deviations_n = np.maximum(deviations_n, SMALLEST_DEVIATION_N)
+    side = 1.0 - (1.0 - probability) / 2.0
+    furthest = float(np.abs(errors_n).max() + 10.0 * deviations_n.max())
+
+    def excess(at: float, share: float) -> float:
+        return float(ndtr((at - errors_n) / deviations_n).mean()) - share
+
+    def quantile(share: float) -> float:
+        return float(brentq(excess, -furthest, furthest, (share,), xtol=1e-6))
+
+    return min(lower, quantile(1.0 - side)), max(upper, quantile(side))
+
+
 @numba.njit(cache=True)
 def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, reversal_samples: int) -> NDArray[np.int64]:
     """Return the regime of each step, shape ``(n,)``: see ``next_regime``."""
@@ -182,7 +232,14 @@ def next_regime(
     return 2, now, left
 
 
-def _bounds(lower: Array, upper: Array, creep_m_s: float, sample_time_s: float, probability: float) -> Bounds:
+def _bounds(
+    lower: Array,
+    upper: Array,
+    creep_m_s: float,
+    sample_time_s: float,
+    probability: float,
+    holds: Literal["friction", "label"] = "label",
+) -> Bounds:
     below, above = lower.tolist(), upper.tolist()
     return Bounds(
         lower_n=(below[0], below[1], below[2], below[3]),
@@ -191,4 +248,5 @@ def _bounds(lower: Array, upper: Array, creep_m_s: float, sample_time_s: float, 
         creep_m_s=creep_m_s,
         reversal_samples=round(REVERSAL_S / sample_time_s),
         probability=probability,
+        holds=holds,
     )

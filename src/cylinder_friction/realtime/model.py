@@ -37,7 +37,7 @@ class Guard:
 
 @dataclass(frozen=True)
 class Bounds:
-    """An interval for the label around an estimate, by regime of motion (see ``realtime.bounds``).
+    """An interval for friction around an estimate, by regime of motion (see ``realtime.bounds``).
 
     The regimes are standstill, creep, sliding, and the moments just after a reversal or start.
     """
@@ -47,7 +47,20 @@ class Bounds:
     standstill_m_s: float  # Slower, the piston stands still [m/s]
     creep_m_s: float  # Slower, it creeps [m/s]; as ``standstill_m_s`` where that is not known
     reversal_samples: int  # How long a reversal or start lasts
-    probability: float  # That the label lies between the bounds, on recordings like those of the calibration
+    # That what the bounds hold lies between them, over the sessions and samples like those of the calibration
+    probability: float
+    # ``friction``: the sensors' stated uncertainty is part of the bounds; ``label``: it is not known, and a sensor's
+    # offset, which shifts label and estimate alike, is not covered
+    holds: Literal["friction", "label"] = "label"
+
+    def in_words(self) -> str:
+        """Return what the bounds hold, and under which assumption, for whoever reads an exported model."""
+        if self.probability == 1.0:
+            return "as wide as can be, as this model's errors were never calibrated"
+        what = f"friction lies between the bounds with probability {self.probability:g}"
+        if self.holds == "friction":
+            return f"{what} over all sessions, if the sensors are as accurate as stated for the calibration"
+        return f"{what} if the sensors have no offset: the uncertainty of their zeros was not stated, nor covered"
 
 
 GuardOrBounds = TypeVar("GuardOrBounds", Guard, Bounds)

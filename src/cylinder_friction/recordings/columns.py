@@ -21,6 +21,11 @@ DRIVE_FORCE = "drive_force_n"
 """Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a
 cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
 
+UNCERTAINTY_COLUMN = "friction_uncertainty_n"
+"""Expanded uncertainty of a friction label: ``COVERAGE_FACTOR`` standard ones [N]."""
+COVERAGE_FACTOR = 2.0
+"""From standard to expanded uncertainty, for a level of confidence of about 95 % (JCGM 100:2008, 6.3.3)."""
+
 PRESSURES = (PRESSURE_1, PRESSURE_2)
 SAMPLE_COLUMNS = (*PRESSURES, POSITION)
 """The raw sample that every estimator sees, in this order: piston side, rod side, position."""

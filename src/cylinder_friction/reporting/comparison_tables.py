@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Comparison, Scores
+    from cylinder_friction.evaluation.coverage import Coverage
     from cylinder_friction.evaluation.timing import StepTime
 
 AUDIT_HEADS = {
@@ -58,6 +59,25 @@ def error_table(scores: Scores, conditions: Sequence[str], against: str, publish
         for key, words in (("lugre", "Published: LuGre (other data)"), ("hybrid", "Published: hybrid (other data)")):
             rows.append([words, *(f"{PERCENT_BY_TEST[condition][key]:.2f} %" for condition in conditions)])
     return Table(head, rows)
+
+
+def coverage_table(found: Sequence[Coverage]) -> Table:
+    """Return how often the bounds hold the label and true friction, in each condition and in the worst session."""
+    words = {"label": "label", "truth": "true friction"}
+    rows = [
+        (
+            words[each.reference],
+            each.condition,
+            f"{each.rows:,}",
+            f"{each.held_percent:.1f}",
+            f"{each.held_near_events_percent:.1f}",
+            Cell(f"{each.worst_session_percent:.1f}", each.worst_session),
+            f"{each.mean_width_n:.1f}",
+        )
+        for each in found
+    ]
+    shares = ("Share [% of rows]", "Near events [% of rows]", "Worst session [% of rows]")
+    return Table(("Held", "Condition", "Rows", *shares, "Mean width [N]"), rows)
 
 
 def difference_table(comparison: Comparison, main: str) -> Table:

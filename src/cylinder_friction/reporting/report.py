@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Scores
+    from cylinder_friction.evaluation.coverage import Coverage
     from cylinder_friction.evaluation.timing import StepTime
     from cylinder_friction.evaluation.views import Excerpt
     from cylinder_friction.reporting.page import Table
@@ -30,6 +31,7 @@ SECTIONS = {
     "data": "The data",
     "label-errors": "Errors against the label",
     "truth-errors": "Errors against true friction",
+    "bounds": "Bounds",
     "over-time": "Friction over time",
     "motion": "Where in the motion",
     "residuals": "Residuals",
@@ -51,16 +53,18 @@ class ReportInputs:
     chosen: Mapping[str, Any]  # Hyperparameters of the default hybrid by name
     # The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none
     audit: dict[str, Any] | None
+    held: Sequence[Coverage]  # How often the main estimator's bounds hold label and truth; empty without bounds
 
 
 def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
     """Return the whole page; it loads nothing from outside."""
     comparison, main = analysis.comparison, analysis.main
     audit = inputs.audit
+    left_out = {key for key, there in (("audit", audit is not None), ("bounds", bool(inputs.held))) if not there}
     return page_html(
         "templates/report.html.j2",
         title="Friction estimators compared",
-        sections={key: words for key, words in SECTIONS.items() if key != "audit" or audit is not None},
+        sections={key: words for key, words in SECTIONS.items() if key not in left_out},
         recordings=len(comparison.traces),
         minutes=sum(len(trace.time_s) * trace.sample_time_s for trace in comparison.traces) / 60.0,
         comparison=comparison,
@@ -70,6 +74,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         opening=_opening(analysis),
         data=tables.data_table(comparison),
         against=_against(analysis),
+        coverage=tables.coverage_table(inputs.held),
         differences=tables.difference_table(comparison, main),
         over_time={part.condition: (part.recording, _over_time(part)) for part in analysis.excerpts},
         panels=_panels(analysis),

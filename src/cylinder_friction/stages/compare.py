@@ -14,6 +14,7 @@ from cylinder_friction.estimators.base import DESCRIPTION_FILE, FrictionEstimato
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
+from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
 from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
+COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
 TABLE_FILE = REPORTS_FOLDER / "table.md"
 REPORT_FILE = REPORTS_FOLDER / "report.html"
 FIGURES_FOLDER = REPORTS_FOLDER / "figures"
@@ -85,13 +87,16 @@ def run(params: Params) -> RunRecord:
         for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator", disable=None)
     }
     tree = metric_tree(comparison)
-    _write(analysis, times, tree)
+    held = coverage(estimators[MAIN], recordings, truth_n, settings.reversal_window_s)
+    _write(analysis, times, tree, held)
     return RunRecord(
         name="compare",
         params=flat(settings),
-        metrics=flat_metrics(tree),
+        metrics=flat_metrics(tree) | coverage_metrics(held),
         tags={"summary": "\n".join(summary(comparison, MAIN))},
-        artifacts=artifacts(METRICS_FILE, TIMINGS_FILE, TABLE_FILE, REPORT_FILE, FIGURES_FOLDER, PLOTS_FOLDER),
+        artifacts=artifacts(
+            METRICS_FILE, TIMINGS_FILE, COVERAGE_FILE, TABLE_FILE, REPORT_FILE, FIGURES_FOLDER, PLOTS_FOLDER
+        ),
         datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
     )
 
@@ -136,9 +141,9 @@ def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArr
     return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}
 
 
-def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree) -> None:
+def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree, held: Sequence[Coverage]) -> None:
     audit: dict[str, Any] | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
-    inputs = ReportInputs(times, read_json(SPACE_FILE), read_json(CHOSEN_FILE), audit)
+    inputs = ReportInputs(times, read_json(SPACE_FILE), read_json(CHOSEN_FILE), audit, held)
     report = report_html(analysis, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:
         for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure", disable=None):
@@ -149,4 +154,5 @@ def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree) -> 
     write_text(REPORT_FILE, report)
     write_text(TABLE_FILE, markdown_tables(analysis.comparison))
     write_json(TIMINGS_FILE, {name: asdict(time) for name, time in times.items()})
+    write_json(COVERAGE_FILE, [asdict(each) for each in held])
     write_json(METRICS_FILE, tree)

@@ -73,10 +73,7 @@ class FmuVariable:
 
 def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
     """Return the variables; a variable's place in the tuple is its value reference."""
-    probability = model.bounds.probability
-    holds = f"friction lies between the bounds with probability {probability:g}"
-    if probability == 1.0:
-        holds = "as wide as can be, as this model's errors were never calibrated"
+    holds = model.bounds.in_words()
     warm_up = "For how many steps the samples set before the simulation starts have stood already; 0: not at all"
     step = "Time between two samples: the only communication step size that is taken"
     estimates = {

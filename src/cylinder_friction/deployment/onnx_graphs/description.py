@@ -48,6 +48,7 @@ def described(model: StepModel) -> dict[str, str]:
         "training_range_with_margin": _ranges(model.inputs, guard.trained_lower, guard.trained_upper),
         "accepted_range": _ranges(model.inputs, guard.accept_lower, guard.accept_upper),
         "bounds_probability": repr(float(model.bounds.probability)),
+        "bounds_hold": model.bounds.in_words(),
         "warm_up_samples": str(guard.warm_up_samples),
         "recovery_samples": str(guard.recovery_samples),
         MODEL_HASH: model_hash(model),
