@@ -42,8 +42,13 @@ reproduce: install ## run the whole pipeline, then print the result and what to 
 	cylinder-friction track
 	cylinder-friction summary
 
-lane-%: # a stage and what it needs, beside the other lanes: dvc itself runs one stage at a time
-	TQDM_POSITION=$(words $(filter lane-$*,lane-baselines)) dvc --wait-for-lock repro $*
+LANE = dvc --wait-for-lock repro --single-item
+lane-train: # dvc runs one stage at a time; side by side, none of the lanes may look at the stages before it
+	$(LANE) search
+	$(LANE) train
+
+lane-%:
+	TQDM_POSITION=1 $(LANE) $*
 
 benchmark: install ## run the comparison of the literature, then print where its page is
 	cd benchmark && dvc repro

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from cylinder_friction.evaluation.comparison import compare, points_ahead
 from cylinder_friction.evaluation.metric_tree import metric_tree
 from cylinder_friction.reporting.comparison_tables import difference_table
@@ -57,10 +55,15 @@ def test_with_one_session_in_each_condition_nothing_is_clear(strokes):
     assert not [name for name in metric_tree(comparison)["hybrid"]["1"] if name.endswith(("_low", "_high"))]
 
 
-@pytest.mark.parametrize(
-    ("offset_n", "words"),
-    [(None, "True friction is not known"), (10.0, "where LuGre is nearest; the label itself, made off line")],
-)
-def test_the_third_sentence_is_about_the_truth(compared, strokes, offset_n, words):
-    truth = {r.name: r.column("friction_n") + offset_n for r in strokes} if offset_n else None
-    assert words in summary(compared(truth, hybrid=1.0, lugre=10.0), "hybrid")[2]
+def test_true_friction_comes_first_where_it_is_known(compared, strokes):
+    truth = {r.name: r.column("friction_n") + 10.0 for r in strokes}
+    words = summary(compared(truth, hybrid=1.0, lugre=10.0), "hybrid")
+    assert words[0].startswith("Against true friction, the mean absolute error of the hybrid is")
+    assert words[0].endswith("9.0 N.")
+    assert "LuGre is clearly better" in words[1]
+    assert words[2].startswith("Nearest to true friction is LuGre; the label itself, made off line")
+    assert "Against that label, which it has learned from, it errs by" in words[2]
+
+
+def test_unknown_truth_is_stated(compared):
+    assert "True friction is not known" in summary(compared(hybrid=1.0, lugre=10.0), "hybrid")[2]

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mlflow import MlflowClient
 
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.params.learning import RegisterParams
+from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import register
 from cylinder_friction.tracking.errors import LineageError, TrackingError
 from cylinder_friction.tracking.store import tracking_uri
@@ -96,8 +98,37 @@ def test_an_incumbent_from_other_recordings_is_measured_on_the_present_ones(
     path.write_text(path.read_text(encoding="utf-8").replace('"friction_n"', '"friction_n" '), encoding="utf-8")
     register.run(parameters())
     measured = json.loads(registered(repository))["incumbent"]["errors_percent"]
-    assert measured == register.measured_errors(repository / "models/hybrid")
+    assert measured == register.measured_errors("label", "", repository / "models/hybrid")
     assert set(measured) == {"1", "2", "3", "4"}
+
+
+def test_the_gate_goes_by_true_friction_where_it_is_known(repository: Path) -> None:
+    path = repository / "reports/metrics.json"
+    metrics = json.loads(path.read_text(encoding="utf-8"))
+    for condition, numbers in metrics["hybrid"].items():
+        numbers["truth_percent"] = 1.0 + 0.1 * int(condition)
+    path.write_text(json.dumps(metrics), encoding="utf-8")
+    record = register.run(parameters())
+    content = json.loads(registered(repository))["candidate"]
+    assert content["reference"] == "truth"
+    assert content["errors_percent"] == {"1": 1.1, "2": 1.2, "3": 1.3, "4": 1.4}
+    assert record.metrics["condition_1.truth_percent"] == 1.1
+    del metrics["hybrid"]["3"]["truth_percent"]
+    path.write_text(json.dumps(metrics), encoding="utf-8")
+    register.run(parameters())
+    assert json.loads(registered(repository))["candidate"]["reference"] == "label"
+
+
+def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_known(
+    repository: Path, tmp_path: Path
+) -> None:
+    test = read_recordings(repository / "data/processed/test")
+    known = test[0]
+    estimate_n = load_estimator(repository / "models/hybrid").estimate(known)
+    truth = known.table[["time_s", "velocity_m_s"]].assign(friction_n=estimate_n / 1.25)
+    truth.to_parquet(tmp_path / f"{known.name}.parquet")
+    measured = register.measured_errors("truth", str(tmp_path), repository / "models/hybrid")
+    assert measured == {known.metadata.condition: pytest.approx(25.0)}
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,8 @@
-"""True friction beside a recording, where a simulated rig knows it. Only the label audit and the comparison read it."""
+"""True friction beside a recording, where a simulated rig knows it. Only audit, comparison and gate read it."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,9 @@ import pyarrow.parquet as pq
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Sequence
+
+    from cylinder_friction.arrays import Array
 
 TRUTH_COLUMNS = ("time_s", "friction_n", "velocity_m_s")
 
@@ -42,3 +45,9 @@ def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
             f"{recording.name!r} has {time_s[row]:.6g} s there; expected the truth of this very recording"
         )
     return truth
+
+
+def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, Array]:
+    """Return true friction [N] by recording name, as far as it is known; ``folder`` is empty where nobody knows it."""
+    truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings} if folder else {}
+    return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}

@@ -9,7 +9,7 @@ from cylinder_friction.evaluation.comparison import LABEL_ITSELF, mean_percent, 
 from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
-from cylinder_friction.reporting.summary import leaders, verdict
+from cylinder_friction.reporting.summary import best_reference, leaders, verdict
 from cylinder_friction.tuning.space import RANGES
 
 if TYPE_CHECKING:
@@ -82,18 +82,18 @@ def coverage_table(found: Sequence[Coverage]) -> Table:
 
 def difference_table(comparison: Comparison, main: str) -> Table:
     """Return by how many percentage points every other estimator is behind ``main``, and whether that is clear."""
-    scores = comparison.label
+    scores, known = best_reference(comparison)
     rows: list[list[str | Cell]] = []
     for name in comparison.estimators:
         if name == main:
             continue
         row: list[str | Cell] = [title(name)]
-        for condition in comparison.conditions:
+        for condition in known:
             ahead, low, high = points_ahead(scores, main, name, condition)
             style = {"better": "good", "worse": "bad", "level": ""}[verdict(scores, main, name, condition)]
             row.append(Cell(f"{ahead:+.2f}", _interval(low, high, "+.2f"), ahead, style=style))
         rows.append(row)
-    return Table(["Estimator", *(f"Condition {condition} [points]" for condition in comparison.conditions)], rows)
+    return Table(["Estimator", *(f"Condition {condition} [points]" for condition in known)], rows)
 
 
 def detail_table(scores: Scores, condition: str) -> Table:
@@ -248,20 +248,18 @@ def _groups(content: Any, path: tuple[str, ...]) -> list[tuple[str, dict[str, An
 
 
 def markdown_tables(comparison: Comparison) -> str:
-    """Return Table II against the label and, where it is known, against true friction, as Markdown."""
+    """Return Table II against true friction, where it is known, and against the label, as Markdown."""
     against_label = error_table(comparison.label, comparison.conditions, "label").markdown()
     parts = [
         f"{comparison.sessions} held-out sessions. Bold: the smallest error of a condition, and those that it is not "
-        "clearly better than.\n",
-        "Mean absolute error against the label:\n",
-        against_label,
+        "clearly better than.\n"
     ]
     if comparison.truth:
         against_truth = error_table(comparison.truth, comparison.truth_conditions, "true friction").markdown()
         parts += ["Mean absolute error against true friction:\n", against_truth]
     else:
         parts.append("True friction is not known for these recordings.\n")
-    return "\n".join(parts)
+    return "\n".join([*parts, "Mean absolute error against the label, which estimators learn from:\n", against_label])
 
 
 def _interval(low: float, high: float, digits: str) -> str:

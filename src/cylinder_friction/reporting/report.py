@@ -10,7 +10,7 @@ from cylinder_friction.reporting import figures
 from cylinder_friction.reporting.estimator_titles import phrase
 from cylinder_friction.reporting.page import page_html
 from cylinder_friction.reporting.style import draw
-from cylinder_friction.reporting.summary import CLEAR_POINTS, summary
+from cylinder_friction.reporting.summary import CLEAR_POINTS, best_reference, summary
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cylinder_friction.evaluation.analysis import Analysis
-    from cylinder_friction.evaluation.comparison import Scores
+    from cylinder_friction.evaluation.comparison import Comparison, Scores
     from cylinder_friction.evaluation.coverage import Coverage
     from cylinder_friction.evaluation.timing import StepTime
     from cylinder_friction.evaluation.views import Excerpt
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 SECTIONS = {
     "summary": "Summary",
     "data": "The data",
-    "label-errors": "Errors against the label",
     "truth-errors": "Errors against true friction",
+    "label-errors": "Errors against the label",
     "bounds": "Bounds",
     "over-time": "Friction over time",
     "motion": "Where in the motion",
@@ -72,6 +72,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         main=phrase(main),
         clear_points=CLEAR_POINTS,
         opening=_opening(analysis),
+        reference=_name(comparison, best_reference(comparison)[0]),
         data=tables.data_table(comparison),
         against=_against(analysis),
         coverage=tables.coverage_table(inputs.held),
@@ -91,25 +92,30 @@ def _opening(analysis: Analysis) -> tuple[Figure, Figure]:
     """Return the report's first picture: friction over time in the first and the last condition, and all errors."""
     comparison, shown = analysis.comparison, analysis.excerpts
     excerpts = shown if len(shown) < 2 else [shown[0], shown[-1]]
-    errors = draw(figures.errors_by_condition, comparison.label, comparison.conditions, "label", analysis.main)
+    scores, known = best_reference(comparison)
+    errors = draw(figures.errors_by_condition, scores, known, _name(comparison, scores), analysis.main)
     return draw(figures.friction_over_time, excerpts), errors
+
+
+def _name(comparison: Comparison, scores: Scores) -> str:
+    return "true friction" if scores is comparison.truth else "label"
 
 
 def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Figure | None]]:
     """Return by reference: Table II, tables to unfold by title, and the chart unless the page opens with it."""
-    comparison, truth = analysis.comparison, analysis.comparison.truth
-    conditions = list(comparison.conditions)
-    found: dict[str, tuple[Table, dict[str, Table], Figure | None]] = {
-        "label": (
-            tables.error_table(comparison.label, conditions, "label", published=True),
-            _details(comparison.label, conditions),
-            None,
-        )
+    comparison = analysis.comparison
+    opens, _ = best_reference(comparison)
+    both = {
+        "label": (comparison.label, comparison.conditions),
+        "truth": (comparison.truth, comparison.truth_conditions),
     }
-    if truth:
-        known = comparison.truth_conditions
-        chart = draw(figures.errors_by_condition, truth, known, "true friction", analysis.main)
-        found["truth"] = (tables.error_table(truth, known, "true friction"), _details(truth, known), chart)
+    found: dict[str, tuple[Table, dict[str, Table], Figure | None]] = {}
+    for reference, (scores, conditions) in both.items():
+        if scores:
+            name = _name(comparison, scores)
+            table = tables.error_table(scores, conditions, name, published=reference == "label")
+            chart = draw(figures.errors_by_condition, scores, conditions, name, analysis.main)
+            found[reference] = (table, _details(scores, conditions), None if scores is opens else chart)
     return found
 
 

@@ -43,17 +43,26 @@ def leaders(scores: Scores, condition: str) -> list[str]:
     return [name for name in names if name == best or verdict(scores, best, name, condition) != "better"]
 
 
+def best_reference(comparison: Comparison) -> tuple[Scores, tuple[str, ...]]:
+    """Return the scores that are nearest to friction, and their conditions: against the truth, else the label."""
+    if comparison.truth:
+        return comparison.truth, comparison.truth_conditions
+    return comparison.label, comparison.conditions
+
+
 def summary(comparison: Comparison, main: str) -> list[str]:
-    """Return three sentences: how far ``main`` is off, which estimators it does not beat, what the truth adds."""
-    return [_errors(comparison, main), _rivals(comparison, main), _truth(comparison, main)]
+    """Return three sentences: how far ``main`` is off, which estimators it does not beat, how far the label is."""
+    return [_errors(comparison, main), _rivals(comparison, main), _label(comparison, main)]
 
 
 def _errors(comparison: Comparison, main: str) -> str:
-    found = [comparison.label[main][condition].errors for condition in comparison.conditions]
+    scores, known = best_reference(comparison)
+    found = [scores[main][condition].errors for condition in known]
     percents, newtons = [f"{each.percent:.2f} %" for each in found], [f"{each.mae_n:.1f}" for each in found]
+    against = "true friction" if scores is comparison.truth else "the label"
     return (
-        f"Against the label, the mean absolute error of {phrase(main)} is {_listed(percents)} of mean friction in "
-        f"{conditions_in_words(comparison.conditions)}: {_span(newtons)} N."
+        f"Against {against}, the mean absolute error of {phrase(main)} is {_listed(percents)} of mean friction in "
+        f"{conditions_in_words(known)}: {_span(newtons)} N."
     )
 
 
@@ -63,8 +72,9 @@ def _rivals(comparison: Comparison, main: str) -> str:
             "With one held-out session in each condition chance is not known and no difference is clear: hold out two "
             "(split.test_sessions)."
         )
+    scores, known = best_reference(comparison)
     verdicts = {
-        name: [verdict(comparison.label, main, name, condition) for condition in comparison.conditions]
+        name: [verdict(scores, main, name, condition) for condition in known]
         for name in comparison.estimators
         if name != main
     }
@@ -82,17 +92,17 @@ def _rivals(comparison: Comparison, main: str) -> str:
     return f"{'; '.join(words)}."
 
 
-def _truth(comparison: Comparison, main: str) -> str:
-    truth = comparison.truth
+def _label(comparison: Comparison, main: str) -> str:
+    truth, known = comparison.truth, comparison.truth_conditions
     if not truth:
         return "True friction is not known for these recordings, so nothing is stated about errors against it."
-    known = comparison.truth_conditions
-    own, label = (_span([f"{truth[name][c].errors.percent:.2f}" for c in known]) for name in (main, LABEL_ITSELF))
+    label = _span([f"{truth[LABEL_ITSELF][condition].errors.percent:.2f}" for condition in known])
+    own = _span([f"{comparison.label[main][condition].errors.percent:.2f}" for condition in comparison.conditions])
     best = list(dict.fromkeys(winner(truth, condition) for condition in known))
-    nearest = "which no estimator betters" if best == [main] else f"where {_listed(map(phrase, best))} is nearest"
+    nearest = f"Nearest to true friction is {_listed(map(phrase, best))}"
     return (
-        f"Against true friction it errs by {own} %, {nearest}; the label itself, made off line and looking ahead, "
-        f"errs by {label} %."
+        f"{'No estimator betters it' if best == [main] else nearest}; the label itself, made off line and looking "
+        f"ahead, errs by {label} %. Against that label, which it has learned from, it errs by {own} %."
     )
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from tqdm import tqdm
 
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
@@ -20,7 +18,7 @@ from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.recordings.truth import read_truth
+from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.comparison_tables import markdown_tables
 from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.plot_data import plot_tables
@@ -48,11 +46,8 @@ from cylinder_friction.stages._stage import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import CompareParams
-    from cylinder_friction.recordings.recording import Recording
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
 COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
@@ -133,12 +128,6 @@ _ORDER = (
 def _place(name: str) -> tuple[int, str]:
     """From simple to elaborate; a baseline the project does not know comes after those it does, by name."""
     return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
-
-
-def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
-    """Return true friction [N] by recording name, as far as it is known; ``folder`` is empty where nobody knows it."""
-    truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings} if folder else {}
-    return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}
 
 
 def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree, held: Sequence[Coverage]) -> None:

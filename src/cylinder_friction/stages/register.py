@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from cylinder_friction.evaluation.metrics import errors
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
+from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
@@ -28,9 +30,12 @@ from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array
     from cylinder_friction.params.checking import Params
 
 EXAMPLE_ROWS = 5
+Reference = Literal["label", "truth"]
+"""What errors are measured against."""
 _FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
 
@@ -45,26 +50,28 @@ def run(params: Params) -> RunRecord:
     from cylinder_friction.tracking.registry import register
 
     settings = params.register_
-    folder = _FOLDERS[settings.candidate]
+    folder, ingested = _FOLDERS[settings.candidate], read_json(INGESTED_FILE)
     test_folder = PROCESSED_FOLDERS["test"]
-    origin = origin_of(
-        Path(), read_json(INGESTED_FILE)["source"], [path.as_posix() for path in PROCESSED_FOLDERS.values()]
-    )
+    reference, errors_percent = _reported_errors(settings.candidate)
+    origin = origin_of(Path(), ingested["source"], [path.as_posix() for path in PROCESSED_FOLDERS.values()])
     candidate = Candidate(
         model_name=settings.model_name,
         folder=folder.as_posix(),
         model_key=hash_of(folder),
-        errors_percent=_reported_errors(settings.candidate),
+        errors_percent=errors_percent,
         test_data_md5=origin.data[test_folder.as_posix()],
         origin=origin,
         example=_example(test_folder),
+        reference=reference,
     )
-    registered = register(candidate, Path(), settings.tolerance_percent, measured_errors)
+    registered = register(
+        candidate, Path(), settings.tolerance_percent, partial(measured_errors, reference, ingested["truth"])
+    )
     write_json(REGISTERED_FILE, asdict(registered))
     return RunRecord(
         name="register",
         params=flat(settings),
-        metrics={f"condition_{condition}.label_percent": value for condition, value in candidate.errors_percent.items()}
+        metrics={f"condition_{name}.{reference}_percent": value for name, value in errors_percent.items()}
         | {"promoted": float(registered.promote)},
         tags={"gate_reason": registered.reason, "model_key": candidate.model_key, **origin.tags()},
         artifacts=artifacts(REGISTERED_FILE, METRICS_FILE),
@@ -72,31 +79,48 @@ def run(params: Params) -> RunRecord:
     )
 
 
-def measured_errors(folder: Path) -> dict[str, float]:
-    """Return the error by condition [percent of mean |label|] of a saved estimator on the held-out recordings."""
+def measured_errors(reference: Reference, truth_folder: str, folder: Path) -> dict[str, float]:
+    """Return the error by condition [percent of mean |friction|] of a saved estimator on the held-out recordings.
+
+    Args:
+        reference: What is taken for friction, ``label`` or ``truth``.
+        truth_folder: Where true friction lies, for ``truth``; recordings whose truth is not there are left out.
+        folder: Of the saved estimator.
+    """
     estimator = load_estimator(folder)
-    labels: dict[str, list[np.ndarray]] = {}
-    estimates: dict[str, list[np.ndarray]] = {}
+    references: dict[str, list[Array]] = {}
+    estimates: dict[str, list[Array]] = {}
     for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):
-        usable = recording.usable()
-        condition = recording.metadata.condition
-        labels.setdefault(condition, []).append(recording.column("friction_n")[usable])
+        known = recording.column("friction_n")
+        if reference == "truth":
+            truth_n = known_truth(truth_folder, [recording])
+            if recording.name not in truth_n:
+                continue
+            known = truth_n[recording.name]
+        usable, condition = recording.usable(), recording.metadata.condition
+        references.setdefault(condition, []).append(known[usable])
         estimates.setdefault(condition, []).append(estimator.estimate(recording)[usable])
     result = {}
-    for condition in sorted(labels):
-        label, estimate = np.concatenate(labels[condition]), np.concatenate(estimates[condition])
-        result[condition] = errors(label, estimate, np.ones(len(label), dtype=np.bool_)).percent
+    for condition in sorted(references):
+        friction, estimate = np.concatenate(references[condition]), np.concatenate(estimates[condition])
+        result[condition] = errors(friction, estimate, np.ones(len(friction), dtype=np.bool_)).percent
     return result
 
 
-def _reported_errors(candidate: str) -> dict[str, float]:
-    """Return the candidate's error by condition from the comparison's report."""
+def _reported_errors(candidate: str) -> tuple[Reference, dict[str, float]]:
+    """Return the candidate's error by condition from the comparison's report, and what it is measured against.
+
+    That is true friction where it is known in every condition: an estimator that is nearer to friction is not refused
+    for reproducing less of the label's noise.
+    """
     report = read_json(METRICS_FILE)
     if candidate not in report:
         raise TrackingError(
             f"{METRICS_FILE}: has no estimator {candidate!r}, but {sorted(report)}; run the compare stage"
         )
-    return {condition: numbers["label_percent"] for condition, numbers in sorted(report[candidate].items())}
+    conditions = report[candidate]
+    reference: Reference = "truth" if all("truth_percent" in each for each in conditions.values()) else "label"
+    return reference, {name: numbers[f"{reference}_percent"] for name, numbers in sorted(conditions.items())}
 
 
 def _example(folder: Path) -> dict[str, list[float]]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from cylinder_friction.tracking.versions import Origin
 
 Errors = dict[str, float]
-"""Error by condition [percent of mean |label|]."""
+"""Error by condition [percent of mean |friction|], against the candidate's ``reference``."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class Candidate:
     test_data_md5: str  # Hash of these recordings
     origin: Origin  # What it was made from
     example: dict[str, list[float]]  # A few rows of raw samples, by column
+    reference: Literal["label", "truth"] = "label"  # What its errors are measured against
 
 
 @dataclass(frozen=True)

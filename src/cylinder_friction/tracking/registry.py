@@ -28,6 +28,7 @@ ALIAS = "champion"
 REGISTERED_FILE = "models/registered.json"
 
 _TEST_DATA = "gate_test_data_md5"
+_REFERENCE = "gate_reference"
 _ERRORS = "gate_errors_percent"
 _INCUMBENT = "gate_incumbent"
 _REASON = "gate_reason"
@@ -48,7 +49,7 @@ def register(
         root: The repository's root.
         tolerance_percent: Of the gate.
         measure_again: Returns the errors of the estimator saved in a folder on the present held-out recordings;
-            called only where the champion was measured on other ones.
+            called only where the champion was measured on other ones, or against another reference.
 
     Raises:
         TrackingError: The registry cannot be reached, or the candidate's folder is not the one that was measured.
@@ -112,11 +113,12 @@ def _same(champion: ModelVersion | None, version: ModelVersion) -> bool:
 def _incumbent(
     store: Store, champion: ModelVersion | None, candidate: Candidate, measure_again: Callable[[Path], Errors]
 ) -> Incumbent | None:
-    """Return the champion's figures: its own where they were measured on the same recordings, else measured anew."""
+    """Return the champion's figures: its own where they were measured alike, else measured anew."""
     if champion is None:
         return None
     key = champion.tags.get(MODEL_KEY, "unknown")
-    if champion.tags.get(_TEST_DATA) == candidate.test_data_md5:
+    measured = (champion.tags.get(_TEST_DATA), champion.tags.get(_REFERENCE, "label"))
+    if measured == (candidate.test_data_md5, candidate.reference):
         return Incumbent(key, json.loads(champion.tags[_ERRORS]))
     with tempfile.TemporaryDirectory() as scratch:
         folder = download_model(store, champion, Path(scratch))
@@ -135,6 +137,7 @@ def _write_decision(store: Store, version: ModelVersion, registered: Registered)
     tags = {
         _ERRORS: json.dumps(registered.candidate.errors_percent, sort_keys=True),
         _TEST_DATA: registered.candidate.test_data_md5,
+        _REFERENCE: registered.candidate.reference,
         "gate_tolerance_percent": str(registered.tolerance_percent),
         _INCUMBENT: json.dumps(None if registered.incumbent is None else asdict(registered.incumbent)),
         _REASON: registered.reason,

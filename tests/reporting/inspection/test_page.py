@@ -123,7 +123,7 @@ def test_the_overview_shows_friction_and_one_file_opens_with_its_figures(
 
 
 def test_an_unknown_filter_is_refused(tmp_path: Path, cylinder: Cylinder, filters: Filters) -> None:
-    with pytest.raises(ValueError, match=r"method: expected one of moving_average, .*, but got 'median'"):
+    with pytest.raises(ValueError, match=r"method: expected one of adaptive, .*, but got 'median'"):
         write_page(tmp_path / "page.html", [], cylinder, filters, method="median")
 
 
