@@ -63,9 +63,8 @@ def random_steps(generator: Generator, rows: int) -> Array:
         wanted_m = np.concatenate([wanted_m, np.full(round(hold_s / TICK_S), at_m)])
         at_m = float(np.clip(at_m + generator.normal(0.0, 0.03), LOWEST_M, HIGHEST_M))
     keep = np.exp(-2.0 * np.pi * 1.2 * TICK_S)
-    once, twice = signal.zpk2sos([], [keep, keep], (1.0 - keep) ** 2), wanted_m[0]
-    smooth, _ = signal.sosfilt(once, wanted_m[:rows] - twice, zi=np.zeros((1, 2)))
-    return np.asarray(smooth + twice)
+    sections = signal.zpk2sos([], [keep, keep], (1.0 - keep) ** 2)
+    return np.asarray(wanted_m[0] + signal.sosfilt(sections, wanted_m[:rows] - wanted_m[0]))
 
 
 def _stroke(from_m: float, to_m: float, speed_m_s: float, acceleration_m_s2: float) -> Array:
