@@ -106,3 +106,17 @@ def test_smoothing_leaves_less_noise_than_there_was() -> None:
     polynomial = smoothing_deviation(raw, CYLINDER, SavitzkyGolay())
     np.testing.assert_allclose(polynomial, 0.455 * noise_n, rtol=0.05)
     assert np.median(smoothing_deviation(raw, CYLINDER, default_filter(CYLINDER))) < 0.2 * noise_n
+
+
+def test_steps_that_noise_spreads_count_as_noise_alone() -> None:
+    step_pa = 6e3
+    noise_pa = 5e3 * np.random.default_rng(2).normal(size=(2, 4000))
+
+    def uncertainty(noise_share: float) -> float:
+        p1, p2 = step_pa * np.rint((30e5 + noise_share * noise_pa) / step_pa)
+        columns = {"pressure_1_pa": p1, "pressure_2_pa": p2, "position_m": np.full(4000, 0.1)}
+        metadata = RecordingMetadata("r", "1", "s", 0.005, uncertainty=both(SensorUncertainty(0.0, 0.0, step_pa)))
+        return expanded(Recording(metadata, pd.DataFrame({"time_s": 0.005 * np.arange(4000)} | columns)))[0]
+
+    assert uncertainty(1.0) == 0.0
+    assert uncertainty(0.1) == pytest.approx(2.0 * step_pa / math.sqrt(12.0) * math.hypot(A1, A2))

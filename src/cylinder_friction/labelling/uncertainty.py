@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE
+from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 if TYPE_CHECKING:
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth_signals import SignalFilter
+
+
+DITHER = 0.5
+"""Noise of this many steps makes the rounding of a converter noise too, which averaging reduces (Widrow 1961)."""
 
 
 def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:
@@ -45,8 +50,9 @@ def label_uncertainty(
     where zero and span are each sensor's standard uncertainties and resolution is one step of its converter, within
     which the reading is uniformly distributed. A measured drive force takes the place of both pressures. The terms add
     in quadrature, as two sensors are independent. ``smoothing_n``, u_s, is the standard deviation that the label's
-    filter leaves, one or ``(n,)``. The inertia is left out, whose uncertainty is newtons where the sensors' is
-    hundreds. A sensor's zero is constant within a recording, so that averaging rows does not reduce it.
+    filter leaves, one or ``(n,)``; it includes the converter's steps where noise spreads them (``DITHER``), and the
+    resolution then does not count once more. The inertia is left out, whose uncertainty is newtons where the sensors'
+    is hundreds. A sensor's zero is constant within a recording, so that averaging rows does not reduce it.
     ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, one or ``(n,)``;
     ``measured_load`` states whether ``load_force_n``, where the recording has it, is subtracted in the label.
 
@@ -62,7 +68,9 @@ def label_uncertainty(
     variance = np.full(len(recording), np.square(load_uncertainty_n) + np.square(smoothing_n))
     for column, area in areas.items():
         stated = recording.metadata.uncertainty[column]
-        constant = stated.zero**2 + stated.resolution**2 / 12.0
+        constant = stated.zero**2
+        if noise_deviation(recording.column(column)) < DITHER * stated.resolution:
+            constant += stated.resolution**2 / 12.0
         variance += area**2 * constant
         if stated.span:
             variance += np.square((area * stated.span) * recording.column(column))
