@@ -11,7 +11,7 @@ from cylinder_friction.signals.noise import noise_deviation
 @given(st.integers(0, 1000), st.floats(0.1, 1e6))
 def test_the_deviation_of_white_noise(seed: int, scale: float) -> None:
     noise = scale * np.random.default_rng(seed).normal(size=8000)
-    assert noise_deviation(noise) == pytest.approx(scale, rel=0.06)
+    assert noise_deviation(noise) == pytest.approx(scale, rel=0.12)
 
 
 def test_steps_and_ramps_are_not_noise() -> None:
