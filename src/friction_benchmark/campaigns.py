@@ -27,8 +27,8 @@ from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import as_written
+from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD
 from friction_benchmark.rig_channels import NAME_PATTERN, logger_channels
@@ -160,7 +160,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     mapped = map_signals([LoggedTable(as_written(logged.logger))], recipe.channels)
     signals, _ = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
     pieces = align(signals, recipe.time)
-    truth, signal_filter = logged.truth, SavitzkyGolay()
+    truth, signal_filter = logged.truth, default_filter(labeller.cylinder)
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe.cylinder)
         raw = checked(piece, metadata, recipe)

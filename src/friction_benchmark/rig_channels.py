@@ -9,7 +9,7 @@ from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 NAME_PATTERN = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
 """What is read from a file's name."""
 
-_TRANSMITTER = SensorScale((0.0, 250.0), "bar", bits=12, accuracy_percent=0.5, zero_uncertainty=0.03)
+_TRANSMITTER = SensorScale((0.0, 250.0), "bar", bits=12, accuracy_percent=0.05, zero_uncertainty=0.03)
 _PT100 = SensorScale((0.0, 100.0), "degC", bits=12, accuracy_percent=0.5)
 _LOAD_CELL = SensorScale((-5000.0, 5000.0), "N", bits=12, accuracy_percent=0.1)
 

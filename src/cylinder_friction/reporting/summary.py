@@ -99,7 +99,7 @@ def _label(comparison: Comparison, main: str) -> str:
     label = _span([f"{truth[LABEL_ITSELF][condition].errors.percent:.2f}" for condition in known])
     own = _span([f"{comparison.label[main][condition].errors.percent:.2f}" for condition in comparison.conditions])
     best = list(dict.fromkeys(winner(truth, condition) for condition in known))
-    nearest = f"Nearest to true friction is {_listed(map(phrase, best))}"
+    nearest = f"Nearest to true friction {'is' if len(best) == 1 else 'are'} {_listed(map(phrase, best))}"
     return (
         f"{'No estimator betters it' if best == [main] else nearest}; the label itself, made off line and looking "
         f"ahead, errs by {label} %. Against that label, which it has learned from, it errs by {own} %."
