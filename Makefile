@@ -54,10 +54,10 @@ benchmark: install ## run the comparison of the literature, then print where its
 	cd benchmark && dvc repro
 	friction-benchmark summary
 
-test: install-dev ## run all tests: eight minutes on two cores
+test: install-dev ## run all tests: about fifteen minutes on two cores
 	pytest -n 2 --dist loadgroup
 
-test-fast: install-dev ## run the tests of what is quick to test: under a minute on two cores
+test-fast: install-dev ## run the tests of what is quick to test: about a minute on two cores
 	pytest -n 2 --dist loadfile -m "not slow" --ignore=tests/recordings/formats/test_isolated.py $(FAST)
 
 lint: install-dev ## check style, types, imports, the stages' dependencies and the words
