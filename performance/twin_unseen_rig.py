@@ -23,9 +23,9 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
-from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.rig.campaign import CampaignPlan
+from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
 from friction_benchmark.campaigns import labelled_campaign, twin_campaign
 from friction_benchmark.registry.learned_gain import MODELS
 from friction_benchmark.registry.model import BuildConfiguration

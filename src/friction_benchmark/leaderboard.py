@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
+from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
 from friction_benchmark.datasets import cases_of, folds_of, inputs_of, key_of, unseen_kind
 from friction_benchmark.extrapolation import outside, training_range
 from friction_benchmark.folds import UNSEEN_RIG

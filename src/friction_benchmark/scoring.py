@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
 from cylinder_friction.evaluation.comparison import with_gaps
 from cylinder_friction.evaluation.metrics import errors, lag_s
 from cylinder_friction.evaluation.residuals import autocorrelation, dependence, residual_figures
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
+from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
 from friction_benchmark.cases import low_passed
 from friction_benchmark.evenly import evenly
 from friction_benchmark.results import Entry, Interval, Residuals, Score, Trust

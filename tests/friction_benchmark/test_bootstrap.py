@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.evaluation.bootstrap import block_sums, bootstrap_percent, interval
+from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
 
 
 def test_blocks_by_hand_stay_within_a_recording_and_skip_rows_that_do_not_count():
