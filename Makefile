@@ -36,7 +36,7 @@ $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
 
 reproduce: install ## run the whole pipeline, then print the result and what to do next
 	cylinder-friction check
-	dvc repro split
+	dvc repro offset
 	$(MAKE) --no-print-directory --jobs=3 lane-train lane-baselines lane-lugre
 	dvc repro
 	cylinder-friction track
@@ -54,11 +54,11 @@ benchmark: install ## run the comparison of the literature, then print where its
 	cd benchmark && dvc repro
 	friction-benchmark summary
 
-test: install-dev ## run all tests: about fifteen minutes on two cores
-	pytest -n 2 --dist loadgroup
+test: install-dev ## run all tests: about ten minutes on two cores
+	pytest -n 2
 
 test-fast: install-dev ## run the tests of what is quick to test: about a minute on two cores
-	pytest -n 2 --dist loadfile -m "not slow" --ignore=tests/recordings/formats/test_isolated.py $(FAST)
+	pytest -n 2 -m "not slow" --ignore=tests/recordings/formats/test_isolated.py $(FAST)
 
 lint: install-dev ## check style, types, imports, the stages' dependencies and the words
 	ruff format --check src tests performance docs tools

@@ -3,19 +3,22 @@
     python performance/campaign_seeds.py 1 2 3
 
 Prints, for each seed and condition, the default hybrid's error beside the estimators it has to beat, in percent of mean
-|friction|, against the label and against true friction, and whether it beats them.
+|friction|, against the label and against true friction, whether it beats them, and the figures of ``true_friction.py``.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from true_friction import report
+
+from cylinder_friction.commands.cli import main as cylinder_friction
 from cylinder_friction.run_record import STAGES as ALL_STAGES
 
 PUBLISHED_BEST_PERCENT = 5.57
@@ -27,11 +30,11 @@ STAGES = ALL_STAGES[: ALL_STAGES.index("register")]
 def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[str, dict[str, float]]]:
     """Run the pipeline up to ``compare`` in an empty folder with this seed; returns its metrics."""
     shutil.copytree("conf", folder / "conf")
-    command = [sys.executable, "-m", "cylinder_friction.commands.cli"]
-    environment = {**os.environ, "MLFLOW_TRACKING_URI": f"sqlite:///{folder / 'mlflow.db'}"}
-    subprocess.run([*command, "params", *overrides, f"record.seed={seed}"], cwd=folder, check=True, env=environment)
-    for stage in STAGES:
-        subprocess.run([*command, "stage", stage], cwd=folder, check=True, env=environment)
+    os.environ["MLFLOW_TRACKING_URI"] = f"sqlite:///{folder / 'mlflow.db'}"
+    with contextlib.chdir(folder):
+        for command in (["params", *overrides, f"record.seed={seed}"], *(["stage", stage] for stage in STAGES)):
+            if cylinder_friction(command):
+                sys.exit(1)  # the command has printed why
     metrics: dict[str, dict[str, dict[str, float]]] = json.loads((folder / "reports/metrics.json").read_text("utf-8"))
     return metrics
 
@@ -45,6 +48,7 @@ def main(arguments: list[str]) -> int:
     for seed in seeds:
         with tempfile.TemporaryDirectory() as folder:
             metrics = campaign(seed, overrides, Path(folder))
+            sys.stdout.write(f"seed {seed} {' '.join(overrides)}\n{report(Path(folder))}\n\n")
         for against, rivals, bound in (
             ("label", LABEL_RIVALS, PUBLISHED_BEST_PERCENT),
             ("truth", TRUTH_RIVALS, float("inf")),

@@ -46,6 +46,7 @@ def main() -> None:
         estimator = load_estimator(Path(folder))
         if not isinstance(estimator, HybridEstimator):
             raise SystemExit(f"{folder}: is no hybrid; expected models/hybrid or models/paper_hybrid")
+        estimator.offset = None  # the training framework learns none
         expected = training_framework(estimator, samples)
         title = f"{folder}: {len(samples)} samples"
         print(f"\n{title:40} {'greatest':>10} {'99.99 %':>10} {'above 0.5 N':>12}")

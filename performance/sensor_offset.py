@@ -74,7 +74,7 @@ def score(
     joint = fit_offset_model([each for own in sessions.values() for each in own], CYLINDER, plan)
     line(f"{plan.asymmetry_sd:<12g} all sessions together", joint, list(joint.sessions.values()), true_n)
     model = fit_offset_model([each for name in sorted(roles["train"]) for each in sessions[name]], CYLINDER, plan)
-    held_out = sorted(roles["validation"] | roles["test"])
+    held_out = sorted(set().union(*(roles[role] for role in roles if role != "train")))
     line(f"{'':12} held-out, all of the session", model, [model.identify(sessions[name]) for name in held_out], true_n)
     for first_s in FIRST_S:
         found = [model.identify([beginning(sessions[name][0], first_s)]) for name in held_out]

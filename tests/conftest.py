@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -16,8 +17,9 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.labelling.sensor_offset import fit_offset_model
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.tracking.versions import dvc_hash
@@ -28,6 +30,19 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 SAMPLE_TIME_S = 0.005
+PIPELINE = "tests/pipeline/"
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each file to one worker, and all files of the pipeline to the same: they share one finished pipeline."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return PIPELINE if nodeid.startswith(PIPELINE) else str(super()._split_scope(nodeid))
+
+    return Scheduling(config, log)
 
 
 def made_recording(
@@ -94,6 +109,23 @@ def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
 
 
 @pytest.fixture(scope="session")
+def offset_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
+    """The same with sensors that have an offset in each session, which was identified from all of them."""
+    stated = {name: SensorUncertainty(3000.0, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
+    generator, measured = np.random.default_rng(4), []
+    for recording in labelled_recordings:
+        zero_pa = 3000.0 * generator.standard_normal()
+        offset_n = cylinder.piston_area_m2 * zero_pa
+        shifted = recording.with_columns(
+            pressure_1_pa=recording.column("pressure_1_pa") + zero_pa,
+            friction_n=recording.column("friction_n") + offset_n,
+            friction_uncertainty_n=np.full(len(recording), 26.0),
+        )
+        measured.append(replace(shifted, metadata=replace(recording.metadata, uncertainty=stated)))
+    return fit_offset_model(measured, cylinder).corrected(measured)
+
+
+@pytest.fixture(scope="session")
 def small_hybrid(cylinder: Cylinder, labelled_recordings: list[Recording]) -> HybridEstimator:
     """A hybrid of both parts, trained for two epochs: everything a real one has, only bad at its task."""
     hybrid = HybridEstimator(
@@ -141,7 +173,7 @@ def written_pipeline(
     (root / "data/interim").mkdir()
     ingested = {"source": "data/raw/rig", "truth": "data/raw/rig_truth", "load": "none"}
     (root / "data/interim/ingested.json").write_text(json.dumps(ingested), encoding="utf-8")
-    for role, chosen in (("train", 1), ("validation", 2), ("test", 2)):
+    for role, chosen in (("train", 1), ("validation", 2), ("calibration", 2), ("test", 2)):
         for recording in labelled_recordings:
             if recording.name.endswith(str(chosen)):
                 write_recording(root / "data/processed" / role, recording)
@@ -154,7 +186,7 @@ def written_pipeline(
     (root / "reports/metrics.json").write_text(json.dumps({"hybrid": numbers}), encoding="utf-8")
     params = {"record": {"seed": 1}, "train": {"seed": 2}, "register": {"tolerance_percent": 0.1}}
     (root / "params.yaml").write_text(yaml.safe_dump(params), encoding="utf-8")
-    folders = ["data/raw/rig", *(f"data/processed/{role}" for role in ("train", "validation", "test"))]
+    folders = ["data/raw/rig", *(f"data/processed/{role}" for role in ("train", "validation", "calibration", "test"))]
     outs = [{"path": folder, "hash": "md5", "md5": dvc_hash(root / folder)} for folder in folders]
     (root / "dvc.lock").write_text(yaml.safe_dump({"schema": "2.0", "stages": {"all": {"outs": outs}}}), "utf-8")
     _write_run_records(root)

@@ -57,19 +57,3 @@ def new_repository(folder: Path) -> Path:
 def copy_of(pipeline: Path, parent: Path) -> Path:
     """Return a copy of a finished pipeline's repository, its data, cache and store included."""
     return Path(shutil.copytree(pipeline, parent / "project", symlinks=True))
-
-
-def without_results_of(folder: Path, *stages: str) -> None:
-    """Make these stages new again: their lock entries, the run cache and the tracking store are gone."""
-    lock = folder / "dvc.lock"
-    kept, skipping = [], False
-    for line in lock.read_text(encoding="utf-8").splitlines(keepends=True):
-        if line.startswith("  ") and not line.startswith("   ") and line.rstrip().endswith(":"):
-            skipping = line.strip().rstrip(":") in stages
-        if not skipping:
-            kept.append(line)
-    lock.write_text("".join(kept), encoding="utf-8")
-    shutil.rmtree(folder / ".dvc/cache/runs", ignore_errors=True)
-    shutil.rmtree(folder / "mlartifacts", ignore_errors=True)
-    for store in folder.glob("mlflow.db*"):
-        store.unlink()

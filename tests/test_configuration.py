@@ -25,19 +25,25 @@ CHOICES = sorted(
 )
 
 
+@pytest.fixture(scope="module")
+def composed() -> dict[str, Any]:
+    """What ``conf/`` composes by itself; read only."""
+    return compose_params(CONF)
+
+
 @pytest.fixture
-def content() -> dict[str, Any]:
-    return copy.deepcopy(compose_params(CONF))
+def content(composed: dict[str, Any]) -> dict[str, Any]:
+    return copy.deepcopy(composed)
 
 
-def test_params_yaml_is_what_conf_composes() -> None:
+def test_params_yaml_is_what_conf_composes(composed: dict[str, Any]) -> None:
     written = yaml.safe_load((PROJECT / "params.yaml").read_text(encoding="utf-8"))
-    assert written == compose_params(CONF), "run `make params` and commit params.yaml"
+    assert written == composed, "run `make params` and commit params.yaml"
 
 
 @pytest.mark.parametrize("recipe", RECIPES)
-def test_every_recipe_composes_and_is_accepted(recipe: str) -> None:
-    assert compose_params(CONF, [f"experiment={recipe}"]) != compose_params(CONF)
+def test_every_recipe_composes_and_is_accepted(recipe: str, composed: dict[str, Any]) -> None:
+    assert compose_params(CONF, [f"experiment={recipe}"]) != composed
 
 
 @pytest.mark.parametrize("choice", CHOICES)
@@ -57,8 +63,8 @@ def test_the_paper_recipe_searches_table_1_as_published() -> None:
     }
 
 
-def test_the_papers_final_values_are_trained_by_default() -> None:
-    assert compose_params(CONF)["baselines"]["hybrid"] == {
+def test_the_papers_final_values_are_trained_by_default(composed: dict[str, Any]) -> None:
+    assert composed["baselines"]["hybrid"] == {
         "layers": 4,
         "nodes": 64,
         "dropout": 0.3,

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.evaluation.comparison import compare
     from cylinder_friction.labelling.label import label
+    from cylinder_friction.labelling.sensor_offset import fit_offset_model
     from cylinder_friction.recordings.reading_logs import read_logs as read_recordings
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.recordings.splits import split
@@ -53,6 +54,7 @@ __all__ = [
     "Recording",
     "RidgeEstimator",
     "compare",
+    "fit_offset_model",
     "label",
     "load",
     "plot",
@@ -68,6 +70,7 @@ _DEFINED_IN = {
     "Recording": "recordings.recording",
     "RidgeEstimator": "estimators.linear",
     "compare": "evaluation.comparison",
+    "fit_offset_model": "labelling.sensor_offset",
     "label": "labelling.label",
     "load": "estimators.loading:load_estimator",
     "plot": "reporting.figures",

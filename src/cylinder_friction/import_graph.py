@@ -128,6 +128,11 @@ def _parsed(path: Path) -> ast.Module:
     return _tree(path, path.stat().st_mtime_ns)
 
 
+@cache
+def _nodes(tree: ast.Module, *, deep: bool, type_checking: bool) -> tuple[ast.AST, ...]:
+    return tuple(_walk(tree, deep=deep, type_checking=type_checking))
+
+
 def _walk(node: ast.AST, *, deep: bool, type_checking: bool) -> Iterator[ast.AST]:
     for child in ast.iter_child_nodes(node):
         if not deep and isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
@@ -144,7 +149,7 @@ def _walk(node: ast.AST, *, deep: bool, type_checking: bool) -> Iterator[ast.AST
 def _imports(path: Path, module: str, source: Path, *, deep: bool = True, type_checking: bool = False) -> set[str]:
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     found: set[str] = set()
-    for node in _walk(_parsed(path), deep=deep, type_checking=type_checking):
+    for node in _nodes(_parsed(path), deep=deep, type_checking=type_checking):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -161,7 +166,7 @@ def _strings(path: Path, source: Path) -> tuple[set[str], set[Path]]:
     names: set[str] = set()
     data: set[Path] = set()
     folders = [folder for folder in path.parents if source in folder.parents]
-    for node in _walk(_parsed(path), deep=True, type_checking=False):
+    for node in _nodes(_parsed(path), deep=True, type_checking=False):
         if not (isinstance(node, ast.Constant) and isinstance(node.value, str) and 1 < len(node.value) < _LONGEST_PATH):
             continue
         text = node.value.partition(":")[0]

@@ -15,6 +15,7 @@ STAGES = (
     "filter",
     "label",
     "split",
+    "offset",
     "search",
     "train",
     "baselines",

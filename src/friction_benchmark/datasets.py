@@ -191,12 +191,15 @@ def _all_draws(task: Task, names: tuple[str, ...]) -> tuple[str, ...]:
 
 @lru_cache(maxsize=8)
 def _read(folder: Path) -> dict[str, LabelledRecording]:
-    """Return the recordings of a folder by name, in the order of their names."""
+    """Return the recordings of a folder by name, in the order of their names.
+
+    Identified zeros of the sensors are taken off: models of the literature have no part that learns them.
+    """
     found: dict[str, LabelledRecording] = {}
     for recording in read_recordings(folder):
         friction_n, load_n = (
             recording.column(name) if name in recording.table.columns else None for name in (TRUE_FRICTION, TRUE_LOAD)
         )
-        bare = recording.without_columns(TRUE_FRICTION, TRUE_LOAD)
+        bare = recording.zeroed().without_columns(TRUE_FRICTION, TRUE_LOAD)
         found[recording.name] = LabelledRecording(bare, friction_n, load_n)
     return dict(sorted(found.items()))

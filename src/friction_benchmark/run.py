@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import SOURCE, code_key, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
-from cylinder_friction.recordings.splits import ROLES
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import artifacts, cylinder_from, flat
 from cylinder_friction.tracking.errors import TrackingError
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
 
 EXPERIMENT = "benchmark"
 """The hundreds of runs have an MLflow experiment of their own, ``cylinder-friction-benchmark``."""
+OWN_ROLES = ("train", "validation", "test")
 RESULTS_FILE = Path("reports/benchmark.json")
 REPORT_FILE = Path("reports/benchmark.html")
 RECORD_FILE = Path("reports/runs/benchmark.json")
@@ -139,7 +139,7 @@ def runner_from(params: BenchmarkParams) -> Runner:
 
 def _recordings(params: BenchmarkParams) -> dict[str, str]:
     """Return the hash of your own recordings by their role; nothing where campaigns are simulated."""
-    return {} if params.source == RIG else {role: hash_of(Path(params.source) / role) for role in ROLES}
+    return {} if params.source == RIG else {role: hash_of(Path(params.source) / role) for role in OWN_ROLES}
 
 
 def run_record(

@@ -21,8 +21,13 @@ if TYPE_CHECKING:
 
     from cylinder_friction.realtime.model import StepModel
 
-MODELS = {"pressures": GOLDEN, "pressure_free": GOLDEN / "pressure_free"}
-"""Golden sets by name: both pressures and the position; position and oil temperature, with the history of motion."""
+MODELS = {
+    "pressures": GOLDEN,
+    "pressure_free": GOLDEN / "pressure_free",
+    "learns_offset": GOLDEN / "learns_offset",
+}
+"""Golden sets by name: both pressures and the position; position and oil temperature, with the history of motion; the
+first again, with the offset of the sensors' zeros learned."""
 TRAJECTORIES = {name: read_trajectories(folder) for name, folder in MODELS.items()}
 CASES = [(name, trajectory) for name, each in TRAJECTORIES.items() for trajectory in sorted(each)]
 RUNTIMES = {runtime.name: runtime for runtime in all_runtimes()}

@@ -16,11 +16,14 @@ from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from learned_offset import learning_hybrid, offset_samples
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
+
+__all__ = ["learning_hybrid", "offset_samples"]
 
 
 def rows_of(recording: Recording, count: int | None = None) -> pd.DataFrame:
@@ -38,6 +41,28 @@ def test_one_recording_is_scored_as_every_runtime_runs_it(
     np.testing.assert_array_equal(scored["flags"], flags)
     np.testing.assert_array_equal(scored["friction_n"], small_hybrid.estimate(recording))
     assert scored["in_training_range"].all()
+
+
+def test_an_estimator_that_learns_the_sensors_offset_states_what_it_has_learned(
+    learning_hybrid: HybridEstimator, offset_samples: np.ndarray
+) -> None:
+    """Each recording is a session of its own, whose offset nobody knows before."""
+    finite = offset_samples[10:800]
+    samples = np.concatenate([finite, finite])
+    rows = pd.DataFrame(samples, columns=list(SAMPLE_COLUMNS)).assign(recording=["one"] * 790 + ["other"] * 790)
+    scored = score(learning_hybrid.step_model(), rows)
+    offsets, flags = [], []
+    for half in np.split(samples, 2):
+        stream = learning_hybrid.real_time()
+        for sample in half:
+            flags.append(stream.step(*sample).flags)
+            offsets.append(stream.offset)
+    np.testing.assert_array_equal(scored[["offset_n", "offset_uncertainty_n"]], offsets)
+    np.testing.assert_array_equal(scored["flags"], flags)
+    np.testing.assert_array_equal(scored.iloc[:790, :6], scored.iloc[790:, :6])
+    unknown = np.array(flags) & Flag.OFFSET_UNKNOWN != 0
+    assert unknown[:50].all()
+    assert not unknown[780:790].any()
 
 
 def test_an_estimator_on_other_inputs_is_scored_on_them(labelled_recordings: list[Recording]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
+import time
 import urllib.error
 import urllib.request
 from typing import TYPE_CHECKING, Any
@@ -176,3 +178,25 @@ def test_a_model_that_is_not_there_is_said_before_anything_starts(
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     with pytest.raises(TrackingError, match=r"other@champion: the registry at .* has no such version .*`dvc repro`"):
         example_rows("models:/other@champion", champion_root)
+
+
+def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
+    champion_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    code = "import pathlib; from cylinder_friction.deployment.serve import CHAMPION, run_server as run; "
+    code += "run(CHAMPION, pathlib.Path())"
+    served = subprocess.Popen([sys.executable, "-c", code], cwd=champion_root, stderr=subprocess.DEVNULL)
+    logs: list[Path] = []
+    deadline = time.monotonic() + 30.0
+    while not logs and time.monotonic() < deadline:
+        logs = list((champion_root / ".cylinder-friction").glob("models-*.log"))
+        time.sleep(0.05)
+    assert logs, "MLflow was not started"
+    served.terminate()
+    assert served.wait(30.0) != 0
+    time.sleep(1.0)
+    left = subprocess.run(["pgrep", "-f", f"models serve.*{logs[0].stem.removeprefix('models-')}"], check=False)
+    assert left.returncode == 1, "the server still runs"
+    for log in logs:
+        log.unlink(missing_ok=True)

@@ -167,6 +167,35 @@ def test_strokes_in_one_direction_leave_the_offset_uncertain(cylinder: Cylinder)
     assert alone.standard_uncertainty_n == pytest.approx(alone.prior_n, rel=0.1)
 
 
+def test_a_corrected_label_is_free_of_the_offset_and_as_sure_as_it_was_identified(cylinder: Cylinder) -> None:
+    *others, last = (
+        each.with_columns(friction_uncertainty_n=np.full(len(each), 30.0)) for each in campaign(cylinder).values()
+    )
+    model = fit_offset_model(others, cylinder)
+    found = model.identify([last])
+    (corrected,) = model.corrected([last])
+    assert model.corrected(others)[0].metadata.identified_zero
+    np.testing.assert_allclose(last.column("friction_n") - corrected.column("friction_n"), found.offset_n)
+    less_n = 4.0 * (found.prior_n**2 - found.standard_uncertainty_n**2)
+    np.testing.assert_allclose(corrected.column("friction_uncertainty_n"), np.sqrt(30.0**2 - less_n))
+    zeroed, areas = corrected.zeroed(), (cylinder.piston_area_m2, -cylinder.annulus_area_m2)
+    taken_pa = (corrected.samples() - zeroed.samples())[0]
+    assert corrected.samples().tolist() == last.samples().tolist(), "pressures stay as measured"
+    assert taken_pa[:2] @ areas == pytest.approx(found.offset_n)
+    assert taken_pa[0] / areas[0] == pytest.approx(taken_pa[1] / areas[1])
+    assert zero_uncertainty_n(zeroed, cylinder) == pytest.approx(found.standard_uncertainty_n)
+    assert zeroed.zeroed() is zeroed
+
+
+def test_unmeasured_temperature_lets_a_session_depend_on_speed_in_its_own_way(cylinder: Cylinder) -> None:
+    recordings = campaign(cylinder, oil_temperature_c=35.0)
+    known = fit_offset_model(recordings.values(), cylinder)
+    hidden = fit_offset_model(recordings.values(), cylinder, columns=("pressure_1_pa", "pressure_2_pa"))
+    assert known.slope == 0.0 < hidden.slope
+    assert "oil_temperature_c" not in hidden.inputs
+    assert np.abs(errors(hidden, recordings)[0]).max() < 5.0
+
+
 def test_a_model_survives_json(cylinder: Cylinder) -> None:
     *others, last = campaign(cylinder, 4).values()
     model = fit_offset_model(others, cylinder)

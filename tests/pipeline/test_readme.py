@@ -17,7 +17,7 @@ from pipeline_workspace import BIN, PROJECT, copy_of, environment, run
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("pipeline")]
+pytestmark = [pytest.mark.slow]
 
 MAKE = ("make", f"VENV={BIN.parent}", "-o", f"{BIN.parent}/.installed", "-o", f"{BIN.parent}/.installed-dev")
 """Make with the environment that the tests run in, so that nothing is installed."""

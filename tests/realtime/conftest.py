@@ -41,13 +41,19 @@ DESIGNS: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "ridge": lambda cylinder: RidgeEstimator(lags=6),
     "paper_force_balance": lambda cylinder: ForceBalanceEstimator(cylinder, "paper"),
 }
+LEARNS_OFFSET = "learns_offset"
 
 
-@pytest.fixture(scope="session", params=sorted(DESIGNS))
+@pytest.fixture(scope="session", params=[*sorted(DESIGNS), LEARNS_OFFSET])
 def designed(
-    request: pytest.FixtureRequest, cylinder: Cylinder, labelled_recordings: list[Recording]
+    request: pytest.FixtureRequest,
+    cylinder: Cylinder,
+    labelled_recordings: list[Recording],
+    offset_recordings: list[Recording],
 ) -> FrictionEstimator:
-    """An estimator of each design."""
+    """An estimator of each design, and one that learns the sensors' offset."""
+    if request.param == LEARNS_OFFSET:
+        return DESIGNS["force_balance"](cylinder).fit(offset_recordings)
     return DESIGNS[request.param](cylinder).fit(labelled_recordings)
 
 

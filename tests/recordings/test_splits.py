@@ -19,21 +19,27 @@ def campaign(sessions: dict[str, int], recordings: int = 2) -> list[RecordingMet
     ]
 
 
-CAMPAIGNS = st.dictionaries(st.sampled_from("1234"), st.integers(4, 9), min_size=1)
+CAMPAIGNS = st.dictionaries(st.sampled_from("1234"), st.integers(5, 9), min_size=1)
 SEEDS = st.integers(0, 2**31 - 1)
 
 
-@given(CAMPAIGNS, st.integers(1, 2), st.integers(1, 1), SEEDS, st.randoms())
-def test_sessions_stay_whole_and_every_test_is_everywhere(
-    sessions: dict[str, int], test_sessions: int, validation_sessions: int, seed: int, shuffle: object
+@given(CAMPAIGNS, st.integers(1, 2), st.integers(1, 1), st.integers(0, 1), SEEDS, st.randoms())
+def test_sessions_stay_whole_and_every_role_has_every_condition(
+    sessions: dict[str, int],
+    test_sessions: int,
+    validation_sessions: int,
+    calibration_sessions: int,
+    seed: int,
+    shuffle: object,
 ) -> None:
     metadata = campaign(sessions)
-    split = split_sessions(metadata, test_sessions, validation_sessions, seed)
+    counts_wanted = (test_sessions, validation_sessions, seed, calibration_sessions)
+    split = split_sessions(metadata, *counts_wanted)
     by_name = {entry.name: entry for entry in metadata}
     assert sorted(name for names in split.values() for name in names) == sorted(by_name)
     roles_of: dict[str, set[str]] = {}
     for role, names in split.items():
-        assert {by_name[name].condition for name in names} == set(sessions)
+        assert {by_name[name].condition for name in names} == (set(sessions) if names else set())
         for name in names:
             roles_of.setdefault(by_name[name].session, set()).add(role)
     assert all(len(roles) == 1 for roles in roles_of.values())
@@ -42,9 +48,11 @@ def test_sessions_stay_whole_and_every_test_is_everywhere(
             role: len({by_name[name].session for name in names if by_name[name].condition == condition})
             for role, names in split.items()
         }
-        assert (counts["test"], counts["validation"]) == (test_sessions, validation_sessions)
+        held_out = (counts["test"], counts["validation"], counts["calibration"])
+        assert held_out == (test_sessions, validation_sessions, calibration_sessions)
+        assert counts["train"] >= 1
     shuffle.shuffle(metadata)  # type: ignore[attr-defined]
-    assert split_sessions(metadata, test_sessions, validation_sessions, seed) == split
+    assert split_sessions(metadata, *counts_wanted) == split
 
 
 @given(CAMPAIGNS, SEEDS, st.data())
@@ -106,5 +114,5 @@ def test_what_cannot_be_split_is_refused(metadata: list[RecordingMetadata], mess
 
 
 def test_nothing_held_out_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least 1 test and 0 validation sessions, but got 0 and 1"):
+    with pytest.raises(ValueError, match="1 test, 0 validation and 0 calibration sessions, but got 0, 1 and 0"):
         split_sessions(campaign({"1": 4}), 0, 1, 1)

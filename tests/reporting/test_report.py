@@ -9,6 +9,7 @@ import pytest
 
 from cylinder_friction.evaluation.analysis import analyse
 from cylinder_friction.evaluation.coverage import Coverage
+from cylinder_friction.evaluation.starts import Starts
 from cylinder_friction.evaluation.timing import StepTime
 from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.page import static
@@ -22,6 +23,19 @@ AUDIT = {
     "moving_average": {"all": {"steady": {"mae_n": 9.0}}},
 }
 
+STARTS = Starts("1", "truth", 6, 410.0, 1.75, 1.25)
+SESSION = {
+    "session": "s-t1_2",
+    "role": "test",
+    "condition": "1",
+    "offset_n": 7.25,
+    "standard_uncertainty_n": 2.9,
+    "common_uncertainty_n": 2.6,
+    "prior_n": 12.0,
+    "strokes_extend": 20,
+    "strokes_retract": 30,
+    "sliding_s": 55.0,
+}
 HELD = Coverage("truth", "1", 4000, 90.25, 86.5, "s-t1_2", 81.75, 42.5)
 
 
@@ -35,7 +49,20 @@ def analysis(compared, curves, strokes):
 @pytest.fixture(scope="module")
 def page(analysis):
     times = {"hybrid": StepTime(10, 2e-6, 5e-6, 9e-6)}
-    return report_html(analysis, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT, [HELD]))
+    return report_html(
+        analysis, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT, [SESSION], [STARTS], [HELD])
+    )
+
+
+@pytest.fixture(scope="module")
+def bare(compared, curves):
+    """No truth, no audit, no bounds, and an estimator whose name is markup."""
+    return analyse(compared(**{"hybrid": 1.0, "lugre": 2.0, "</script><b>": 3.0}), "hybrid", "lugre", curves, 2.0, 20)
+
+
+@pytest.fixture(scope="module")
+def bare_page(bare):
+    return report_html(bare, ReportInputs({}, {}, {}, None, [], [], []))
 
 
 @pytest.mark.slow
@@ -62,18 +89,23 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
         assert b"Software" not in content
 
 
-def test_without_truth_there_is_no_truth_figure_and_the_report_says_so(compared, curves):
-    bare = analyse(compared(hybrid=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
+def test_without_truth_there_is_no_truth_figure_and_the_report_says_so(bare, bare_page):
     assert "errors_by_condition_truth" not in all_figures(bare)
-    page = report_html(bare, ReportInputs({}, {}, {}, None, []))
-    assert "True friction is not known for these recordings." in page
-    assert "Label audit" not in page
+    assert "True friction is not known for these recordings." in bare_page
+    assert "Label audit" not in bare_page
 
 
-def test_the_report_states_what_the_bounds_hold(page, analysis):
+def test_the_report_states_what_the_bounds_hold(page, bare_page):
     assert "Worst session" in page
     assert all(number in page for number in ("90.2", "86.5", "81.8", "s-t1_2", "42.5"))
-    assert "Worst session" not in report_html(analysis, ReportInputs({}, {}, {}, None, []))
+    assert "Worst session" not in bare_page
+
+
+def test_the_report_shows_the_sensors_offsets_and_what_knowing_them_is_worth(page, bare_page):
+    assert all(
+        words in page for words in ("Sensor offsets", "20 / 30", "7.2", "Cold [% of mean |true friction|]", "1.25")
+    )
+    assert "Sensor offsets" not in bare_page
 
 
 def test_the_report_loads_nothing_from_outside(page):
@@ -90,7 +122,7 @@ def test_no_button_offers_to_upload_the_data(page):
 
 def test_every_link_of_the_contents_leads_to_a_section(page):
     links = re.findall(r'<a href="#([^"]+)"', page)
-    assert len(links) == 12
+    assert len(links) == 13
     assert all(page.count(f'id="{link}"') == 1 for link in links)
 
 
@@ -140,20 +172,12 @@ def test_a_browser_draws_it_wide_and_narrow(tmp_path, page):
         browser.close()
 
 
-def test_text_from_recordings_cannot_break_the_page(compared, curves, strokes):
-    comparison = compared(**{"hybrid": 1.0, "lugre": 2.0, "</script><b>": 3.0})
-    page = report_html(
-        analyse(comparison, "hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, None, [])
-    ).replace(PLOTLY, "")
-    assert "</script><b>" not in page
+def test_text_from_recordings_cannot_break_the_page(bare_page):
+    assert "&lt;/script&gt;&lt;b&gt;" in bare_page
+    assert "</script><b>" not in bare_page.replace(PLOTLY, "")
 
 
 def test_the_audit_shows_all_conditions_at_once_first_and_each_in_a_fold(page):
     audit = page[page.index(">Label audit</h2>") :]
     assert audit.count("6.50") == 2
     assert audit.index("9.00") < audit.index("<details>") < audit.index("77.25")
-
-
-def test_an_audit_without_truth_says_its_note(analysis):
-    page = report_html(analysis, ReportInputs({}, {}, {}, {"note": "true friction is unknown here"}, []))
-    assert "true friction is unknown here" in page

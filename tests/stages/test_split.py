@@ -1,4 +1,4 @@
-"""Stage ``split``: labelled recordings are linked by role; too few sessions are refused."""
+"""Stage ``split``: every labelled recording has one role; too few sessions are refused."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import pytest
 
 from cylinder_friction.params.checking import Params
 from cylinder_friction.params.data import SplitParams
+from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_metadata, recording_paths, write_recording
+from cylinder_friction.recordings.storage import recording_paths, write_recording
 from cylinder_friction.stages import split
-from cylinder_friction.stages._stage import LABELLED_FOLDER, PROCESSED_FOLDERS
+from cylinder_friction.stages._stage import LABELLED_FOLDER, SPLIT_FILE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,36 +21,36 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, labelled_recordings: list[Recording]) -> Path:
-    """Three labelled sessions in each of two conditions."""
+    """Four labelled sessions in each of two conditions."""
     monkeypatch.chdir(tmp_path)
-    for number, recording in enumerate(labelled_recordings[:6]):
-        condition = "12"[number // 3]
-        name = f"{condition}-{'abc'[number % 3]}"
+    for number, recording in enumerate(labelled_recordings[:8]):
+        condition = "12"[number // 4]
+        name = f"{condition}-{'abcd'[number % 4]}"
         metadata = replace(recording.metadata, name=f"r{name}", condition=condition, session=name)
         write_recording(LABELLED_FOLDER, Recording(metadata, recording.table))
     return tmp_path
 
 
 def params_for(test_sessions: int = 1) -> Params:
-    return Params.model_construct(split=SplitParams(test_sessions=test_sessions, validation_sessions=1, seed=1))
+    counts = {"test_sessions": test_sessions, "validation_sessions": 1, "calibration_sessions": 1}
+    return Params.model_construct(split=SplitParams(**counts, seed=1))
 
 
-def test_every_recording_has_one_role_and_no_second_copy(workplace: Path) -> None:
+def test_every_recording_has_one_role(workplace: Path) -> None:
     record = split.run(params_for())
-    seen = []
-    for role, folder in PROCESSED_FOLDERS.items():
-        paths = recording_paths(folder)
-        assert {read_metadata(path).condition for path in paths} == {"1", "2"}
-        assert record.metrics[f"{role}.recordings"] == record.metrics[f"{role}.sessions"] == len(paths) == 2
-        assert all(path.samefile(LABELLED_FOLDER / path.name) for path in paths)
-        seen += [path.name for path in paths]
-    assert sorted(seen) == sorted(path.name for path in recording_paths(LABELLED_FOLDER))
+    roles = read_json(SPLIT_FILE)
+    assert set(roles) == {"train", "validation", "calibration", "test"}
+    for role, names in roles.items():
+        assert {name[1] for name in names} == {"1", "2"}
+        assert record.metrics[f"{role}.recordings"] == record.metrics[f"{role}.sessions"] == len(names) == 2
+    written = sorted(path.stem for path in recording_paths(LABELLED_FOLDER))
+    assert sorted(name for names in roles.values() for name in names) == written
     assert split.run(params_for()) == record
 
 
 def test_too_few_sessions_are_refused_and_nothing_is_written(workplace: Path) -> None:
     with pytest.raises(
-        RecordingError, match=r"condition '1' has 3 sessions \(1-a, 1-b, 1-c\), but 4 are needed: 2 for test"
+        RecordingError, match=r"condition '1' has 4 sessions \(1-a, 1-b, 1-c, 1-d\), but 5 are needed: 2 for test, 1"
     ):
         split.run(params_for(test_sessions=2))
-    assert not PROCESSED_FOLDERS["train"].exists()
+    assert not SPLIT_FILE.exists()

@@ -18,14 +18,25 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+FOLDERS = (GOLDEN, GOLDEN / "learns_offset")
+
+
 def test_it_is_small() -> None:
-    assert sum(path.stat().st_size for path in GOLDEN.glob("*.npz")) < 300_000
-    assert sum(path.stat().st_size for path in (GOLDEN / "model").iterdir()) < 200_000
+    for folder in FOLDERS:
+        assert sum(path.stat().st_size for path in folder.glob("*.npz")) < 300_000
+        assert sum(path.stat().st_size for path in (folder / "model").iterdir()) < 200_000
 
 
 def test_every_flag_is_raised_somewhere() -> None:
-    raised = np.bitwise_or.reduce(np.concatenate([each.flags for each in read_trajectories(GOLDEN).values()]))
-    assert raised == sum(Flag) - Flag.INVALID_OTHER, "the model has no other input"
+    trajectories = [each for folder in FOLDERS for each in read_trajectories(folder).values()]
+    raised = np.bitwise_or.reduce(np.concatenate([each.flags for each in trajectories]))
+    assert raised == sum(Flag) - Flag.INVALID_OTHER, "the models have no other input"
+
+
+def test_an_offset_is_learned_in_both_directions() -> None:
+    flags = read_trajectories(GOLDEN / "learns_offset")["bad_samples"].flags
+    unknown = np.flatnonzero(flags & Flag.OFFSET_UNKNOWN)
+    assert 100 < len(unknown) < len(flags) / 2
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:

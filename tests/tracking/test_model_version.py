@@ -5,14 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import mlflow
+import numpy as np
+import pandas as pd
 import pytest
 
-from candidates import candidate_in, never, other_model
+from candidates import candidate_in, never, other_model, record_model
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.registry import register
+from learned_offset import learning_hybrid, offset_samples
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+
+__all__ = ["learning_hybrid", "offset_samples"]
 
 
 def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> None:
@@ -26,7 +34,25 @@ def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> 
     assert loaded.metadata.signature.inputs.required_input_names() == ["pressure_1_pa", "pressure_2_pa", "position_m"]
     outputs = ["friction_n", "lower_n", "upper_n", "flags", "in_training_range"]
     assert list(loaded.predict(loaded.input_example).columns) == outputs
-    assert loaded.metadata.signature.outputs.input_names() == outputs
+    assert loaded.metadata.signature.outputs.required_input_names() == outputs
+
+
+def test_a_logged_model_that_learns_the_sensors_offset_gives_what_its_step_does(
+    pipeline: Path, learning_hybrid: HybridEstimator, offset_samples: np.ndarray
+) -> None:
+    learning_hybrid.save(pipeline / "models/hybrid")
+    record_model(pipeline)
+    register(candidate_in(pipeline), pipeline, 0.1, never)
+    (description,) = pipeline.glob("mlartifacts/models/*/artifacts/MLmodel")
+    loaded = mlflow.pyfunc.load_model(str(description.parent))
+    samples = offset_samples[10:800]
+    predicted = loaded.predict(pd.DataFrame(samples, columns=list(SAMPLE_COLUMNS)))
+    stream = learning_hybrid.real_time()
+    newtons, flags = stream.run(samples)
+    np.testing.assert_array_equal(predicted[["friction_n", "lower_n", "upper_n"]], newtons)
+    np.testing.assert_array_equal(predicted["flags"], flags)
+    assert tuple(predicted.iloc[-1][["offset_n", "offset_uncertainty_n"]]) == stream.offset
+    assert list(predicted.columns) == loaded.metadata.signature.outputs.input_names()
 
 
 def test_a_model_that_is_not_the_measured_one_is_refused(pipeline: Path) -> None:

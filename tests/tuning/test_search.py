@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from optuna.storages.journal import JournalFileSymlinkLock
 
 from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
 from cylinder_friction.tuning.space import SearchSpace
 from cylinder_friction.tuning.trials import DiscardedTrial
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from cylinder_friction.tuning.search import Value
     from cylinder_friction.tuning.trials import Report
 
@@ -54,6 +55,18 @@ def test_a_search_killed_again_and_again_equals_an_undisturbed_one(tmp_path: Pat
     assert resumed == undisturbed
     run = sum(trial.state != "too_costly" for trial in undisturbed)
     assert len(calls) == run + 3
+
+
+def test_a_kill_while_the_journal_is_written_keeps_nobody_waiting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    JournalFileSymlinkLock("trials.log").acquire()  # as Optuna does; the kill comes before it lets go
+    arguments = (SPACE, PLAN, cost, bowl, Path("trials.log"), lambda _: None)
+    search = threading.Thread(target=run_search, args=arguments, daemon=True)
+    search.start()
+    search.join(timeout=60.0)
+    assert not search.is_alive()
 
 
 def test_it_finds_the_best_and_prunes_what_is_worse_than_most(tmp_path: Path) -> None:

@@ -19,6 +19,8 @@ from cylinder_friction.recordings.columns import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from cylinder_friction.realtime.model import StepModel
+
 _INVALID = "is NaN, infinite or no reading of a working sensor; its last valid value stands in"
 FLAG_MEANINGS = {
     Flag.NOT_READY: "No sample with all inputs valid has come yet; friction and bounds are 0",
@@ -30,6 +32,8 @@ FLAG_MEANINGS = {
     Flag.FROZEN: "An input repeats one value although it cannot be constant",
     Flag.RECOVERING: "All inputs are valid again, but the state still remembers invalid or frozen ones",
     Flag.INVALID_OTHER: f"Another input {_INVALID}",
+    Flag.OFFSET_UNKNOWN: "The cylinder has not slid in both directions yet: the offset of the sensors' zeros is no "
+    "better known than stated, and the bounds are as wide as that",
 }
 
 UNITS = {"pa": "Pa", "m_s2": "m/s2", "m_s": "m/s", "m": "m", "n": "N", "s": "s", "c": "degC"}
@@ -42,6 +46,12 @@ MEANINGS = {
     DRIVE_FORCE: "force on the piston, positive when it pushes towards extension",
     OIL_TEMPERATURE: "oil temperature",
 }
+
+
+def flag_meanings(model: StepModel) -> dict[Flag, str]:
+    """Return the meaning of each flag that a model can set."""
+    never = set() if model.offset is not None else {Flag.OFFSET_UNKNOWN}
+    return {flag: meaning for flag, meaning in FLAG_MEANINGS.items() if flag not in never}
 
 
 @dataclass(frozen=True)

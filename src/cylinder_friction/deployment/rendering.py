@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.literals import Type
 
 
+ABSENT = {"offset": None, "spread_n": (0.0, 0.0, 0.0, 0.0), "lag_s": 0.0}
+"""What fields hold in a model that learns no sensor offset and has no lag: there they leave its hash alone."""
+
+
 def render(template: str, real: Type = "double", **values: Any) -> str:
     """Return a template of ``templates/`` filled with values; each value it asks for must be there.
 
@@ -44,6 +48,7 @@ def render(template: str, real: Type = "double", **values: Any) -> str:
         "unsigned": lambda values: wrapped(f"{value}u" for value in values),
         "wrapped": wrapped,
         "horner": _horner,
+        "short": "{:.3g}".format,
         "c": lambda function: function + ("f" if real == "float" else ""),
     }
     return environment.get_template(template).render(real=real, **values)
@@ -67,6 +72,8 @@ def model_hash(model: Any) -> str:
 def _add(digest: Any, value: Any) -> None:
     if is_dataclass(value):
         for field in fields(value):
+            if field.name in ABSENT and getattr(value, field.name) == ABSENT[field.name]:
+                continue
             digest.update(field.name.encode())
             _add(digest, getattr(value, field.name))
     elif isinstance(value, np.ndarray):

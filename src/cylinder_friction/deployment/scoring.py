@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from cylinder_friction.realtime.model import StepModel
 
+NEWTONS = ("friction_n", "lower_n", "upper_n")
+OFFSET = ("offset_n", "offset_uncertainty_n")
 RECORDING_COLUMN = "recording"
 MEMORY_S = 1.0
 """How long a sample outside the training range makes those after it doubtful: filters and network remember it."""
@@ -36,7 +38,9 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
         ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds
         around it [N]; ``flags``: bits of ``Flag``; each recording begins with a fresh state. ``in_training_range``:
         whether this row and all rows of its recording in the second before it lie within the training range widened
-        by 5 %; if not, the friction is an extrapolation.
+        by 5 %; if not, the friction is an extrapolation. Of an estimator that learns the offset of the sensors' zeros
+        also ``offset_n`` and ``offset_uncertainty_n``: offset in friction as learned up to this row, which the next
+        one's friction is free of, and its standard uncertainty [N].
 
     Raises:
         ScoringError: There is no row, a column is missing or not numeric, a value is NaN or infinite, or a recording
@@ -47,15 +51,15 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
     memory = max(1, round(MEMORY_S / model.sample_time_s))
     lower, upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
     inside = np.asarray(((samples >= lower) & (samples <= upper)).all(axis=1))
-    newtons, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.int64)
-    in_range = np.empty(len(samples), dtype=np.bool_)
+    newtons, offsets = np.empty((len(samples), 3)), np.empty((len(samples), 2))
+    flags, in_range = np.empty(len(samples), dtype=np.int64), np.empty(len(samples), dtype=np.bool_)
     stream = RealTimeStream(model)
     for positions in pd.Series(range(len(samples))).groupby(names, sort=False).indices.values():
         stream.reset()
-        newtons[positions], flags[positions] = stream.run(samples[positions])
+        newtons[positions], offsets[positions], flags[positions] = stream.run_with_offset(samples[positions])
         in_range[positions] = _all_within(inside[positions], memory)
-    columns = dict(zip(("friction_n", "lower_n", "upper_n"), newtons.T, strict=True))
-    return pd.DataFrame({**columns, "flags": flags, "in_training_range": in_range}, index=rows.index)
+    result = pd.DataFrame(newtons, rows.index, NEWTONS).assign(flags=flags, in_training_range=in_range)
+    return result if model.offset is None else result.assign(**dict(zip(OFFSET, offsets.T, strict=True)))
 
 
 def _checked_samples(rows: pd.DataFrame, inputs: tuple[str, ...]) -> NDArray[np.float64]:

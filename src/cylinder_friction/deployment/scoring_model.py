@@ -25,7 +25,7 @@ class FrictionScoringModel(PythonModel):
         RealTimeStream(self._model)
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
-        """Return friction, bounds, flags and ``in_training_range`` of each row; rows that cannot be scored give 400."""
+        """Return what ``score`` does, one row for each row given; rows that cannot be scored give 400."""
         try:
             return score(self._model, model_input)
         except ScoringError as error:

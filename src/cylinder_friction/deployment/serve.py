@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -28,12 +29,13 @@ _START_TIMEOUT_S = 120.0
 def run_server(model: str, root: Path) -> int:
     """Serve a registered model until interrupted; print how to request friction from it."""
     example = _example_of(model, root)
+    _end_on_a_polite_kill()
     with served_model(model, root) as url:
         sys.stdout.write(
             f"serving {model} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl(url, example)}\n\n"
             "friction_n is in newtons, positive when it opposes extension, with bounds and flags; in_training_range\n"
             "is false where the estimate is an extrapolation. Send the rows of a recording in order, at the trained\n"
-            "sample time.\n"
+            "sample time: a model that learns the sensors' offset gives in offset_n what it has learned so far.\n"
         )
         sys.stdout.flush()
         return _wait_for_interrupt()
@@ -41,6 +43,7 @@ def run_server(model: str, root: Path) -> int:
 
 def run_ui(root: Path) -> int:
     """Open the MLflow UI on the repository's runs until interrupted."""
+    _end_on_a_polite_kill()
     with served_ui(root) as url:
         sys.stdout.write(
             f"MLflow UI (stop with Ctrl-C)\n  runs of the pipeline   {runs_page(url, root)}\n"
@@ -117,16 +120,19 @@ def _mlflow(arguments: Sequence[str], root: Path, url: str, health: str) -> Iter
     environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment.get('PATH', '')}"
     log_path = repository_root(root) / LOCAL_FOLDER / f"{arguments[0]}-{url.rpartition(':')[2]}.log"
     log_path.parent.mkdir(parents=True, exist_ok=True)
+    started: list[subprocess.Popen[bytes]] = []
     with log_path.open("w+b") as log:
-        process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "mlflow", *arguments],
-            stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True,
-        )  # fmt: skip
         try:
-            _wait_until_ready(process, url + health, log_path)
+            with _interrupts_held_back():  # or a process that is not in the list yet would be left behind
+                started += [subprocess.Popen(  # noqa: S603
+                    [sys.executable, "-m", "mlflow", *arguments],
+                    stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True,
+                )]  # fmt: skip
+            _wait_until_ready(started[0], url + health, log_path)
             yield url
         finally:
-            _stop(process)
+            for process in started:
+                _stop(process)
     log_path.unlink(missing_ok=True)  # kept only where something went wrong
 
 
@@ -158,9 +164,32 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _wait_for_interrupt() -> int:
-    """Wait for Ctrl-C or a polite kill; either way the server is stopped behind it, not orphaned."""
+def _end_on_a_polite_kill() -> None:
+    """Take SIGTERM for Ctrl-C from now on: a server that is only starting is stopped too, not orphaned."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Act on Ctrl-C and SIGTERM only after the block. Other threads than the main one never get them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    handlers = {
+        number: signal.signal(number, lambda n, _: held.append(n)) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for received in held:
+        signal.raise_signal(received)
+
+
+def _wait_for_interrupt() -> int:
+    """Wait for Ctrl-C or a polite kill."""
     try:
         signal.pause()
     except KeyboardInterrupt:

@@ -107,8 +107,7 @@ class AnalyticalEstimator(FrictionEstimator):
                 f"{self.kind}: no recording of condition {self.condition!r}; got conditions "
                 f"{sorted({recording.metadata.condition for recording in recordings})}; name one of them"
             )
-        self._begin_fit(chosen)
-        found = self._identify(chosen, self.effort)
+        found = self._identify(self._begin_fit(chosen), self.effort)
         self.intervals, self.identification = found.intervals, found
         self._use(found.parameters, self._velocities()[found.velocity])
         return self

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import asdict
 from pathlib import Path
@@ -9,10 +10,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from cylinder_friction.realtime.bounds import calibrated_bounds, unknown_bounds, velocity_taps
+from cylinder_friction.realtime.bounds import (
+    LearnedOffset,
+    calibrated_bounds,
+    causal_velocity,
+    unknown_bounds,
+    velocity_taps,
+)
 from cylinder_friction.realtime.guard import TrainingRange, guard_from
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
-from cylinder_friction.realtime.stream import EstimatorStream, RealTimeStream, StrictStream
+from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
+from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
@@ -49,19 +57,27 @@ class FrictionEstimator(ABC):
         sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
         training_range: Range of the raw samples that it was trained on; None before ``fit``.
         guard: What a sample must be in real time; None before ``calibrate``.
-        bounds: The interval around the estimate that holds the label; None before ``calibrate``.
+        bounds: The interval around the estimate that holds friction or its label; None before ``calibrate``.
+        lag_s: How long after a moment its friction is estimated [s]: what comes meanwhile makes the estimate surer. A
+            step gives friction of ``lag_s`` before its sample; ``estimate`` puts it where it belongs.
+        offset: How the offset of the sensors' zeros is learned while running, see ``labelling.offset_tracker``; None:
+            it is not. Training sees samples whose identified zeros are taken off.
     """
 
     kind: ClassVar[str]
     shown: ClassVar[tuple[str, ...]] = ()
     _kinds: ClassVar[dict[str, type[FrictionEstimator]]] = {}
 
-    def __init__(self, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
+    def __init__(self, inputs: Sequence[str] = SAMPLE_COLUMNS, lag_s: float = 0.0) -> None:
+        if not 0.0 <= lag_s < math.inf:
+            raise ValueError(f"lag_s must be zero or a positive number of seconds, but got {lag_s!r}")
         self.inputs = tuple(inputs)
+        self.lag_s = lag_s
         self.sample_time_s: float | None = None
         self.training_range: TrainingRange | None = None
         self.guard: Guard | None = None
         self.bounds: Bounds | None = None
+        self.offset: OffsetTracker | None = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -77,7 +93,7 @@ class FrictionEstimator(ABC):
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Learn from labelled recordings (columns ``friction_n`` and ``usable``) and return the estimator itself.
 
-        An implementation calls ``_begin_fit`` first.
+        An implementation learns from what ``_begin_fit`` returns.
         """
 
     @abstractmethod
@@ -88,7 +104,8 @@ class FrictionEstimator(ABC):
     def advance(self, state: Any, samples: Array) -> Array:
         """Return friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, inputs)``; changes ``state``.
 
-        Cutting the samples into pieces must not change one bit of the output.
+        Cutting the samples into pieces must not change one bit of the output. A sensor offset is still in the samples
+        here, and in the result; ``estimate`` and ``stream`` learn it and take it off.
         """
 
     @abstractmethod
@@ -104,13 +121,35 @@ class FrictionEstimator(ABC):
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
         """Return the estimator that ``_write`` wrote."""
 
-    def estimate(self, recording: Recording) -> Array:
+    def estimate(self, recording: Recording, offset_n: float = 0.0, offset_uncertainty_n: float | None = None) -> Array:
         """Return friction [N], shape ``(n,)``, one value per sample, from a fresh state.
+
+        Of an estimator with a lag the last rows would need what comes after the recording: they repeat the last one.
+
+        Args:
+            recording: At the sample time of training.
+            offset_n: Offset of the sensors' zeros in friction to start from, where the estimator learns one [N].
+            offset_uncertainty_n: Its standard uncertainty [N]; None: as the sensors' zeros were stated.
 
         Raises:
             RecordingError: The recording has another sample time, or a sample is NaN or infinite.
             NotFittedError: There is nothing fitted or loaded yet.
+            ValueError: An offset is given, but this estimator learns none; or a number is impossible.
         """
+        return self.aligned(self._stepped(recording, offset_n, offset_uncertainty_n))
+
+    def aligned(self, stepped: Array) -> Array:
+        """Return what steps gave, shape ``(n, ...)``, at the samples it is of; the last rows repeat the last one."""
+        after = np.minimum(np.arange(len(stepped)) + self.lag_samples, len(stepped) - 1)
+        return stepped[after] if self.lag_samples else stepped
+
+    @property
+    def lag_samples(self) -> int:
+        """The lag in samples; 0 before ``fit``."""
+        return 0 if self.sample_time_s is None else round(self.lag_s / self.sample_time_s)
+
+    def _stepped(self, recording: Recording, offset_n: float = 0.0, offset_uncertainty_n: float | None = None) -> Array:
+        """Return what the step gives at each sample [N], shape ``(n,)``: friction of ``lag_s`` before it."""
         self._refuse_unfitted()
         if self.sample_time_s is None or not np.isclose(recording.sample_time_s, self.sample_time_s, rtol=1e-6):
             raise RecordingError(
@@ -119,11 +158,19 @@ class FrictionEstimator(ABC):
             )
         samples = recording.samples(self.inputs)
         refuse_not_finite(f"recording {recording.name!r}", samples, self.inputs)
+        if self.offset is not None:
+            stream = StrictStream(self.step_model())
+            stream.reset(offset_n, offset_uncertainty_n)
+            return np.ascontiguousarray(stream.run(samples)[0][:, 0])
+        if offset_n != 0.0 or offset_uncertainty_n is not None:
+            raise ValueError(NO_OFFSET)
         return self.advance(self.new_state(), samples)
 
     def stream(self) -> EstimatorStream | StrictStream:
         """Return a fresh stream; streams of one estimator do not touch each other."""
         self._refuse_unfitted()
+        if self.offset is not None:
+            return StrictStream(self.step_model())
         return EstimatorStream(self.new_state, self.advance, self.inputs)
 
     def step_model(self) -> StepModel:
@@ -144,14 +191,23 @@ class FrictionEstimator(ABC):
 
         Args:
             largest_friction_n: Largest absolute label of training [N].
-            validation: Labelled recordings of other sessions.
+            validation: Labelled recordings of other sessions, their pressures as measured.
         """
         self._refuse_unfitted()
         assert self.training_range is not None
         assert self.sample_time_s is not None
         self.guard = guard_from(self.training_range, largest_friction_n, self.sample_time_s)
-        estimates_n = [self.estimate(recording) for recording in validation]
-        self.bounds = calibrated_bounds(validation, estimates_n, self.sample_time_s, self.guard.warm_up_samples)
+        # as the steps give it, against labels as late, because bounds go by the present regime of motion
+        lagged = [recording.lagged(self.lag_samples) for recording in validation]
+        estimates_n = [self._stepped(recording) for recording in validation]
+        offsets = None if self.offset is None else [self._learned_offset(each) for each in validation]
+        self.bounds = calibrated_bounds(
+            lagged,
+            estimates_n,
+            self.sample_time_s,
+            self.guard.warm_up_samples,
+            offsets=offsets,
+        )
 
     def save(self, folder: str | Path) -> None:
         """Write the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
@@ -167,6 +223,7 @@ class FrictionEstimator(ABC):
                 "sample_time_s": self.sample_time_s,
                 "input": list(self.inputs),
                 "output": "friction_n",
+                "lag_s": self.lag_s,
                 "training_range": {
                     column: [lower, upper]
                     for column, lower, upper in zip(
@@ -175,6 +232,7 @@ class FrictionEstimator(ABC):
                 },
                 "guard": None if self.guard is None else asdict(self.guard),
                 "bounds": None if self.bounds is None else asdict(self.bounds),
+                "offset": None if self.offset is None else self.offset.to_dict(),
                 "multiply_adds_a_step": self.multiply_adds(),
                 "parameters": parameters,
             },
@@ -199,16 +257,18 @@ class FrictionEstimator(ABC):
         estimator = known[description["kind"]]._read(folder, description["parameters"])
         estimator.inputs = tuple(description["input"])
         limits = [description["training_range"][column] for column in estimator.inputs]
-        estimator.sample_time_s = description["sample_time_s"]
+        estimator.sample_time_s, estimator.lag_s = description["sample_time_s"], description.get("lag_s", 0.0)
         estimator.training_range = TrainingRange(
             estimator.inputs, tuple(low for low, _ in limits), tuple(high for _, high in limits)
         )
         estimator.guard = from_json(Guard, description.get("guard"))
         estimator.bounds = from_json(Bounds, description.get("bounds"))
+        tracker = description.get("offset")
+        estimator.offset = None if tracker is None else OffsetTracker.from_dict(tracker)
         return estimator
 
-    def _begin_fit(self, recordings: Sequence[Recording]) -> None:
-        """Check the recordings and note their sample time and range.
+    def _begin_fit(self, recordings: Sequence[Recording]) -> list[Recording]:
+        """Check the recordings, note their sample time and range, and return them with identified zeros taken off.
 
         Raises:
             RecordingError: There is no recording, or they do not share one sample time.
@@ -222,6 +282,7 @@ class FrictionEstimator(ABC):
             )
         self.sample_time_s = sample_times[0]
         self.training_range = TrainingRange.of(recordings, self.inputs)
+        return [recording.zeroed().lagged(self.lag_samples) for recording in recordings]
 
     def _step_model(self, **fields: Any) -> StepModel:
         """Return a step model with these fields; the others are those of a step without features, network and forest.
@@ -250,7 +311,19 @@ class FrictionEstimator(ABC):
             guard=self.guard or guard_from(self.training_range, np.inf, self.sample_time_s),
             bounds=self.bounds or unknown_bounds(self.sample_time_s),
             inputs=self.inputs,
+            offset=self.offset,
+            lag_s=self.lag_samples * self.sample_time_s,
         )
+
+    def _learned_offset(self, recording: Recording) -> LearnedOffset:
+        """Return how well the offset is learned from a cold start; what is common to all sessions, the label shares."""
+        assert self.offset is not None
+        place, state = self.inputs.index("position_m"), self.offset.new_state()
+        found = self.offset.rows(recording.samples(self.inputs), causal_velocity(recording), place, state)
+        zeros = recording.metadata.identified_zero
+        weights = dict(zip(self.inputs, self.offset.weights[BALANCE], strict=True))
+        label_n = math.hypot(*(weights[column] * zero.uncertainty for column, zero in zeros.items()))
+        return LearnedOffset(np.sqrt(np.maximum(found[:, 1] ** 2 - self.offset.common_n**2, 0.0)), label_n)
 
     def _refuse_unfitted(self) -> None:
         if self.sample_time_s is None or self.training_range is None:

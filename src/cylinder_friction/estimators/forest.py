@@ -69,7 +69,7 @@ class ForestEstimator(FrictionEstimator):
         """Learn from ``plan.rows`` usable rows."""
         if self.cylinder is None:
             raise ValueError("a forest needs a cylinder to be fitted; got a loaded one without")
-        self._begin_fit(recordings)
+        recordings = self._begin_fit(recordings)
         front_end = fit_front_end("paper", self.cylinder, recordings, self.inputs)
         block = FrontEndBlock(front_end)
         labels, masks = labelled_rows(recordings)

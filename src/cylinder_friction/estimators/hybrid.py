@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.lstm import LstmWeights
     from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.realtime.sensor_offset import OffsetTracker
     from cylinder_friction.recordings.recording import Recording
 
 NETWORK_FILE = "network.onnx"
@@ -81,6 +82,9 @@ class HybridEstimator(FrictionEstimator):
         seed: Seeds weights, dropout, batch order and bootstrap.
         device: ``cpu`` or ``cuda``, for training.
         inputs: Columns of a sample; ``position_m`` must be among them.
+        tracker: How the sensors' offset is learned, if known from elsewhere; None: ``fit`` finds it, where recordings
+            state their identified zeros.
+        lag_s: How long after a moment its friction is estimated [s].
     """
 
     kind: ClassVar[str] = "hybrid"
@@ -96,8 +100,11 @@ class HybridEstimator(FrictionEstimator):
         seed: int = 0,
         device: str = "cpu",
         inputs: Sequence[str] = SAMPLE_COLUMNS,
+        tracker: OffsetTracker | None = None,
+        lag_s: float = 0.0,
     ) -> None:
-        super().__init__(inputs)
+        super().__init__(inputs, lag_s)
+        self.offset = self._tracker = tracker
         self.cylinder, self.design, self.forest_plan = cylinder, design, forest_plan
         self.architecture, self.plan = architecture or Architecture(), plan or TrainingPlan()
         self.seed, self.device = seed, device
@@ -108,16 +115,18 @@ class HybridEstimator(FrictionEstimator):
         self,
         recordings: Sequence[Recording],
         validation: Sequence[Recording] | None = None,
+        calibration: Sequence[Recording] = (),
         checkpoint: Checkpoint | None = None,
         report: EpochReport | None = None,
     ) -> Self:
-        """Learn front end, network and forest.
+        """Learn front end, network and forest, and how a sensor offset shows, where zeros were identified.
 
         Args:
             recordings: Labelled recordings.
             validation: Labelled recordings of other sessions, which stop the network's training and calibrate the
                 bounds; None: whole sessions of ``recordings`` are held out for that, see ``held_out_for_stopping``,
                 or none if the plan's ``patience`` is None, and then there are no bounds.
+            calibration: Labelled recordings of still other sessions, which calibrate the bounds in their place.
             checkpoint: Where the network's training stands, kept after each epoch.
             report: Called after each epoch with its number and both mean absolute errors [N].
         """
@@ -127,9 +136,11 @@ class HybridEstimator(FrictionEstimator):
         if validation is None:
             stops = self.plan.patience is not None
             train, validation = held_out_for_stopping(recordings) if stops else (recordings, ())
-        self._begin_fit(train)
-        front_end = fit_front_end(self.design, self.cylinder, train, self.inputs)
-        sequences, stopping = ([_correction(front_end, each) for each in part] for part in (train, validation))
+        zeroed = self._begin_fit(train)
+        self.offset = self._tracker or _tracker_of(train, self.cylinder, self.inputs)
+        front_end = fit_front_end(self.design, self.cylinder, zeroed, self.inputs)
+        sequences = [_correction(front_end, each) for each in zeroed]
+        stopping = [_correction(front_end, each.zeroed().lagged(self.lag_samples)) for each in validation]
         network, self.learning_curve, mean_n, scale_n = train_correction(
             self.architecture, self.plan, sequences, stopping, self.seed, self.device, checkpoint, report
         )
@@ -137,8 +148,8 @@ class HybridEstimator(FrictionEstimator):
         if self.forest_plan is not None:
             self._set(replace(self._fitted(), forest=self._fit_forest(sequences, self.forest_plan)))
         self.guard = self.bounds = None
-        if validation:
-            self.calibrate(largest_friction_n(train), validation)
+        if calibration or validation:
+            self.calibrate(largest_friction_n(train), calibration or validation)
         return self
 
     def without_forest(self) -> HybridEstimator:
@@ -147,6 +158,7 @@ class HybridEstimator(FrictionEstimator):
         settings = (self.design, self.architecture, self.plan, None, self.seed, self.device, self.inputs)
         alone = HybridEstimator(self.cylinder, *settings)
         alone.sample_time_s, alone.training_range, alone.guard = self.sample_time_s, self.training_range, self.guard
+        alone.offset, alone.lag_s = self.offset, self.lag_s
         alone._set(parts)
         return alone
 
@@ -311,6 +323,16 @@ def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recordi
     train = [recording for recording in recordings if recording.metadata.session not in held]
     validation = [recording for recording in recordings if recording.metadata.session in held]
     return train or validation, validation
+
+
+def _tracker_of(recordings: Sequence[Recording], cylinder: Cylinder, inputs: tuple[str, ...]) -> OffsetTracker | None:
+    """Return how the sensors' offset is learned, or None where none was identified, or no pressures are there."""
+    if not (all(each.metadata.identified_zero for each in recordings) and set(SAMPLE_COLUMNS) <= set(inputs)):
+        return None
+    # SciPy's optimisation: only training waits for it
+    from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
+
+    return fit_offset_tracker(recordings, cylinder, inputs)
 
 
 def _correction(front_end: FrontEnd, recording: Recording) -> SequenceData:

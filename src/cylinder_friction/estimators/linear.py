@@ -202,7 +202,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         """Choose the weight with the smallest mean absolute error on the usable rows."""
         from scipy.optimize import minimize_scalar  # what only estimates need not wait for it
 
-        self._begin_fit(recordings)
+        recordings = self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         forces = [
             self._balance.advance(self._balance.new_state(), recording.samples(self.inputs)) for recording in recordings
@@ -266,7 +266,7 @@ class RidgeEstimator(LinearEstimator):
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Solve the normal equations on all usable rows."""
-        self._begin_fit(recordings)
+        recordings = self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         rows = np.concatenate(
             [

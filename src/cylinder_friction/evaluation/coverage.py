@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.realtime.bounds import bounds_around
 from cylinder_friction.signals.motion import event_masks
 
 if TYPE_CHECKING:
@@ -62,7 +61,8 @@ def coverage(
         return []
     rows: dict[str, list[_Rows]] = {"label": [], "truth": []}
     for recording in recordings:
-        lower_n, upper_n = bounds_around(estimator.estimate(recording), recording, estimator.bounds)
+        stepped, _ = estimator.real_time().run(recording.samples(estimator.inputs))
+        lower_n, upper_n = estimator.aligned(stepped)[:, 1:].T
         usable = recording.usable()
         if not usable.any():
             continue

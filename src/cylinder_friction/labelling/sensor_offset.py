@@ -9,7 +9,9 @@ short blocks, the label of a session is a linear mixed model (Henderson 1975):
 g is friction and h its asymmetry, common to all sessions of a cylinder. Each session has an offset of its own, whose
 prior is the stated uncertainty of the sensors' zeros; a scale, as friction differs from day to day; and an asymmetry
 of its own. Blocks of a stroke share an error, so that strokes, not rows, count. The standard deviations of scale,
-stroke and noise are found by restricted maximum likelihood, all else by generalised least squares.
+stroke and noise are found by restricted maximum likelihood, all else by generalised least squares
+(``labelling.mixed_model``). Without a column of the oil's temperature each session also has a slope of its own over
+speed, as cold oil makes fast strokes heavier.
 
 Strokes do not separate an asymmetry of a session's own from its offset, so that its standard deviation is stated and
 enters the uncertainty; nor **the mean offset of all sessions from the asymmetry common to them**, which stays as
@@ -31,29 +33,41 @@ from numpy.polynomial import legendre
 from scipy.optimize import minimize
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.mixed_model import Evidence, Posterior, Reduced, solved
 from cylinder_friction.labelling.strokes import stroke_pieces
 from cylinder_friction.labelling.uncertainty import sensitivities
-from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, PRESSURE_2
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.realtime.sensor_offset import REFERENCE_C
+from cylinder_friction.recordings.columns import (
+    COVERAGE_FACTOR,
+    LOAD_FORCE,
+    OIL_TEMPERATURE,
+    PRESSURE_1,
+    PRESSURE_2,
+    UNCERTAINTY_COLUMN,
+)
+from cylinder_friction.recordings.recording import IdentifiedZero, RecordingError
 from cylinder_friction.signals.motion import direction_of_motion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
 
+EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
+"""Columns that may explain friction beside speed and position."""
 POSITION_ORDER = 12
 """Order of the polynomial in position: ripple of the bore, where strokes do not average it out."""
 PASSES = 2
 """The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
 
 _OFFSET = 0
-"""First of what a session has of its own: offset, asymmetry, scale."""
-_GUESS = np.log([0.01, 0.01, 0.03])
-"""Logarithms of the standard deviations of noise, stroke (over friction's level) and scale; each may be off by e."""
+"""First of what a session has of its own: offset, asymmetry, scale, and slope where the temperature is unknown."""
+_GUESS = np.log([0.01, 0.01, 0.03, 0.03])
+"""Logarithms of the standard deviations of noise, stroke (over friction's level), scale and slope; each may be off by
+e."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +86,12 @@ class OffsetPlan:
     asymmetry: float = 0.15
     # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
     asymmetry_sd: float = 0.005
+    # Time within which a sensor's zero may drift by as much as its stated uncertainty, in real time [s]
+    drift_s: float = 3600.0
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            positive = name in ("slowest_m_s", "block_s")
+            positive = name in ("slowest_m_s", "block_s", "drift_s")
             if not (math.isfinite(value) and (value > 0.0 if positive else value >= 0.0)):
                 expected = "a positive number" if positive else "zero or a positive number"
                 raise ValueError(f"OffsetPlan: {name} must be {expected}, but got {value!r}")
@@ -122,14 +138,23 @@ class OffsetModel:
     # Mean and standard deviation by which each quantity that explains friction is standardised
     means: tuple[float, ...]
     deviations: tuple[float, ...]
+    # Smallest and largest value of each
+    lowest: tuple[float, ...]
+    highest: tuple[float, ...]
     level_n: float  # Mean absolute friction [N]
     noise_n: float  # Standard deviation of a block [N]
     stroke_n: float  # Standard deviation of what the blocks of a stroke share [N]
     scale: float  # Standard deviation of a session's friction over that of all sessions
+    slope: float  # The same of its dependence on standardised speed; 0 where the oil's temperature explains it
     coefficients: tuple[float, ...]  # Of friction and its common asymmetry, over ``level_n``
     precision: tuple[tuple[float, ...], ...]  # Inverse of their covariance
     common_uncertainty_n: float  # Standard uncertainty of the mean offset of all sessions [N]
     sessions: Mapping[str, SessionOffset] = field(default_factory=dict)  # Of those it was fitted to
+
+    @property
+    def speed_place(self) -> int:
+        """Place of the speed among the quantities that explain friction."""
+        return 2 if PRESSURE_1 in self.inputs else 0
 
     def identify(self, recordings: Iterable[Recording]) -> SessionOffset:
         """Return the offset of a further session from its own labelled recordings, given the friction of the others.
@@ -149,18 +174,33 @@ class OffsetModel:
                 f"session {session.name!r}: column {missing[0]!r} is missing; the offset model was fitted to "
                 f"recordings with {', '.join(self.inputs)}; fit it without that column"
             )
-        level_n = self._level_n(session)
-        deviations = _own_deviations(session, self.plan, self.scale)
-        part = _Evidence.of(self._design(session), session, level_n).reduced(self.noise_n, self.stroke_n, deviations)
+        deviations = self._own_deviations(session, [self.scale, self.slope])
+        part = self._evidence(session).reduced(self.noise_n, self.stroke_n, deviations)
         precision = np.array(self.precision)
-        posterior = _solved(precision, precision @ np.array(self.coefficients), [part])
-        return posterior.offset(part, session, self.common_uncertainty_n)
+        posterior = solved(precision, precision @ np.array(self.coefficients), [part])
+        return _session_offset(posterior, part, session, self.common_uncertainty_n)
+
+    def corrected(self, recordings: Sequence[Recording]) -> list[Recording]:
+        """Return labelled recordings whose labels are free of their session's offset, as sure as it is known.
+
+        Pressures stay as measured; the zeros most likely to make up the offset are noted in the metadata, from which
+        ``Recording.zeroed`` takes them off. Sessions of the fit have the offset found there, others are identified.
+
+        Raises:
+            RecordingError: As ``identify``.
+        """
+        offsets = self.offsets(recordings)
+        return [_without_offset(each, offsets[each.metadata.session], self.cylinder) for each in recordings]
+
+    def offsets(self, recordings: Iterable[Recording]) -> dict[str, SessionOffset]:
+        """Return the offset of each session among labelled recordings, by name; see ``corrected``."""
+        by_session = _by_session(recordings)
+        return {name: self.sessions.get(name) or self.identify(own) for name, own in by_session.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""
         content = asdict(self) | {"sessions": {name: each.to_dict() for name, each in self.sessions.items()}}
-        for name in ("inputs", "position_range_m", "means", "deviations", "coefficients"):
-            content[name] = list(content[name])
+        content |= {name: list(value) for name, value in content.items() if isinstance(value, tuple)}
         return content | {"precision": [list(row) for row in self.precision]}
 
     @classmethod
@@ -191,6 +231,29 @@ class OffsetModel:
         even = explaining[:, : 1 + (PRESSURE_1 in self.inputs)]
         return np.hstack([session.direction[:, None] * explaining, even]) * self.level_n
 
+    @property
+    def _warm_known(self) -> bool:
+        return OIL_TEMPERATURE in self.inputs
+
+    def _evidence(self, session: _Session) -> Evidence:
+        level_n = self._level_n(session)
+        # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
+        # right; and, with strokes in one direction alone, scale from offset.
+        mean_level_n = np.full_like(level_n, level_n.sum() / max(len(level_n), 1))
+        both = len(np.unique(session.direction)) == 2
+        scaled_n = (level_n if both else mean_level_n) * session.direction
+        own = [np.ones_like(level_n), mean_level_n, scaled_n]
+        if not self._warm_known:
+            place = self.speed_place
+            speed = (np.abs(session.columns["velocity_m_s"]) - self.means[place]) / self.deviations[place]
+            own.append(scaled_n * speed)
+        return Evidence.of(self._design(session), np.column_stack(own), session.label_n, session.stroke)
+
+    def _own_deviations(self, session: _Session, scale_and_slope: Sequence[float]) -> Array:
+        """Return prior standard deviations of what a session has of its own: offset [N], asymmetry, scale, slope."""
+        known = scale_and_slope[:1] if self._warm_known else scale_and_slope
+        return np.array([session.prior_n, 0.5 * self.plan.asymmetry_sd, *known])
+
     def _level_n(self, session: _Session) -> Array:
         """Return the magnitude of friction [N], shape ``(blocks,)``; before it is known, the mean of all sessions."""
         if not self.coefficients:
@@ -200,14 +263,18 @@ class OffsetModel:
 
 
 def fit_offset_model(
-    recordings: Iterable[Recording], cylinder: Cylinder, plan: OffsetPlan | None = None
+    recordings: Iterable[Recording],
+    cylinder: Cylinder,
+    plan: OffsetPlan | None = None,
+    columns: Collection[str] = EXPLAINING,
 ) -> OffsetModel:
     """Return friction common to the sessions of a cylinder, and the offset of each session, all found together.
 
     The recordings are labelled. Sliding is explained by speed and position, and by pressures, oil temperature and a
-    measured load where every recording has them. A session alone, or strokes in one direction alone, do not separate
-    offset from asymmetry or from friction's level: the offset then stays as uncertain as the plan's asymmetry or the
-    stated zeros make it. A session has one zero: recordings zeroed each for itself share what is left on average.
+    measured load where they are among ``columns`` and every recording has them. A session alone, or strokes in one
+    direction alone, do not separate offset from asymmetry or from friction's level: the offset then stays as uncertain
+    as the plan's asymmetry or the stated zeros make it. A session has one zero: recordings zeroed each for itself share
+    what is left on average.
 
     Raises:
         RecordingError: There is no recording, nothing slides steadily, there are no labels, or the uncertainty of a
@@ -215,10 +282,7 @@ def fit_offset_model(
             the offset already.
     """
     plan = plan or OffsetPlan()
-    by_session: dict[str, list[Recording]] = {}
-    for recording in recordings:
-        by_session.setdefault(recording.metadata.session, []).append(recording)
-    sessions = [_session(each, cylinder, plan) for each in by_session.values()]
+    sessions = [_session(each, cylinder, plan) for each in _by_session(recordings).values()]
     if not sessions:
         raise RecordingError("sensor offsets cannot be identified: expected at least one recording, but got none")
     if not sum(len(session.direction) for session in sessions):
@@ -227,29 +291,53 @@ def fit_offset_model(
             f"{', '.join(session.name for session in sessions)}; expected strokes faster than "
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
-    model = _empty_model(sessions, cylinder, plan)
-    guess = _GUESS
+    model = _empty_model(sessions, cylinder, plan, columns)
+    guess = _GUESS[:3] if model._warm_known else _GUESS
     for _ in range(PASSES):
         model, guess = _fitted(model, sessions, guess)
     return model
+
+
+def _by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:
+    result: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        result.setdefault(recording.metadata.session, []).append(recording)
+    return result
 
 
 def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None:
     """Return the standard uncertainty of a label from the stated zeros of its sensors [N], or None if one is not."""
     stated = recording.metadata.uncertainty
     areas = _sensor_areas(recording, cylinder)
-    return None if any(column not in stated for column in areas) else _zero_n(recording, areas)
+    if any(column not in stated for column in areas):
+        return None
+    return math.sqrt(sum((area * stated[column].zero) ** 2 for column, area in areas.items()))
 
 
 def _sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
     """Return the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
-    load = {LOAD_FORCE: 1.0} if LOAD_FORCE in recording.table.columns else {}
+    load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.table.columns else {}
     return sensitivities(recording, cylinder) | load
 
 
-def _zero_n(recording: Recording, areas: Mapping[str, float]) -> float:
-    stated = recording.metadata.uncertainty
-    return math.sqrt(sum((area * stated[column].zero) ** 2 for column, area in areas.items()))
+def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylinder) -> Recording:
+    """Return a recording without the offset; each sensor has the share of it that its stated zero makes likely."""
+    stated, areas = recording.metadata.uncertainty, _sensor_areas(recording, cylinder)
+    own_n = zero_uncertainty_n(recording, cylinder)
+    assert own_n is not None
+    remaining = found.standard_uncertainty_n / own_n if own_n > 0.0 else 1.0
+    zeros = {
+        column: IdentifiedZero(
+            found.offset_n * area * stated[column].zero ** 2 / own_n**2 if own_n > 0.0 else 0.0,
+            stated[column].zero * remaining,
+        )
+        for column, area in areas.items()
+    }
+    columns = {"friction_n": recording.column("friction_n") - (found.offset_n if own_n > 0.0 else 0.0)}
+    if UNCERTAINTY_COLUMN in recording.table.columns:
+        less = COVERAGE_FACTOR**2 * own_n**2 * (1.0 - remaining**2)
+        columns[UNCERTAINTY_COLUMN] = np.sqrt(np.maximum(recording.column(UNCERTAINTY_COLUMN) ** 2 - less, 0.0))
+    return replace(recording.with_columns(**columns), metadata=replace(recording.metadata, identified_zero=zeros))
 
 
 @dataclass(frozen=True)
@@ -274,11 +362,7 @@ def _session(recordings: Sequence[Recording], cylinder: Cylinder, plan: OffsetPl
         )
     parts, strokes, sliding_s = [], [np.zeros(0, dtype=np.int64)], 0.0
     columns = ["friction_n", "velocity_m_s", "position_m"]
-    columns += [
-        each
-        for each in (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
-        if all(each in recording.table.columns for recording in recordings)
-    ]
+    columns += [each for each in EXPLAINING if all(each in recording.table.columns for recording in recordings)]
     for recording in recordings:
         velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
         direction = np.where(recording.usable(), direction_of_motion(velocity_m_s, plan.slowest_m_s), 0.0)
@@ -301,20 +385,20 @@ def _session(recordings: Sequence[Recording], cylinder: Cylinder, plan: OffsetPl
 
 
 def _stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
-    areas = _sensor_areas(recording, cylinder)
-    for column in areas:
-        if column not in recording.metadata.uncertainty:
-            instead = (
-                "state sensor.zero_uncertainty of the load cell; a load identified from position has absorbed the "
-                "sensors' offset already, so that there is none to identify"
-                if column == LOAD_FORCE
-                else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
-            )
-            raise RecordingError(
-                f"recording {recording.name!r}: the uncertainty of the zero of {column!r} is not stated; expected that "
-                f"of every sensor behind the label, as it limits the offset; {instead}"
-            )
-    return _zero_n(recording, areas)
+    known_n = zero_uncertainty_n(recording, cylinder)
+    if known_n is not None:
+        return known_n
+    column = next(each for each in _sensor_areas(recording, cylinder) if each not in recording.metadata.uncertainty)
+    instead = (
+        "state sensor.zero_uncertainty of the load cell; a load identified from position has absorbed the sensors' "
+        "offset already, so that there is none to identify"
+        if column == LOAD_FORCE
+        else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
+    )
+    raise RecordingError(
+        f"recording {recording.name!r}: the uncertainty of the zero of {column!r} is not stated; expected that "
+        f"of every sensor behind the label, as it limits the offset; {instead}"
+    )
 
 
 def _quantities(session: _Session, inputs: Sequence[str], cylinder: Cylinder) -> Array:
@@ -330,14 +414,16 @@ def _quantities(session: _Session, inputs: Sequence[str], cylinder: Cylinder) ->
     load = [of[LOAD_FORCE], np.abs(of[LOAD_FORCE])] if LOAD_FORCE in inputs else []
     quantities = [*pressure, speed, fast, fast**2, *load]
     if OIL_TEMPERATURE in inputs:
-        warm = of[OIL_TEMPERATURE] - 40.0
+        warm = of[OIL_TEMPERATURE] - REFERENCE_C
         quantities += [warm, warm**2, *(warm * each for each in (*pressure, speed, fast, fast**2))]
     return np.column_stack(quantities)
 
 
-def _empty_model(sessions: Sequence[_Session], cylinder: Cylinder, plan: OffsetPlan) -> OffsetModel:
+def _empty_model(
+    sessions: Sequence[_Session], cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]
+) -> OffsetModel:
     """Return a model of scales alone."""
-    common = set.intersection(*(set(session.columns) for session in sessions)) - {"velocity_m_s", "position_m"}
+    common = set(columns).intersection(*(session.columns for session in sessions))
     inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
     quantities = np.concatenate([_quantities(session, inputs, cylinder) for session in sessions])
     deviations = quantities.std(axis=0)
@@ -349,10 +435,13 @@ def _empty_model(sessions: Sequence[_Session], cylinder: Cylinder, plan: OffsetP
         position_range_m=(float(position_m.min()), float(position_m.max())),
         means=_floats(quantities.mean(axis=0)),
         deviations=_floats(np.where(deviations > 0.0, deviations, 1.0)),
+        lowest=_floats(quantities.min(axis=0)),
+        highest=_floats(quantities.max(axis=0)),
         level_n=float(np.mean(np.abs(np.concatenate([session.label_n for session in sessions])))),
         noise_n=math.nan,
         stroke_n=math.nan,
         scale=math.nan,
+        slope=math.nan,
         coefficients=(),
         precision=(),
         common_uncertainty_n=math.nan,
@@ -365,25 +454,26 @@ def _floats(values: Array) -> tuple[float, ...]:
 
 def _fitted(model: OffsetModel, sessions: Sequence[_Session], guess: Array) -> tuple[OffsetModel, Array]:
     """Return the model whose levels of friction are those of ``model``, and its logarithmic standard deviations."""
-    evidence = [_Evidence.of(model._design(each), each, model._level_n(each)) for each in sessions]
+    evidence = [model._evidence(each) for each in sessions]
     size = evidence[0].size
     even = 1 + (PRESSURE_1 in model.inputs)
     # Friction's coefficients may be as large as its level, those of its asymmetry as the plan states.
     precision = np.diag(np.repeat([1.0, 1.0 / max(model.plan.asymmetry, 1e-6) ** 2], [size - even, even]))
 
-    def solved(logarithms: Array) -> tuple[_Posterior, list[_Reduced]]:
-        noise_n, stroke_n = model.level_n * np.exp(logarithms[:2])
+    def given(logarithms: Array) -> tuple[Posterior, list[Reduced]]:
+        noise_n, stroke_n, *own = np.exp(logarithms) * [model.level_n, model.level_n, 1.0, 1.0][: len(logarithms)]
         parts = [
-            each.reduced(noise_n, stroke_n, _own_deviations(session, model.plan, math.exp(logarithms[2])))
+            each.reduced(noise_n, stroke_n, model._own_deviations(session, own))
             for each, session in zip(evidence, sessions, strict=True)
         ]
-        return _solved(precision, np.zeros(size), parts), parts
+        return solved(precision, np.zeros(size), parts), parts
 
     def objective(logarithms: Array) -> float:
-        return solved(logarithms)[0].minus_twice_likelihood + float(np.sum((logarithms - _GUESS) ** 2))
+        surprise = np.sum((logarithms - _GUESS[: len(logarithms)]) ** 2)
+        return given(logarithms)[0].minus_twice_likelihood + float(surprise)
 
-    found = minimize(objective, guess, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 0.02, "maxiter": 300}).x
-    posterior, parts = solved(found)
+    found = minimize(objective, guess, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 0.02, "maxiter": 500}).x
+    posterior, parts = given(found)
     noise_n, stroke_n = model.level_n * np.exp(found[:2])
     # The mean offset is known from its prior and from that of the asymmetry, which it looks like, and from no data.
     known = sum(1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions)
@@ -395,11 +485,12 @@ def _fitted(model: OffsetModel, sessions: Sequence[_Session], guess: Array) -> t
             noise_n=float(noise_n),
             stroke_n=float(stroke_n),
             scale=math.exp(found[2]),
+            slope=0.0 if model._warm_known else math.exp(found[3]),
             coefficients=_floats(posterior.coefficients),
             precision=tuple(_floats(row) for row in posterior.precision),
             common_uncertainty_n=common_n,
             sessions={
-                session.name: posterior.offset(part, session, common_n)
+                session.name: _session_offset(posterior, part, session, common_n)
                 for session, part in zip(sessions, parts, strict=True)
             },
         ),
@@ -407,108 +498,16 @@ def _fitted(model: OffsetModel, sessions: Sequence[_Session], guess: Array) -> t
     )
 
 
-def _own_deviations(session: _Session, plan: OffsetPlan, scale: float) -> Array:
-    """Return prior standard deviations of what a session has of its own: offset [N], asymmetry and scale [-]."""
-    return np.array([session.prior_n, 0.5 * plan.asymmetry_sd, scale])
-
-
-@dataclass(frozen=True)
-class _Evidence:
-    """The products of one session's columns, of design, of its own effects and of the label, from which all follows."""
-
-    products: Array  # Summed over blocks, shape ``(columns, columns)``
-    means: Array  # Of each stroke, shape ``(strokes, columns)``
-    counts: Array  # Blocks of each stroke
-    size: int  # Columns of the design
-
-    @classmethod
-    def of(cls, design: Array, session: _Session, level_n: Array) -> Self:
-        # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
-        # right; and, with strokes in one direction alone, scale from offset.
-        mean_level_n = np.full_like(level_n, level_n.sum() / max(len(level_n), 1))
-        both = len(np.unique(session.direction)) == 2
-        scaled_n = (level_n if both else mean_level_n) * session.direction
-        own = [np.ones_like(level_n), mean_level_n, scaled_n]
-        columns = np.column_stack([design, *own, session.label_n])
-        counts = np.bincount(session.stroke).astype(np.float64)
-        sums = np.zeros((len(counts), columns.shape[1]))
-        np.add.at(sums, session.stroke, columns)
-        return cls(columns.T @ columns, sums / counts[:, None], counts, design.shape[1])
-
-    def reduced(self, noise_n: float, stroke_n: float, deviations: Array) -> _Reduced:
-        """Return the normal equations of the common coefficients, the session's own effects eliminated.
-
-        Blocks of a stroke are equally correlated, so that their covariance is inverted by their means alone.
-        """
-        ratio = self.counts * (stroke_n / noise_n) ** 2
-        gram = (self.products - (self.means.T * (self.counts * ratio / (1.0 + ratio))) @ self.means) / noise_n**2
-        design, own = slice(self.size), slice(self.size, self.size + len(deviations))
-        across = gram[design, own] * deviations
-        inner = np.eye(len(deviations)) + gram[own, own] * np.outer(deviations, deviations)
-        covariance: Array = np.asarray(np.linalg.inv(inner))
-        label = gram[own, -1] * deviations
-        return _Reduced(
-            precision=gram[design, design] - across @ covariance @ across.T,
-            moment=gram[design, -1] - across @ covariance @ label,
-            square=float(gram[-1, -1] - label @ covariance @ label),
-            log_determinant=float(
-                2.0 * self.products[self.size, self.size] * math.log(noise_n)
-                + np.log1p(ratio).sum()
-                + np.linalg.slogdet(inner)[1]
-            ),
-            covariance=covariance,
-            across=across,
-            label=label,
-            deviations=deviations,
-        )
-
-
-@dataclass(frozen=True)
-class _Reduced:
-    """What one session contributes; its own effects are in units of their prior standard deviations."""
-
-    precision: Array
-    moment: Array
-    square: float
-    log_determinant: float
-    covariance: Array  # Of its own effects, given the common coefficients
-    across: Array
-    label: Array
-    deviations: Array
-
-
-@dataclass(frozen=True)
-class _Posterior:
-    """The common coefficients, given all sessions."""
-
-    coefficients: Array
-    precision: Array
-    minus_twice_likelihood: float  # Restricted, but for a constant
-
-    def offset(self, part: _Reduced, session: _Session, common_n: float) -> SessionOffset:
-        """Return one session's offset."""
-        own = part.covariance @ (part.label - part.across.T @ self.coefficients)
-        through = part.across @ part.covariance[:, _OFFSET]
-        variance = part.covariance[_OFFSET, _OFFSET] + through @ np.linalg.solve(self.precision, through)
-        extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
-        unit_n = float(part.deviations[_OFFSET])
-        uncertainty_n = unit_n * math.sqrt(float(variance))
-        return SessionOffset(
-            session.name,
-            unit_n * float(own[_OFFSET]),
-            uncertainty_n,
-            min(common_n, uncertainty_n),
-            session.prior_n,
-            extend,
-            retract,
-            session.sliding_s,
-        )
-
-
-def _solved(precision: Array, moment: Array, parts: Sequence[_Reduced]) -> _Posterior:
-    """Return the common coefficients from their prior, ``precision`` times mean, and all sessions."""
-    precision = precision + sum(part.precision for part in parts)
-    moment = moment + sum(part.moment for part in parts)
-    coefficients: Array = np.asarray(np.linalg.solve(precision, moment))
-    likelihood = sum(part.log_determinant + part.square for part in parts) - float(moment @ coefficients)
-    return _Posterior(coefficients, precision, likelihood + float(np.linalg.slogdet(precision)[1]))
+def _session_offset(posterior: Posterior, part: Reduced, session: _Session, common_n: float) -> SessionOffset:
+    offset_n, uncertainty_n = posterior.own_effect(part, _OFFSET)
+    extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
+    return SessionOffset(
+        session.name,
+        offset_n,
+        uncertainty_n,
+        min(common_n, uncertainty_n),
+        session.prior_n,
+        extend,
+        retract,
+        session.sliding_s,
+    )

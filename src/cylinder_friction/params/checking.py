@@ -8,7 +8,14 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
-from cylinder_friction.params.data import CylinderParams, FilterParams, LabelParams, RecordParams, SplitParams
+from cylinder_friction.params.data import (
+    CylinderParams,
+    FilterParams,
+    LabelParams,
+    OffsetParams,
+    RecordParams,
+    SplitParams,
+)
 from cylinder_friction.params.ingest import IngestParams
 from cylinder_friction.params.learning import (
     BaselinesParams,
@@ -37,6 +44,7 @@ class Params(Section):
     filter: FilterParams
     label: LabelParams
     split: SplitParams
+    offset: OffsetParams
     search: SearchParams
     train: TrainParams
     baselines: BaselinesParams

@@ -113,7 +113,20 @@ class SplitParams(Section):
 
     test_sessions: Count
     validation_sessions: Count
+    calibration_sessions: Annotated[int, Field(ge=0)]
     seed: Seed
+
+
+class OffsetParams(Section):
+    """The offset of the pressure sensors' zeros in each session; see ``labelling.OffsetPlan``."""
+
+    identify: Literal["auto", "always", "never"]
+    slowest_m_s: Positive
+    settling_s: NotNegative
+    block_s: Positive
+    asymmetry: NotNegative
+    asymmetry_sd: NotNegative
+    drift_s: Positive
 
 
 class IdentifyParams(Section):

@@ -73,6 +73,7 @@ class TrainParams(Section):
     device: Literal["auto", "cpu", "cuda"]
     use_search: bool
     design: Literal["force_balance", "paper"]
+    lag_s: NotNegative
     hybrid: HybridParams
     training: TrainingParams
 

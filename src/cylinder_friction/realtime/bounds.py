@@ -13,6 +13,7 @@ errors, does not hold to the letter; coverage is measured on the test recordings
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numba
@@ -43,8 +44,18 @@ VELOCITY_WINDOW = 21
 VELOCITY_ORDER = 2
 SMALLEST_DEVIATION_N = 1e-3
 """Of a label whose uncertainty is stated as zero."""
+LEAST_OWN_SHARE = 0.25
+"""Of the squared errors: what an estimator's own errors are taken to be at least, beside those of the offset."""
 UNKNOWN_N = 1e9
 """Offset of bounds that were never calibrated: so wide that they state nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedOffset:
+    """How well the offset of one recording was learned, and that of its label is known."""
+
+    deviation_n: Array  # Standard deviation from that of the label at each sample [N], shape ``(n,)``
+    label_n: float  # Standard uncertainty of the label's own offset, part of ``friction_uncertainty_n`` [N]
 
 
 def velocity_taps(sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
@@ -78,7 +89,7 @@ def creep_below_m_s(velocities_m_s: Sequence[Array], standstill_m_s: float = STA
 def unknown_bounds(sample_time_s: float) -> Bounds:
     """Return bounds that state nothing, for an estimator that was never calibrated."""
     wide = np.full(len(REGIMES), UNKNOWN_N)
-    return _bounds(-wide, wide, STANDSTILL_M_S, sample_time_s, 1.0)
+    return _bounds(-wide, wide, np.zeros(len(REGIMES)), STANDSTILL_M_S, sample_time_s, 1.0)
 
 
 def calibrated_bounds(
@@ -87,11 +98,13 @@ def calibrated_bounds(
     sample_time_s: float,
     warm_up_samples: int,
     probability: float = PROBABILITY,
+    offsets: Sequence[LearnedOffset] | None = None,
 ) -> Bounds:
     """Return bounds between which friction lies with ``probability``, half of the rest on either side.
 
-    That takes the label's stated uncertainty, ``friction_uncertainty_n``, of every recording; without it the bounds
-    hold the label (``Bounds.holds``).
+    With ``offsets`` they follow how well the sensors' offset is known (``Bounds.spread_n``), and errors
+    count in units of what was to be expected (Lei et al. 2018, 5.2). Without, the label's stated uncertainty,
+    ``friction_uncertainty_n``, widens them; where not every recording has it, they hold the label (``Bounds.holds``).
 
     Args:
         recordings: Labelled, none of them trained on; their usable rows count, but for the first ``warm_up_samples``.
@@ -99,37 +112,81 @@ def calibrated_bounds(
         sample_time_s: Between two samples [s].
         warm_up_samples: Rows at each recording's start that are left out.
         probability: In (0, 1).
+        offsets: Of each recording, what the estimator takes off; None: it takes none off.
 
     Raises:
         ValueError: The probability is not in (0, 1).
     """
-    creep_m_s = creep_below_m_s([causal_velocity(each) for each in recordings])
+    velocities_m_s = [causal_velocity(each) for each in recordings]
+    creep_m_s = creep_below_m_s(velocities_m_s)
     stated = bool(recordings) and all(UNCERTAINTY_COLUMN in each.table.columns for each in recordings)
-    errors, deviations, regime = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=np.int64)]
-    for recording, estimate_n in zip(recordings, estimates_n, strict=True):
+    reversal_samples = round(REVERSAL_S / sample_time_s)
+    errors, deviations, learned = [np.empty(0)], [np.empty(0)], [np.empty(0)]
+    regime, sessions = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    names = sorted({recording.metadata.session for recording in recordings})
+    for place, (recording, estimate_n) in enumerate(zip(recordings, estimates_n, strict=True)):
         counted = recording.usable().copy()
         counted[:warm_up_samples] = False
         errors.append((recording.column("friction_n") - estimate_n)[counted])
+        zero_n = 0.0
+        if offsets is not None:
+            zero_n = offsets[place].label_n
+            learned.append(offsets[place].deviation_n[counted])
         if stated:
-            deviations.append(recording.column(UNCERTAINTY_COLUMN)[counted] / COVERAGE_FACTOR)
-        regime.append(regimes_of(recording, creep_m_s)[counted])
-    error_n, groups = np.concatenate(errors), np.concatenate(regime)
+            variance = (recording.column(UNCERTAINTY_COLUMN)[counted] / COVERAGE_FACTOR) ** 2
+            deviations.append(np.sqrt(np.maximum(variance - zero_n**2, 0.0)))
+        sessions.append(np.full(int(counted.sum()), names.index(recording.metadata.session)))
+        regime.append(regimes(velocities_m_s[place], STANDSTILL_M_S, creep_m_s, reversal_samples)[counted])
+    error_n, deviation_n, groups = np.concatenate(errors), np.concatenate(deviations), np.concatenate(regime)
+    spread_n = np.zeros(len(REGIMES))
+    if offsets is not None:
+        spread_n, expected = _spread(error_n, np.concatenate(learned), groups)
+        error_n, deviation_n = error_n / expected, deviation_n / expected if stated else deviation_n
     lower, upper = conformal_offsets(error_n, groups, len(REGIMES), probability)
     if stated:
-        deviation_n = np.concatenate(deviations)
-        for group in range(len(REGIMES)):
-            own = groups == group
-            if own.any():
-                known = (error_n[own], deviation_n[own])
-                lower[group], upper[group] = _widened(lower[group], upper[group], *known, probability)
-    return _bounds(lower, upper, creep_m_s, sample_time_s, probability, "friction" if stated else "label")
+        _widen(lower, upper, error_n, deviation_n, groups, probability)
+    further = _further_for_few(error_n, np.concatenate(sessions), probability)
+    lower, upper = further * lower, further * upper
+    holds: Literal["friction", "label"] = "friction" if stated or offsets is not None else "label"
+    return _bounds(lower, upper, spread_n, creep_m_s, sample_time_s, probability, holds)
 
 
-def bounds_around(estimate_n: Array, recording: Recording, bounds: Bounds) -> tuple[Array, Array]:
-    """Return the bounds of an estimate of a recording [N], each of shape ``(n,)``, as the real-time step gives them."""
-    limits = (bounds.standstill_m_s, bounds.creep_m_s, bounds.reversal_samples)
-    regime = regimes(causal_velocity(recording), *limits)
-    return estimate_n + np.array(bounds.lower_n)[regime], estimate_n + np.array(bounds.upper_n)[regime]
+def _further_for_few(errors_n: Array, sessions: Whole, probability: float) -> float:
+    """Return how many times as far bounds from few sessions must be, as the next session has a mean error of its own.
+
+    What sessions differ by takes the prediction interval of Student's t in place of the normal one; what rows differ
+    by stays. With one session alone nothing is known of how sessions differ, and the bounds stay as they are.
+    """
+    count = len(np.unique(sessions))
+    if count < 2:
+        return 1.0
+    from scipy.special import ndtri, stdtrit
+
+    means = np.array([errors_n[sessions == each].mean() for each in np.unique(sessions)])
+    share = min(float(np.var(means, ddof=1) / max(np.mean(errors_n**2), 1e-12)), 1.0)
+    side = 1.0 - (1.0 - probability) / 2.0
+    ratio = math.sqrt(1.0 + 1.0 / count) * float(stdtrit(count - 1, side) / ndtri(side))
+    return math.sqrt(1.0 + share * (ratio**2 - 1.0))
+
+
+def _spread(errors_n: Array, deviations_n: Array, groups: Whole) -> tuple[Array, Array]:
+    """Return each regime's standard deviation of errors with the offset known, and what scales each error's bound."""
+    spread_n, expected = np.zeros(len(REGIMES)), np.ones(len(errors_n))
+    for group in range(len(REGIMES)):
+        own = groups == group
+        if own.any():
+            square, offset = float(np.mean(errors_n[own] ** 2)), float(np.mean(deviations_n[own] ** 2))
+            spread_n[group] = max(math.sqrt(max(square - offset, LEAST_OWN_SHARE * square)), SMALLEST_DEVIATION_N)
+            expected[own] = np.sqrt(1.0 + (deviations_n[own] / spread_n[group]) ** 2)
+    return spread_n, expected
+
+
+def _widen(lower: Array, upper: Array, errors_n: Array, deviations_n: Array, groups: Whole, probability: float) -> None:
+    for group in range(len(REGIMES)):
+        own = groups == group
+        if own.any():
+            known = (errors_n[own], deviations_n[own])
+            lower[group], upper[group] = _widened(lower[group], upper[group], *known, probability)
 
 
 def conformal_offsets(
@@ -235,12 +292,13 @@ def next_regime(
 def _bounds(
     lower: Array,
     upper: Array,
+    spread: Array,
     creep_m_s: float,
     sample_time_s: float,
     probability: float,
     holds: Literal["friction", "label"] = "label",
 ) -> Bounds:
-    below, above = lower.tolist(), upper.tolist()
+    below, above, own = lower.tolist(), upper.tolist(), spread.tolist()
     return Bounds(
         lower_n=(below[0], below[1], below[2], below[3]),
         upper_n=(above[0], above[1], above[2], above[3]),
@@ -249,4 +307,5 @@ def _bounds(
         reversal_samples=round(REVERSAL_S / sample_time_s),
         probability=probability,
         holds=holds,
+        spread_n=(own[0], own[1], own[2], own[3]),
     )

@@ -28,6 +28,10 @@ class Flag(IntFlag):
     INVALID_OTHER = 256
     """The same as ``INVALID_POSITION``, of an input that is neither a raw pressure nor the position."""
 
+    OFFSET_UNKNOWN = 512
+    """The offset of the sensors' zeros is no better known than stated: since the reset the cylinder has not yet slid in
+    both directions. The estimate goes on, with bounds as wide as that."""
+
     @classmethod
     def names(cls, flags: int) -> tuple[str, ...]:
         """Return the names of the bits that are set, lowest first."""
@@ -48,7 +52,7 @@ class Estimate(NamedTuple):
     """One step's output."""
 
     friction_n: float  # Friction [N], positive when it opposes positive velocity
-    # Bounds around it [N]; not to be trusted while a flag but ``OUTSIDE`` is set
+    # Bounds around it [N]; not to be trusted while a flag but ``OUTSIDE`` or ``OFFSET_UNKNOWN`` is set
     lower_n: float
     upper_n: float
     flags: int  # Bits of ``Flag``

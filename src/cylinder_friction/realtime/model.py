@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.history import History
     from cylinder_friction.realtime.lstm import LstmWeights
+    from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 
 ForestSees = Literal["nothing", "hidden", "hidden_head_features", "features"]
@@ -52,6 +53,9 @@ class Bounds:
     # ``friction``: the sensors' stated uncertainty is part of the bounds; ``label``: it is not known, and a sensor's
     # offset, which shifts label and estimate alike, is not covered
     holds: Literal["friction", "label"] = "label"
+    # Standard deviation of the errors with the sensors' offset known, one per regime [N]: with an offset as uncertain
+    # as s, bounds are √(1 + (s/spread)²) times as far away; 0 where the step learns no offset, and they never change
+    spread_n: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def in_words(self) -> str:
         """Return what the bounds hold, and under which assumption, for whoever reads an exported model."""
@@ -99,6 +103,9 @@ class StepModel:
     inputs: tuple[str, ...] = SAMPLE_COLUMNS
     # Features of the motion so far, which follow the linear ones; None for a model without
     history: History | None = None
+    # How the offset of the sensors' zeros is learned; None: it is not, and stays in the estimate
+    offset: OffsetTracker | None = None
+    lag_s: float = 0.0  # How long before its sample a step's friction was, and its bounds [s]
 
     @cached_property
     def position(self) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from cylinder_friction.realtime.flags import invalid_flag
 from cylinder_friction.realtime.history import new_history
 from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP, SAMPLE_TIME = range(7)
 # Rows of ``PackedModel.limits`` and of ``PackedModel.offsets``.
 ACCEPT_LOWER, ACCEPT_UPPER, TRAINED_LOWER, TRAINED_UPPER = range(4)
-LOWER, UPPER = range(2)
+LOWER, UPPER, SPREAD = range(3)
 # Places in ``PackedModel.counts``.
 FREEZE_SAMPLES, WARM_UP, RECOVERY, REVERSAL, FEATURES, HEAD_COUNTS, SEEN_FROM, DEPTH, POSITION, HISTORY = range(10)
 # Places in ``PackedState.counters``; FROZEN is one per raw pressure.
@@ -36,6 +37,9 @@ NOW, HELD, CONSTANT_FROM, INVALID = range(4)
 _NOTHING = np.zeros((0, 0, 0), dtype=np.float32)
 NO_NETWORK = LstmWeights(_NOTHING, _NOTHING, _NOTHING.reshape(0, 0), _NOTHING.ravel(), 0.0, 0)
 
+_NONE = np.zeros((0, 0))
+NO_TRACKER = OffsetTracker(_NONE, _NONE.ravel(), _NONE.ravel(), _NONE.ravel(), _NONE, _NONE.ravel())
+
 
 @dataclass(frozen=True)
 class PackedModel:
@@ -45,7 +49,7 @@ class PackedModel:
     scaling: Array  # Limits, means and scales of the linear features, shape ``(3, features)``
     history: Array  # Settings, means and scales of the history features, shape ``(3, 6)``; no rows without history
     limits: Array  # Guard limits of each input, see the rows above, shape ``(4, inputs)``
-    offsets: Array  # Bounds of each regime, see the rows above, shape ``(2, 4)``
+    offsets: Array  # Bounds of each regime, see the rows above, shape ``(3, 4)``
     settings: Array  # Numbers of guard, target and bounds, see the places above
     counts: Whole  # Whole numbers of guard, bounds and shape, see the places above
     invalid_flags: Whole  # Flag that an invalid value of each input sets, shape ``(inputs,)``
@@ -61,6 +65,8 @@ class PackedModel:
     nodes: NDArray[np.int32]
     splits: Single  # The same memory as float32: column 3 is the threshold, or a leaf's value
     roots: NDArray[np.int32]  # Each tree's first node
+    tracker: OffsetTracker  # Of the sensors' offset; without one no rows
+    zeros: Array  # What one newton of offset adds to each output of the filters; none without a tracker
 
     @classmethod
     def of(cls, model: StepModel) -> PackedModel:
@@ -75,6 +81,7 @@ class PackedModel:
         ]
         guard, bounds = model.guard, model.bounds
         packed_nodes, roots, depth = _packed_forest(model.forest)
+        tracker = model.offset or NO_TRACKER
         return cls(
             taps=np.ascontiguousarray(taps, dtype=np.float64),
             scaling=np.ascontiguousarray([model.feature_limits, model.feature_mean, model.feature_scale]),
@@ -82,7 +89,7 @@ class PackedModel:
                 [] if history is None else [history.settings(), history.mean, history.scale], dtype=np.float64
             ).reshape(-1, 6),
             limits=np.array([guard.accept_lower, guard.accept_upper, guard.trained_lower, guard.trained_upper]),
-            offsets=np.array([bounds.lower_n, bounds.upper_n]),
+            offsets=np.array([bounds.lower_n, bounds.upper_n, bounds.spread_n]),
             settings=np.array(
                 [
                     *(guard.freeze_travel_m, guard.freeze_force_n, model.target_mean_n, model.target_scale_n),
@@ -107,6 +114,8 @@ class PackedModel:
             nodes=packed_nodes,
             splits=packed_nodes.view(np.float32),
             roots=roots,
+            tracker=tracker,
+            zeros=np.zeros(0) if model.offset is None else tracker.zero_of(taps.transpose(2, 0, 1)),
         )
 
     def arrays(self) -> tuple[Any, ...]:
@@ -116,6 +125,7 @@ class PackedModel:
             *(self.invalid_flags, self.pressures),
             *(self.input, self.recurrent, self.bias, self.head, self.head_bias),
             *(self.nodes, self.splits, self.roots),
+            *(*self.tracker.constants(), self.zeros),
         )
 
 
@@ -137,6 +147,7 @@ class PackedState:
     seen: Single  # Room for hidden state, head and features, shape ``(nodes + 1 + features,)``
     gates: Single  # Room for the gates, shape ``(4 nodes,)``
     places: NDArray[np.int32]  # Room for where each tree is, shape ``(trees,)``
+    offset: Array  # Of the sensors, see ``sensor_offset``; none without a tracker
 
     @classmethod
     def of(cls, model: PackedModel) -> PackedState:
@@ -154,10 +165,12 @@ class PackedState:
             seen=np.zeros(nodes + 1 + int(model.counts[FEATURES]), dtype=np.float32),
             gates=np.zeros(4 * nodes, dtype=np.float32),
             places=np.zeros(len(model.roots), dtype=np.int32),
+            offset=model.tracker.new_state() if len(model.zeros) else np.zeros(0),
         )
 
-    def reset(self) -> None:
-        """Forget everything."""
+    def reset(self, offset: Array) -> None:
+        """Forget everything but the sensors' offset, which is as given."""
+        self.offset[:] = offset
         self.counters[:] = 0
         self.lstm[:] = 0.0
         self.motion[:] = new_history()
@@ -166,7 +179,7 @@ class PackedState:
         """Return the arrays in the order in which the compiled step takes them."""
         return (
             *(self.ring, self.samples, self.motion, self.counters, self.lstm),
-            *(self.outputs, self.moved, self.seen, self.gates, self.places),
+            *(self.outputs, self.moved, self.seen, self.gates, self.places, self.offset),
         )
 
 

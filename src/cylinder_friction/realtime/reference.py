@@ -17,6 +17,7 @@ from cylinder_friction.realtime.bounds import next_regime
 from cylinder_friction.realtime.flags import Estimate, Flag, invalid_flag
 from cylinder_friction.realtime.history import history_step, new_history
 from cylinder_friction.realtime.lstm import Lstm
+from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,8 +52,10 @@ class ReferenceStream:
         self._lags = max(taps.shape[-1] for taps in (model.feature_taps, model.base_taps, model.velocity_taps))
         self.reset()
 
-    def reset(self) -> None:
-        """Forget everything; the next step is a first step."""
+    def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
+        """Forget everything; the next step is a first step, from this offset of the sensors; see ``RealTimeStream``."""
+        tracker = self.model.offset
+        self._offset = np.zeros(OFFSET + 2) if tracker is None else tracker.new_state(offset_n, uncertainty_n)
         self._guard = GuardState()
         self._samples = np.zeros((self._lags, len(self.model.inputs)))  # newest first
         self._motion = new_history()
@@ -87,10 +90,12 @@ class ReferenceStream:
         flags |= self._trust(bad=any(invalid) or bool(flags & Flag.FROZEN))
         friction_n = self._friction(base_n)
         regime = self._regime()
+        flags |= self._offset_flag()
+        further = self._further(regime)
+        self._learn_offset(now, valid=not any(invalid) and not flags & Flag.FROZEN)
         bounds = self.model.bounds
-        return Estimate(
-            friction_n, friction_n + bounds.lower_n[regime], friction_n + bounds.upper_n[regime], int(flags)
-        )
+        lower_n, upper_n = friction_n + further * bounds.lower_n[regime], friction_n + further * bounds.upper_n[regime]
+        return Estimate(friction_n, lower_n, upper_n, int(flags))
 
     def _begin(self, sample: Array) -> None:
         """Begin with the first valid sample: as if it had always been there."""
@@ -177,7 +182,29 @@ class ReferenceStream:
             for lag, tap in enumerate(row):
                 if tap != 0.0:
                     total += float(tap * self._samples[lag, channel])
+        if self.model.offset is not None:
+            total -= float(self._offset[OFFSET] * self.model.offset.zero_of(taps[None])[0])
         return total
+
+    def _offset_flag(self) -> Flag:
+        """Return the flag of an offset that has not been learned yet."""
+        unknown = self.model.offset is not None and self._offset[EXTENDED] * self._offset[RETRACTED] == 0.0
+        return Flag.OFFSET_UNKNOWN if unknown else Flag(0)
+
+    def _further(self, regime: int) -> float:
+        """Return how many times as far the bounds are as with a known offset."""
+        spread_n = self.model.bounds.spread_n[regime]
+        if self.model.offset is None or spread_n <= 0.0:
+            return 1.0
+        ratio = self._offset[DEVIATION] / spread_n
+        return float(np.sqrt(1.0 + ratio * ratio))  # a power may round otherwise
+
+    def _learn_offset(self, now: Array, *, valid: bool) -> None:
+        """Let this sample correct the next ones."""
+        if self.model.offset is not None:
+            velocity_m_s = self._fir(self.model.velocity_taps)
+            place = self.model.position
+            offset_step(*self.model.offset.constants(), self._offset, place, velocity_m_s, now, valid)
 
     def _regime(self) -> int:
         bounds = self.model.bounds

@@ -13,6 +13,7 @@ from cylinder_friction.realtime.bounds import next_regime
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.history import history_step
 from cylinder_friction.realtime.lstm import head_of, lstm_step
+from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
 
     Int = NDArray[np.int32]
 
-NOT_READY, WARMING, OUTSIDE, FROZEN, RECOVERING = (
-    int(flag) for flag in (Flag.NOT_READY, Flag.WARMING, Flag.OUTSIDE, Flag.FROZEN, Flag.RECOVERING)
+NOT_READY, WARMING, OUTSIDE, FROZEN, RECOVERING, OFFSET_UNKNOWN = (
+    int(flag)
+    for flag in (Flag.NOT_READY, Flag.WARMING, Flag.OUTSIDE, Flag.FROZEN, Flag.RECOVERING, Flag.OFFSET_UNKNOWN)
 )
 
 
@@ -46,6 +48,12 @@ def step(
     nodes: Int,
     splits: Single,
     roots: Int,
+    offset_weights: Array,
+    offset_settings: Array,
+    offset_friction: Array,
+    offset_position: Array,
+    offset_ranges: Array,
+    zeros: Array,
     ring: Array,
     samples: Array,
     motion: Array,
@@ -56,6 +64,7 @@ def step(
     seen: Single,
     gates: Single,
     places: Int,
+    offset: Array,
     sample: Array,
 ) -> tuple[float, float, float, int]:
     """Return friction, bounds [N] and flags from the arrays of ``PackedModel`` and ``PackedState`` and a sample."""
@@ -65,6 +74,8 @@ def step(
             return 0.0, 0.0, 0.0, NOT_READY | flags
         _begin(counts, ring, samples, counters)
     _filter(taps, ring, counters, outputs, samples[at.NOW])
+    for output in range(zeros.shape[0]):
+        outputs[output] -= offset[OFFSET] * zeros[output]
     base_n = outputs[outputs.shape[0] - 2]
     bad = flags != 0
     if _outside(limits, samples[at.NOW]):
@@ -103,7 +114,26 @@ def step(
     )
     counters[at.DIRECTION] = direction
     counters[at.REVERSAL_LEFT] = left
-    return friction_n, friction_n + offsets[at.LOWER, regime], friction_n + offsets[at.UPPER, regime], flags
+    further = 1.0
+    if zeros.shape[0] > 0:
+        if offset[EXTENDED] * offset[RETRACTED] == 0.0:
+            flags |= OFFSET_UNKNOWN
+        if offsets[at.SPREAD, regime] > 0.0:
+            further = np.sqrt(1.0 + (offset[DEVIATION] / offsets[at.SPREAD, regime]) ** 2)
+        offset_step(
+            offset_weights,
+            offset_settings,
+            offset_friction,
+            offset_position,
+            offset_ranges,
+            offset,
+            counts[at.POSITION],
+            outputs[outputs.shape[0] - 1],
+            samples[at.NOW],
+            not bad,
+        )
+    lower_n = friction_n + further * offsets[at.LOWER, regime]
+    return friction_n, lower_n, friction_n + further * offsets[at.UPPER, regime], flags
 
 
 @numba.njit(cache=True)
@@ -223,10 +253,17 @@ def _forest(nodes: Int, splits: Single, roots: Int, depth: int, places: Int, see
 
 
 @numba.njit(cache=True)
-def steps(model: tuple, state: tuple, samples: Array, newtons: Array, flags: Whole) -> None:  # type: ignore[type-arg]
-    """Take the step on each of ``samples``, shape ``(n, inputs)``; fills ``newtons``, ``(n, 3)``, and ``flags``."""
+def steps(model: tuple, state: tuple, samples: Array, newtons: Array, learned: Array, flags: Whole) -> None:  # type: ignore[type-arg]
+    """Take the step on each of ``samples``, shape ``(n, inputs)``.
+
+    Fills ``newtons``, ``(n, 3)``, the offset and its standard uncertainty after each [N], ``(n, 2)``, and ``flags``.
+    """
+    offset = state[-1]
     for row in range(samples.shape[0]):
         friction, lower, upper, flags[row] = step(*model, *state, samples[row])  # type: ignore[call-arg]
         newtons[row, 0] = friction
         newtons[row, 1] = lower
         newtons[row, 2] = upper
+        if offset.shape[0] > 0:
+            learned[row, 0] = offset[OFFSET]
+            learned[row, 1] = offset[DEVIATION]

@@ -12,6 +12,7 @@ import numpy as np
 
 from cylinder_friction.realtime.flags import Estimate
 from cylinder_friction.realtime.packed import PackedModel, PackedState
+from cylinder_friction.realtime.sensor_offset import DEVIATION, OFFSET
 from cylinder_friction.realtime.step import step, steps
 from cylinder_friction.recordings.recording import refuse_not_finite
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 
+NO_OFFSET = "this estimator learns no sensor offset; expected no offset to start from; train it on recordings with one"
 _STEP: Callable[..., Any] = step
 
 
@@ -65,16 +67,48 @@ class _CompiledStep:
     """The compiled step with its state."""
 
     def __init__(self, model: StepModel) -> None:
-        self.inputs = model.inputs
+        self.inputs, self._tracker = model.inputs, model.offset
         self._packed = PackedModel.of(model)
         self._state = PackedState.of(self._packed)
         self._sample = np.full(len(model.inputs), np.nan)
         self._step = partial(_STEP, *self._packed.arrays(), *self._state.arrays(), self._sample)
         self._step()  # compiled, or loaded, before time counts; NaN touches no state
 
-    def reset(self) -> None:
-        """Forget everything; the next step is a first step."""
-        self._state.reset()
+    def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
+        """Forget everything; the next step is a first step.
+
+        Args:
+            offset_n: Offset of the sensors' zeros in friction, if known, for example from earlier in the session [N].
+            uncertainty_n: Its standard uncertainty [N]; None: as the sensors' zeros were stated.
+
+        Raises:
+            ValueError: An offset is given, but this estimator learns none; or a number is impossible.
+        """
+        if self._tracker is not None:
+            self._state.reset(self._tracker.new_state(offset_n, uncertainty_n))
+        elif offset_n != 0.0 or uncertainty_n is not None:
+            raise ValueError(NO_OFFSET)
+        else:
+            self._state.reset(np.zeros(0))
+
+    @property
+    def offset(self) -> tuple[float, float]:
+        """Offset of the sensors' zeros in friction that the next step takes off, and its standard uncertainty [N]."""
+        state = self._state.offset
+        return (0.0, 0.0) if self._tracker is None else (float(state[OFFSET]), float(state[DEVIATION]))
+
+    def run(self, samples: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Step over samples, shape ``(n, inputs)``; return friction, lower and upper [N], ``(n, 3)``, and flags."""
+        newtons, _, flags = self.run_with_offset(samples)
+        return newtons, flags
+
+    def run_with_offset(self, samples: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Return what ``run`` does, with ``offset`` after each sample, shape ``(n, 2)``, before the flags."""
+        samples = np.ascontiguousarray(samples, dtype=np.float64)
+        newtons, learned = np.empty((len(samples), 3)), np.zeros((len(samples), 2))
+        flags = np.empty(len(samples), dtype=np.int64)
+        steps(self._packed.arrays(), self._state.arrays(), samples, newtons, learned, flags)
+        return newtons, learned, flags
 
     def _take(self, sample: tuple[float, ...]) -> tuple[float, float, float, int]:
         _refuse_other_length(sample, self.inputs)
@@ -112,13 +146,6 @@ class RealTimeStream(_CompiledStep):
         self.reset()
         for _ in range(self.model.guard.warm_up_samples if steps is None else steps):
             self._take(sample)
-
-    def run(self, samples: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Step over samples, shape ``(n, inputs)``; return friction, lower and upper [N], ``(n, 3)``, and flags."""
-        samples = np.ascontiguousarray(samples, dtype=np.float64)
-        newtons, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.int64)
-        steps(self._packed.arrays(), self._state.arrays(), samples, newtons, flags)
-        return newtons, flags
 
 
 class StrictStream(_CompiledStep):

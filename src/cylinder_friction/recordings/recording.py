@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.recordings.columns import DRIVE_FORCE, REQUIRED_COLUMNS, SAMPLE_COLUMNS, missing_columns
+from cylinder_friction.recordings.columns import (
+    DRIVE_FORCE,
+    REQUIRED_COLUMNS,
+    SAMPLE_COLUMNS,
+    UNCERTAINTY_COLUMN,
+    missing_columns,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,6 +38,14 @@ class SensorUncertainty:
 
 
 @dataclass(frozen=True)
+class IdentifiedZero:
+    """What a sensor reads at zero, as identified from the motion of its session; not yet taken off its column."""
+
+    offset: float  # In the column's unit
+    uncertainty: float  # Standard uncertainty (k = 1) that remains, in the column's unit
+
+
+@dataclass(frozen=True)
 class RecordingMetadata:
     """Who and when."""
 
@@ -47,13 +61,17 @@ class RecordingMetadata:
     zero_offset: Mapping[str, float] = field(default_factory=dict)
     # Of the sensor behind a column; absent where nobody stated it
     uncertainty: Mapping[str, SensorUncertainty] = field(default_factory=dict)
+    # Of the sensor behind a column, identified with those of other sessions; the column still holds what was measured
+    identified_zero: Mapping[str, IdentifiedZero] = field(default_factory=dict)
     # What ingest repaired, one sentence each; empty for a recording that came in as it should
     repairs: tuple[str, ...] = ()
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
         known = {column: SensorUncertainty(**entry) for column, entry in values.get("uncertainty", {}).items()}
-        return cls(**values | {"uncertainty": known, "repairs": tuple(values.get("repairs", ()))})
+        zeros = {column: IdentifiedZero(**entry) for column, entry in values.get("identified_zero", {}).items()}
+        repairs = tuple(values.get("repairs", ()))
+        return cls(**values | {"uncertainty": known, "identified_zero": zeros, "repairs": repairs})
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -128,6 +146,36 @@ class Recording:
                     "pressures, which is enough for a label but not for this estimator"
                 )
         return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
+
+    def zeroed(self) -> Recording:
+        """Return a copy whose sensors' identified zeros are taken off, as sure as they were identified."""
+        who, zeros = self.metadata, self.metadata.identified_zero
+        if not zeros:
+            return self
+        taken = {column: who.zero_offset.get(column, 0.0) + zero.offset for column, zero in zeros.items()}
+        stated = {column: replace(who.uncertainty[column], zero=zero.uncertainty) for column, zero in zeros.items()}
+        metadata = replace(
+            who,
+            zero_offset={**who.zero_offset, **taken},
+            uncertainty={**who.uncertainty, **stated},
+            identified_zero={},
+        )
+        columns = {column: self.column(column) - zero.offset for column, zero in zeros.items()}
+        return replace(self.with_columns(**columns), metadata=metadata)
+
+    def lagged(self, samples: int) -> Recording:
+        """Return a copy whose row holds the label of so many samples before, as an estimator with that lag learns it.
+
+        Labels of the first rows are before the recording: they are not usable. Measured columns stay as they are.
+        """
+        if samples == 0:
+            return self
+        before = np.maximum(np.arange(len(self)) - samples, 0)
+        known = [name for name in ("friction_n", UNCERTAINTY_COLUMN) if name in self.table.columns]
+        columns: dict[str, NDArray[Any]] = {name: self.column(name)[before] for name in known}
+        usable = self.usable()[before]
+        usable[:samples] = False
+        return self.with_columns(**columns, usable=usable)
 
     def usable(self) -> Mask:
         """Return the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""

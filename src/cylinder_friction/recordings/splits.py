@@ -13,39 +13,47 @@ if TYPE_CHECKING:
 
     from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
-ROLES = ("train", "validation", "test")
+ROLES = ("train", "validation", "calibration", "test")
 
 
 def split_sessions(
-    metadata: Sequence[RecordingMetadata], test_sessions: int, validation_sessions: int, seed: int
+    metadata: Sequence[RecordingMetadata],
+    test_sessions: int,
+    validation_sessions: int,
+    seed: int,
+    calibration_sessions: int = 0,
 ) -> dict[str, tuple[str, ...]]:
     """Return the names of the recordings of each role, sorted; every condition is in every role.
 
     In each condition sessions are put in the order of a hash of seed, condition and session; the first
-    ``test_sessions`` are held out for the comparison, the next ``validation_sessions`` for choosing, the rest is for
-    training. Nothing but these names decides, so that another recording of a session moves no other one.
+    ``test_sessions`` are held out for the comparison, the next ``validation_sessions`` for choosing, the next
+    ``calibration_sessions`` for nothing but the width of bounds, the rest is for training. Nothing but these names
+    decides, so that another recording of a session moves no other one.
 
     Raises:
         RecordingError: There is no recording, a name occurs twice, a session spans two conditions, or a condition has
             too few sessions.
     """
-    if test_sessions < 1 or validation_sessions < 0:
+    if test_sessions < 1 or validation_sessions < 0 or calibration_sessions < 0:
         raise ValueError(
-            f"expected at least 1 test and 0 validation sessions, but got {test_sessions} and {validation_sessions}"
+            f"expected at least 1 test, 0 validation and 0 calibration sessions, but got {test_sessions}, "
+            f"{validation_sessions} and {calibration_sessions}"
         )
     sessions = _sessions_by_condition(metadata)
     roles: dict[str, str] = {}
     for condition, names in sessions.items():
-        needed = test_sessions + validation_sessions + 1
+        needed = test_sessions + validation_sessions + calibration_sessions + 1
         if len(names) < needed:
             raise RecordingError(
                 f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} "
                 f"({', '.join(sorted(names))}), but {needed} are needed: {test_sessions} for test, "
-                f"{validation_sessions} for validation and at least 1 for training; record more sessions, lower "
+                f"{validation_sessions} for validation, {calibration_sessions} for calibration and at least 1 for "
+                "training; record more sessions, lower "
                 "split.test_sessions, or make ingest.name_pattern distinguish sessions"
             )
         drawn = sorted(names, key=lambda session: (_draw(seed, condition, session), session))
-        kinds = ["test"] * test_sessions + ["validation"] * validation_sessions + ["train"] * len(drawn)
+        held_out = ["test"] * test_sessions + ["validation"] * validation_sessions
+        kinds = [*held_out, *["calibration"] * calibration_sessions, *["train"] * len(drawn)]
         roles |= zip(drawn, kinds, strict=False)
     return {role: tuple(sorted(entry.name for entry in metadata if roles[entry.session] == role)) for role in ROLES}
 

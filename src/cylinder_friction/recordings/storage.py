@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,14 +59,6 @@ def _arrow_table(recording: Recording) -> pa.Table:
         fields.append(pa.field(str(name), array.type, nullable=not numeric))
     metadata = json.dumps(recording.metadata.to_dict(), sort_keys=True).encode()
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
-
-
-def link_recording(source: Path, name: str, folder: Path) -> None:
-    """Put the recording ``name`` of one folder into another as a hard link; as a copy where they cannot be linked."""
-    try:
-        os.link(source / f"{name}.parquet", folder / f"{name}.parquet")
-    except OSError:
-        shutil.copy2(source / f"{name}.parquet", folder / f"{name}.parquet")
 
 
 def read_metadata(path: Path) -> RecordingMetadata:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Comparison, Scores
     from cylinder_friction.evaluation.coverage import Coverage
+    from cylinder_friction.evaluation.starts import Starts
     from cylinder_friction.evaluation.timing import StepTime
 
 AUDIT_HEADS = {
@@ -78,6 +79,43 @@ def coverage_table(found: Sequence[Coverage]) -> Table:
     ]
     shares = ("Share [% of rows]", "Near events [% of rows]", "Worst session [% of rows]")
     return Table(("Held", "Condition", "Rows", *shares, "Mean width [N]"), rows)
+
+
+def start_table(found: Sequence[Starts]) -> Table:
+    """Return what the offset learned in a session's earlier recording is worth, by condition."""
+    words = {"label": "label", "truth": "true friction"}
+    rows = [
+        (
+            each.condition,
+            str(each.recordings),
+            f"{each.mean_abs_friction_n:.0f}",
+            f"{each.cold_percent:.2f}",
+            f"{each.warm_percent:.2f}",
+        )
+        for each in found
+    ]
+    against = words[found[0].reference] if found else "label"
+    share = f"[% of mean |{against}|]"
+    return Table(("Condition", "Recordings", f"Mean |{against}| [N]", f"Cold {share}", f"Warm {share}"), rows)
+
+
+def offset_table(sessions: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the sensors' offset of each session, as stage ``offset`` wrote it."""
+    rows = [
+        (
+            each["session"],
+            each["role"],
+            f"{each['offset_n']:.1f}",
+            f"{each['standard_uncertainty_n']:.1f}",
+            f"{each['common_uncertainty_n']:.1f}",
+            f"{each['prior_n']:.1f}",
+            f"{each['strokes_extend']} / {each['strokes_retract']}",
+            f"{each['sliding_s']:.0f}",
+        )
+        for each in sessions
+    ]
+    uncertainties = ("Uncertainty [N]", "Common to all [N]", "Stated zeros [N]")
+    return Table(("Session", "Role", "Offset [N]", *uncertainties, "Strokes out / in", "Sliding [s]"), rows)
 
 
 def difference_table(comparison: Comparison, main: str) -> Table:

@@ -59,6 +59,8 @@ STRATA_SHADES = {
 }
 """Estimators whose errors are shown within strata, and their colours."""
 
+ROLE_COLOURS = {"train": QUIET, "validation": SKY, "calibration": GREEN, "test": BLUE}
+
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
@@ -337,3 +339,27 @@ def line_title(name: str) -> str:
 
 def line_colour(name: str) -> str:
     return TRACE_COLOURS.get(name, colour(name))
+
+
+def session_offsets(sessions: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return the sensors' offset of each session with two standard uncertainties, beside those of their stated zeros.
+
+    Args:
+        sessions: As stage ``offset`` wrote them, at least one.
+    """
+    figure, (axis,) = panels(1, 1, PANEL[0], 1.2 * PANEL[1])
+    ordered = sorted(sessions, key=lambda each: (each["condition"], each["session"]))
+    stated_n = 2.0 * max(each["prior_n"] for each in ordered)
+    axis.axhspan(-stated_n, stated_n, color=PALE, alpha=0.35, lw=0.0, label="stated zeros")
+    for role, shade in ROLE_COLOURS.items():
+        own = [place for place, each in enumerate(ordered) if each["role"] == role]
+        if own:
+            offsets_n = [ordered[place]["offset_n"] for place in own]
+            bars_n = [2.0 * ordered[place]["standard_uncertainty_n"] for place in own]
+            axis.errorbar(own, offsets_n, bars_n, fmt="o", ms=2.5, lw=1.0, color=shade, label=role)
+    conditions = [each["condition"] for each in ordered]
+    firsts = [conditions.index(condition) for condition in sorted(set(conditions))]
+    axis.set_xticks(firsts, [f"condition {conditions[first]}" for first in firsts], ha="left")
+    axis.set_ylabel("offset in friction [N]")
+    axis.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    return figure

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.analysis import Analysis
     from cylinder_friction.evaluation.comparison import Comparison, Scores
     from cylinder_friction.evaluation.coverage import Coverage
+    from cylinder_friction.evaluation.starts import Starts
     from cylinder_friction.evaluation.timing import StepTime
     from cylinder_friction.evaluation.views import Excerpt
     from cylinder_friction.reporting.page import Table
@@ -31,6 +32,7 @@ SECTIONS = {
     "data": "The data",
     "truth-errors": "Errors against true friction",
     "label-errors": "Errors against the label",
+    "offsets": "Sensor offsets",
     "bounds": "Bounds",
     "over-time": "Friction over time",
     "motion": "Where in the motion",
@@ -53,6 +55,8 @@ class ReportInputs:
     chosen: Mapping[str, Any]  # Hyperparameters of the default hybrid by name
     # The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none
     audit: dict[str, Any] | None
+    offsets: Sequence[Mapping[str, Any]]  # Of each session, as the offset stage wrote them; empty where there are none
+    starts: Sequence[Starts]  # The main estimator from a cold and from a warm start; empty where it learns no offset
     held: Sequence[Coverage]  # How often the main estimator's bounds hold label and truth; empty without bounds
 
 
@@ -60,7 +64,8 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
     """Return the whole page; it loads nothing from outside."""
     comparison, main = analysis.comparison, analysis.main
     audit = inputs.audit
-    left_out = {key for key, there in (("audit", audit is not None), ("bounds", bool(inputs.held))) if not there}
+    there = {"audit": audit is not None, "offsets": bool(inputs.offsets), "bounds": bool(inputs.held)}
+    left_out = {key for key, shown in there.items() if not shown}
     return page_html(
         "templates/report.html.j2",
         title="Friction estimators compared",
@@ -75,6 +80,10 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         reference=_name(comparison, best_reference(comparison)[0]),
         data=tables.data_table(comparison),
         against=_against(analysis),
+        offsets=(draw(figures.session_offsets, inputs.offsets), tables.offset_table(inputs.offsets))
+        if inputs.offsets
+        else None,
+        starts=tables.start_table(inputs.starts) if inputs.starts else None,
         coverage=tables.coverage_table(inputs.held),
         differences=tables.difference_table(comparison, main),
         over_time={part.condition: (part.recording, _over_time(part)) for part in analysis.excerpts},

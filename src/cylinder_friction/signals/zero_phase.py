@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from cylinder_friction.signals.causal import cascade_taps
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
@@ -72,12 +71,12 @@ class SavitzkyGolay(SignalFilter):
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:  # noqa: ARG002 - windows are in samples
         _refuse_short(force_n, self.pressure_window)
-        return savgol_filter(force_n, self.pressure_window, self.pressure_order)
+        return _fitted(force_n, self.pressure_window, self.pressure_order)
 
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
         _refuse_short(position_m, max(self.velocity_window, self.acceleration_window))
-        velocity = savgol_filter(position_m, self.velocity_window, self.velocity_order, 1, sample_time_s)
-        acceleration = savgol_filter(position_m, self.acceleration_window, self.acceleration_order, 2, sample_time_s)
+        velocity = _fitted(position_m, self.velocity_window, self.velocity_order, 1, sample_time_s)
+        acceleration = _fitted(position_m, self.acceleration_window, self.acceleration_order, 2, sample_time_s)
         return velocity, acceleration
 
     def support(self, sample_time_s: float) -> Support:  # noqa: ARG002 - windows are in samples
@@ -88,6 +87,12 @@ class SavitzkyGolay(SignalFilter):
 def _refuse_short(values: Array, window: int) -> None:
     if len(values) < window:
         raise ValueError(f"got {len(values)} samples, but Savitzky-Golay needs at least its window of {window}")
+
+
+def _fitted(values: Array, window: int, order: int, derivative: int = 0, sample_time_s: float = 1.0) -> Array:
+    from scipy.signal import savgol_filter  # half a second that most commands need not wait for
+
+    return savgol_filter(values, window, order, derivative, sample_time_s)
 
 
 def centred_taps(taps: Array) -> Array:

@@ -19,7 +19,7 @@ RIG_TRUTH_FOLDER = Path("data/raw/rig_truth")
 RECORDINGS_FOLDER = Path("data/interim/recordings")
 SIGNALS_FOLDER = Path("data/interim/signals")
 LABELLED_FOLDER = Path("data/processed/labelled")
-PROCESSED_FOLDERS = {role: Path("data/processed") / role for role in ("train", "validation", "test")}
+PROCESSED_FOLDERS = {role: Path("data/processed") / role for role in ("train", "validation", "calibration", "test")}
 AUDIT_FOLDER = Path("data/processed/audit")
 SEARCH_FOLDER = Path("models/search")
 HYBRID_FOLDER = Path("models/hybrid")
@@ -37,6 +37,12 @@ INGESTED_FILE = Path("data/interim/ingested.json")
 """From ``ingest``: the folders ``source`` and ``truth``, and ``load``, what the rod worked against."""
 FILTERS_FILE = SIGNALS_FOLDER / "filters.json"
 """From ``filter``: the ``method`` that smoothed the signals, and the settings of every method."""
+SPLIT_FILE = Path("data/processed/split.json")
+"""From ``split``: the names of the recordings of each role."""
+OFFSET_FILE = Path("data/processed/offset.json")
+"""From ``offset``: the sensors' offset of each session, or why none was identified."""
+TRACKER_FILE = Path("data/processed/offset_tracker.json")
+"""From ``offset``: how an estimator learns the offset while running; null where none was identified."""
 BEST_FILE = SEARCH_FOLDER / "best.json"
 """From ``search``: the ``design`` and the best hyperparameters of the hybrid."""
 SPACE_FILE = SEARCH_FOLDER / "space.json"

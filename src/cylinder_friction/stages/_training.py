@@ -17,9 +17,11 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, Checkpoint, TrainingPlan
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.import_graph import code_key
-from cylinder_friction.recordings.files import hash_of, write_json
+from cylinder_friction.params.learning import TrainParams
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.stages._stage import PROCESSED_FOLDERS, cylinder_from
+from cylinder_friction.stages._stage import PROCESSED_FOLDERS, TRACKER_FILE, cylinder_from
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.front_end import Design
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.params.learning import BaselinesParams, TrainingParams, TrainParams
+    from cylinder_friction.params.learning import BaselinesParams, TrainingParams
     from cylinder_friction.recordings.recording import Recording
 
 RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.training_plan")
@@ -37,23 +39,39 @@ RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimat
 
 @dataclass(frozen=True)
 class LearningData:
-    """The recordings to train on, and those of other sessions that stop the training and calibrate the bounds."""
+    """The recordings to train on, and those of other sessions that stop the training and that calibrate the bounds.
+
+    Without sessions for calibration, those for validation do that too.
+    """
 
     train: list[Recording]
     validation: list[Recording]
+    calibration: list[Recording]
+    tracker: OffsetTracker | None  # How an estimator learns the sensors' offset; None where none was identified
     hashes: dict[str, str]  # Content hash of each folder read, by role
 
     @classmethod
     def read(cls) -> Self:
-        folders = {role: PROCESSED_FOLDERS[role] for role in ("train", "validation")}
-        train, validation = (read_recordings(folder) for folder in folders.values())
-        return cls(train, validation, {role: hash_of(folder) for role, folder in folders.items()})
+        folders = {role: PROCESSED_FOLDERS[role] for role in ("train", "validation", "calibration")}
+        train, validation, calibration = (read_recordings(folder) for folder in folders.values())
+        content = read_json(TRACKER_FILE)
+        tracker = None if content is None else OffsetTracker.from_dict(content)
+        return cls(train, validation, calibration, tracker, {role: hash_of(folder) for role, folder in folders.items()})
+
+    @property
+    def calibrating(self) -> list[Recording]:
+        """The recordings that bounds are calibrated on."""
+        return self.calibration or self.validation
 
     def sources(self) -> dict[str, dict[str, str]]:
         """Return the hash of every source file, by role and recording."""
         return {
             role: {recording.name: recording.metadata.source_sha256 for recording in recordings}
-            for role, recordings in (("train", self.train), ("validation", self.validation))
+            for role, recordings in (
+                ("train", self.train),
+                ("validation", self.validation),
+                ("calibration", self.calibration),
+            )
         }
 
 
@@ -76,8 +94,10 @@ def train_hybrid(
         data: What is learned from.
     """
     training = section.training
-    estimator = hybrid_from(cylinder_from(params.cylinder), design, chosen, training, section.seed, section.device)
-    own = {"design": design, "seed": section.seed}
+    cylinder, seeds = cylinder_from(params.cylinder), (section.seed, section.device)
+    lag_s = section.lag_s if isinstance(section, TrainParams) else 0.0
+    estimator = hybrid_from(cylinder, design, chosen, training, *seeds, data.tracker, lag_s)
+    own = {"design": design, "seed": section.seed, "lag_s": lag_s}
     folder = resume_folder(stage, RESUMED_CODE, params.cylinder, chosen, training, data.hashes, own)
     with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch", disable=None) as bar:
 
@@ -85,7 +105,7 @@ def train_hybrid(
             bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
             bar.update(epoch - bar.n)
 
-        estimator.fit(data.train, data.validation, Checkpoint(folder), after_epoch)
+        estimator.fit(data.train, data.validation, data.calibration, Checkpoint(folder), after_epoch)
     return estimator
 
 
@@ -119,7 +139,14 @@ def learning_curves(name: str, estimator: HybridEstimator) -> dict[str, list[flo
 
 
 def hybrid_from(
-    cylinder: Cylinder, design: Design, chosen: Mapping[str, Any], training: TrainingParams, seed: int, device: str
+    cylinder: Cylinder,
+    design: Design,
+    chosen: Mapping[str, Any],
+    training: TrainingParams,
+    seed: int,
+    device: str,
+    tracker: OffsetTracker | None,
+    lag_s: float = 0.0,
 ) -> HybridEstimator:
     """Return an untrained hybrid.
 
@@ -130,6 +157,8 @@ def hybrid_from(
         training: How it is trained.
         seed: Seeds weights, dropout, batch order and the forest.
         device: ``auto``, ``cpu`` or ``cuda``.
+        tracker: How it learns the sensors' offset.
+        lag_s: How long after a moment its friction is estimated [s].
     """
     return HybridEstimator(
         cylinder,
@@ -139,6 +168,8 @@ def hybrid_from(
         forest_plan(chosen, training),
         seed,
         device_from(device),
+        tracker=tracker,
+        lag_s=lag_s,
     )
 
 

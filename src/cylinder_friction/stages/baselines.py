@@ -39,10 +39,10 @@ def run(params: Params) -> RunRecord:
         baselines(cylinder_from(params.cylinder), forest_plan=trees, seed=settings.seed)
     )
     for estimator in tqdm(named.values(), desc="train baselines", unit="estimator", disable=None):
-        estimator.fit(data.train)
+        estimator.fit(data.train).offset = data.tracker
     named["paper_lstm"] = paper.without_forest()
     for name in REAL_TIME:
-        named[name].calibrate(largest_friction_n(data.train), data.validation)
+        named[name].calibrate(largest_friction_n(data.train), data.calibrating)
     with whole_folder(PAPER_HYBRID_FOLDER) as draft:
         write_hybrid(draft, paper, data)
     with whole_folder(BASELINES_FOLDER) as draft:

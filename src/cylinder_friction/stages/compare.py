@@ -14,6 +14,7 @@ from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
 from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
 from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
+from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
@@ -35,6 +36,7 @@ from cylinder_friction.stages._stage import (
     LSTM_FOLDER,
     LUGRE_FOLDER,
     METRICS_FILE,
+    OFFSET_FILE,
     PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
     REPORTS_FOLDER,
@@ -51,10 +53,13 @@ if TYPE_CHECKING:
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
 COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
+STARTS_FILE = REPORTS_FOLDER / "starts.json"
 TABLE_FILE = REPORTS_FOLDER / "table.md"
 REPORT_FILE = REPORTS_FOLDER / "report.html"
 FIGURES_FOLDER = REPORTS_FOLDER / "figures"
 PLOTS_FOLDER = REPORTS_FOLDER / "plots"
+FILES = (METRICS_FILE, TIMINGS_FILE, STARTS_FILE, COVERAGE_FILE, TABLE_FILE, REPORT_FILE)
+WRITTEN = (*FILES, FIGURES_FOLDER, PLOTS_FOLDER)
 LEARNING_CURVE_FILE = "learning_curve.json"
 MAIN, RIVAL = "hybrid", "lugre"
 
@@ -83,15 +88,16 @@ def run(params: Params) -> RunRecord:
     }
     tree = metric_tree(comparison)
     held = coverage(estimators[MAIN], recordings, truth_n, settings.reversal_window_s)
-    _write(analysis, times, tree, held)
+    begun = starts(estimators[MAIN], recordings, truth_n)
+    _write(analysis, times, tree, begun, held)
     return RunRecord(
         name="compare",
         params=flat(settings),
-        metrics=flat_metrics(tree) | coverage_metrics(held),
+        metrics=flat_metrics(tree)
+        | coverage_metrics(held)
+        | {f"starts.condition_{each.condition}.warm_percent": each.warm_percent for each in begun},
         tags={"summary": "\n".join(summary(comparison, MAIN))},
-        artifacts=artifacts(
-            METRICS_FILE, TIMINGS_FILE, COVERAGE_FILE, TABLE_FILE, REPORT_FILE, FIGURES_FOLDER, PLOTS_FOLDER
-        ),
+        artifacts=artifacts(*WRITTEN),
         datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
     )
 
@@ -130,9 +136,16 @@ def _place(name: str) -> tuple[int, str]:
     return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
 
 
-def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree, held: Sequence[Coverage]) -> None:
+def _write(
+    analysis: Analysis,
+    times: dict[str, StepTime],
+    tree: MetricTree,
+    begun: Sequence[Starts],
+    held: Sequence[Coverage],
+) -> None:
     audit: dict[str, Any] | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
-    inputs = ReportInputs(times, read_json(SPACE_FILE), read_json(CHOSEN_FILE), audit, held)
+    offsets = read_json(OFFSET_FILE)["sessions"]
+    inputs = ReportInputs(times, read_json(SPACE_FILE), read_json(CHOSEN_FILE), audit, offsets, begun, held)
     report = report_html(analysis, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:
         for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure", disable=None):
@@ -143,5 +156,6 @@ def _write(analysis: Analysis, times: dict[str, StepTime], tree: MetricTree, hel
     write_text(REPORT_FILE, report)
     write_text(TABLE_FILE, markdown_tables(analysis.comparison))
     write_json(TIMINGS_FILE, {name: asdict(time) for name, time in times.items()})
+    write_json(STARTS_FILE, [asdict(each) for each in begun])
     write_json(COVERAGE_FILE, [asdict(each) for each in held])
     write_json(METRICS_FILE, tree)

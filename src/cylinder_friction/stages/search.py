@@ -44,13 +44,14 @@ def run(params: Params) -> RunRecord:
     bar = tqdm(total=settings.trials * epochs, desc="search", unit="epoch", disable=None)
 
     def objective(values: dict[str, Value], report: Report) -> float:
-        estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, settings.seed, settings.device)
+        seeds = (settings.seed, settings.device)
+        estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, *seeds, data.tracker)
 
         def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
             bar.update(1)
             report(validation_mae_n)
 
-        estimator.fit(data.train, data.validation, report=after_epoch)
+        estimator.fit(data.train, data.validation, data.calibration, report=after_epoch)
         return mean_absolute_error_n(estimator, data.validation)
 
     finished: list[Trial] = []

@@ -28,7 +28,7 @@ def run(params: Params) -> RunRecord:
     design, chosen = chosen_hybrid(params.train)
     hybrid = train_hybrid("train", params, params.train, design, chosen, data)
     alone = hybrid.without_forest()
-    alone.calibrate(largest_friction_n(data.train), data.validation)
+    alone.calibrate(largest_friction_n(data.train), data.calibrating)
     with whole_folder(HYBRID_FOLDER) as draft:
         write_hybrid(draft, hybrid, data)
         write_json(draft / CHOSEN_FILE.name, chosen)

@@ -46,6 +46,8 @@ SIGNATURE = ModelSignature(
             ColSpec(DataType.double, "upper_n"),
             ColSpec(DataType.long, "flags"),
             ColSpec(DataType.boolean, "in_training_range"),
+            ColSpec(DataType.double, "offset_n", required=False),
+            ColSpec(DataType.double, "offset_uncertainty_n", required=False),
         ]
     ),
 )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import optuna
@@ -16,8 +17,6 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from optuna.distributions import BaseDistribution
 
 Values = dict[str, Any]
@@ -125,6 +124,7 @@ def _finished(study: optuna.Study) -> list[FrozenTrial]:
 
 def _storage(journal: Path) -> JournalStorage:
     journal.parent.mkdir(parents=True, exist_ok=True)
+    Path(f"{journal}.lock").unlink(missing_ok=True)  # a kill while it was written left it, and Optuna would wait for it
     if journal.is_file():
         content = journal.read_bytes()
         whole = content[: content.rfind(b"\n") + 1]

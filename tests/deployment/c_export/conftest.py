@@ -15,6 +15,7 @@ from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.testing.golden import read_trajectories
 from golden_fixtures import GOLDEN, golden_model
+from learned_offset import learning, learning_hybrid, offset_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from cylinder_friction.deployment.c_export.export import Precision
     from cylinder_friction.realtime.model import StepModel
 
-__all__ = ["compiled", "golden_model", "trajectories"]
+__all__ = ["compiled", "golden_model", "learning_hybrid", "offset_samples", "trajectories"]
 COMPILERS = ("gcc", "clang")
 
 
@@ -92,6 +93,8 @@ def _shapes() -> dict[str, Callable[[StepModel], StepModel]]:
         "hidden_only": hidden_only,
         "wide": wide,
         "forest_alone": forest_alone,
+        "learning": learning,
+        "learning_base": lambda model: part_of(learning(model), "base"),
     }
 
 

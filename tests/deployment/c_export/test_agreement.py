@@ -19,6 +19,7 @@ from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from deployment.c_export.conftest import SHAPES
+from learned_offset import PRIOR_N, learning
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +59,7 @@ def test_double_is_the_reference(
     np.testing.assert_allclose(newtons, [estimate[:3] for estimate in expected], rtol=0.0, atol=DOUBLE_N)
 
 
-@pytest.mark.parametrize("shape", ["whole", "lstm", "base"])
+@pytest.mark.parametrize("shape", ["whole", "lstm", "base", "learning", "learning_base"])
 def test_float_stays_within_half_a_newton(
     shape: str,
     compiled: Callable[..., CompiledEstimator],
@@ -73,8 +74,9 @@ def test_float_stays_within_half_a_newton(
 
 
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.6))
+@given(shape=st.sampled_from(["whole", "learning"]), seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.6))
 def test_whatever_comes_is_the_reference(
+    shape: str,
     seed: int,
     share: float,
     compiled: Callable[..., CompiledEstimator],
@@ -86,10 +88,34 @@ def test_whatever_comes_is_the_reference(
     bad = generator.random(samples.shape) < share
     strange = [np.nan, np.inf, -np.inf, 1e300, -1e300, 5e-324, -0.0, 0.0, 2e7, -0.3]
     samples[bad] = generator.choice(strange, int(bad.sum()))
-    expected, expected_flags = RealTimeStream(golden_model).run(samples)
-    newtons, flags = compiled("whole").stream().run(samples)
+    expected, expected_flags = RealTimeStream(SHAPES[shape](golden_model)).run(samples)
+    newtons, flags = compiled(shape).stream().run(samples)
     np.testing.assert_array_equal(flags, expected_flags)
     np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)
+
+
+@pytest.mark.parametrize(("precision", "allowed_n"), [("double", DOUBLE_N), ("float", FLOAT_N)])
+def test_the_offset_that_is_learned_is_the_references(
+    precision: str,
+    allowed_n: float,
+    compiled: Callable[..., CompiledEstimator],
+    golden_model: StepModel,
+    offset_samples: np.ndarray,
+) -> None:
+    python, stream = RealTimeStream(learning(golden_model)), compiled("learning", precision).stream()
+    expected, offsets = [], []
+    for sample in offset_samples:
+        expected.append(python.step(*sample))
+        got = stream.step(*sample)
+        assert got.flags == expected[-1].flags
+        assert got[:3] == pytest.approx(expected[-1][:3], rel=0.0, abs=allowed_n)
+        offsets.append(stream.offset)
+    assert stream.offset == pytest.approx(python.offset, rel=0.0, abs=allowed_n)
+    unknown = np.array([bool(estimate.flags & Flag.OFFSET_UNKNOWN) for estimate in expected])
+    assert unknown[1:100].all()
+    assert not unknown[1000:].any()
+    assert offsets[0] == pytest.approx((0.0, np.hypot(PRIOR_N, 2.5)), rel=1e-5)
+    assert abs(offsets[-1][0] - 99.9) < 2.0 * offsets[-1][1] < 20.0
 
 
 def test_a_hybrid_streams_what_it_estimates(
@@ -100,6 +126,18 @@ def test_a_hybrid_streams_what_it_estimates(
         newtons, flags = stream.run(labelled_recordings[0].samples())
         np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[0]), rtol=0.0, atol=DOUBLE_N)
         assert set(flags.tolist()) <= {0, Flag.WARMING}
+
+
+def test_a_hybrid_that_learns_the_offset_streams_what_it_estimates(
+    learning_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
+    recording = labelled_recordings[0]
+    stream = CompiledEstimator(export_c(learning_hybrid, tmp_path)).stream()
+    for start in ((0.0, None), (25.0, 5.0), (-60.0, None)):
+        stream.reset(*start)
+        newtons, flags = stream.run(recording.samples())
+        np.testing.assert_allclose(newtons[:, 0], learning_hybrid.estimate(recording, *start), rtol=0.0, atol=DOUBLE_N)
+        assert bool(flags[0] & Flag.OFFSET_UNKNOWN) == (start[1] is None)
 
 
 @pytest.mark.parametrize("name", sorted(LINEAR))

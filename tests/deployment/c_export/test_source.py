@@ -89,8 +89,9 @@ def test_it_compiles_without_a_warning(
         assert said == ""
 
 
-def test_constants_are_what_was_returned(golden_model: StepModel, tmp_path: Path) -> None:
-    exported = export_model(golden_model, tmp_path, "press_4")
+@pytest.mark.parametrize("shape", ["whole", "learning"])
+def test_constants_are_what_was_returned(shape: str, golden_model: StepModel, tmp_path: Path) -> None:
+    exported = export_model(SHAPES[shape](golden_model), tmp_path, "press_4")
     names = {
         "PRESS_4_SAMPLE_TIME_S": golden_model.sample_time_s,
         "PRESS_4_STATE_BYTES": exported.state_bytes,
@@ -101,7 +102,11 @@ def test_constants_are_what_was_returned(golden_model: StepModel, tmp_path: Path
         "PRESS_4_PROBABILITY": golden_model.bounds.probability,
         "PRESS_4_TRAINED_LOWER_POSITION_M": golden_model.guard.trained_lower[2],
         "PRESS_4_TRAINED_UPPER_PRESSURE_1_PA": golden_model.guard.trained_upper[0],
-    } | {f"PRESS_4_FLAG_{flag.name}": flag.value for flag in Flag}
+    } | {
+        f"PRESS_4_FLAG_{flag.name}": flag.value
+        for flag in Flag
+        if exported.learns_offset or flag != Flag.OFFSET_UNKNOWN
+    }
     prints = "\n".join(f'    printf("%.17g\\n", (double)({name}));' for name in names)
     program = f'#include <stdio.h>\n#include "press_4.h"\nint main(void)\n{{\n{prints}\n    return 0;\n}}\n'
     (tmp_path / "main.c").write_text(program + f"/* {exported.model} */\n", encoding="utf-8")
@@ -117,28 +122,35 @@ def find_compiler_or_skip() -> str:
         pytest.skip(str(missing))
 
 
+@pytest.mark.parametrize(
+    ("shape", "mathematics", "functions"),
+    [
+        ("whole", set(), set()),
+        ("learning", {"log", "sqrt"}, {"friction_reset_from", "friction_offset_n", "friction_offset_uncertainty_n"}),
+    ],
+)
 def test_nothing_is_kept_outside_the_state_and_nothing_is_needed_but_libm(
-    golden_model: StepModel, tmp_path: Path
+    shape: str, mathematics: set[str], functions: set[str], golden_model: StepModel, tmp_path: Path
 ) -> None:
-    exported = export_model(golden_model, tmp_path)
+    exported = export_model(SHAPES[shape](golden_model), tmp_path)
     run(find_compiler_or_skip(), "-std=c99", "-O2", "-c", exported.source, "-o", tmp_path / "friction.o")
     symbols = [line.split()[-2:] for line in run("nm", tmp_path / "friction.o").splitlines()]
     kinds = {name: kind for kind, name in symbols}
     assert [name for name, kind in kinds.items() if kind in "DdBbCGgSs"] == []
     needed = {name for name, kind in kinds.items() if kind == "U"}
-    assert needed <= {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
+    assert needed <= {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"} | mathematics
     assert {name for name, kind in kinds.items() if kind == "T"} == {
         "friction_init",
         "friction_reset",
         "friction_warm_up",
         "friction_step",
-    }
+    } | functions
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMPILERS)
 @pytest.mark.parametrize("precision", ["double", "float"])
-@pytest.mark.parametrize("shape", ["whole", "hidden_only", "forest_alone"])
+@pytest.mark.parametrize("shape", ["whole", "hidden_only", "forest_alone", "learning"])
 def test_it_is_clean_under_sanitizers(
     shape: str,
     precision: str,
@@ -179,21 +191,24 @@ def test_it_vectorises(name: str, report: str, golden_model: StepModel, tmp_path
     assert sum("for (" in line for line in vectorised) >= 3, told
 
 
-def test_cppcheck_finds_nothing(golden_model: StepModel, tmp_path: Path) -> None:
-    exported = export_model(golden_model, tmp_path)
+@pytest.mark.parametrize("shape", ["whole", "learning", "learning_base"])
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_cppcheck_finds_nothing(shape: str, precision: str, golden_model: StepModel, tmp_path: Path) -> None:
+    exported = export_model(SHAPES[shape](golden_model), tmp_path, precision=precision)
     allowed = ("--suppress=missingIncludeSystem", "--suppress=unusedFunction")
     told = run(compiler("cppcheck"), "--enable=all", "--std=c99", "--error-exitcode=1", "-q", *allowed, exported.source)
     assert told == ""
 
 
+@pytest.mark.parametrize("shape", ["whole", "learning"])
 @pytest.mark.parametrize("options", ["-O0", "-O2", "-O3 -march=native -ffp-contract=off"])
 @pytest.mark.parametrize("name", COMPILERS)
 def test_every_compiler_and_level_gives_the_same_numbers(
-    name: str, options: str, golden_model: StepModel, trajectories: dict[str, np.ndarray], tmp_path: Path
+    name: str, options: str, shape: str, golden_model: StepModel, trajectories: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
-    exported = export_model(golden_model, tmp_path)
+    exported = export_model(SHAPES[shape](golden_model), tmp_path)
     (tmp_path / "main.c").write_text(HOST, encoding="utf-8")
-    trajectories["stick_slip_reversals"][:300].tofile(tmp_path / "samples")
+    trajectories["bad_samples" if shape == "learning" else "stick_slip_reversals"][:300].tofile(tmp_path / "samples")
     told = []
     for each, level in (("gcc", "-O1"), (name, options)):
         run(

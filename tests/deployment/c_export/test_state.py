@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.stream import RealTimeStream
+from learned_offset import learning
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +39,36 @@ def test_reset_is_exact(compiled: Callable[..., CompiledEstimator], trajectories
     np.testing.assert_array_equal(first[1], again[1])
 
 
+def test_reset_forgets_the_offset_and_can_begin_from_a_known_one(
+    compiled: Callable[..., CompiledEstimator], golden_model: StepModel, offset_samples: np.ndarray
+) -> None:
+    stream, python = compiled("learning").stream(), RealTimeStream(learning(golden_model))
+    for start in ((0.0, None), (90.0, 4.0), (90.0, 0.0), (-30.0, None)):
+        stream.reset(*start)
+        python.reset(*start)
+        assert stream.offset == pytest.approx(python.offset, rel=1e-12)
+        newtons, flags = stream.run(offset_samples[:1500])
+        expected, expected_flags = python.run(offset_samples[:1500])
+        np.testing.assert_array_equal(flags, expected_flags)
+        np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("start", [(math.nan, 4.0), (math.inf, 4.0), (90.0, math.nan), (90.0, math.inf), (1e10, 4.0)])
+def test_an_offset_that_is_no_number_is_not_begun_from(
+    start: tuple[float, float], compiled: Callable[..., CompiledEstimator]
+) -> None:
+    stream, fresh = compiled("learning").stream(), compiled("learning").stream()
+    stream.reset(*start)
+    assert stream.saved() == fresh.saved()
+
+
+def test_an_offset_is_not_taken_where_none_is_learned(compiled: Callable[..., CompiledEstimator]) -> None:
+    stream = compiled("whole").stream()
+    assert stream.offset == (0.0, 0.0)
+    with pytest.raises(ValueError, match="this estimator learns no sensor offset"):
+        stream.reset(1.0)
+
+
 def test_instances_do_not_touch_each_other(
     compiled: Callable[..., CompiledEstimator], trajectories: dict[str, np.ndarray]
 ) -> None:
@@ -48,26 +82,28 @@ def test_instances_do_not_touch_each_other(
     np.testing.assert_array_equal(beside, alone)
 
 
+@pytest.mark.parametrize("shape", ["whole", "learning"])
 def test_a_saved_state_goes_on_where_it_was(
-    compiled: Callable[..., CompiledEstimator], trajectories: dict[str, np.ndarray]
+    shape: str, compiled: Callable[..., CompiledEstimator], trajectories: dict[str, np.ndarray]
 ) -> None:
     samples = trajectories["bad_samples"]
-    stream = compiled("whole").stream()
+    stream = compiled(shape).stream()
     stream.run(samples[:700])
     saved = stream.saved()
     expected = stream.run(samples[700:])
-    restored = compiled("whole").stream()
+    restored = compiled(shape).stream()
     restored.restore(saved)
     went_on = restored.run(samples[700:])
     np.testing.assert_array_equal(went_on[0], expected[0])
     np.testing.assert_array_equal(went_on[1], expected[1])
 
 
+@pytest.mark.parametrize("shape", ["whole", "learning"])
 def test_warm_up_leaves_the_state_of_as_many_steps(
-    compiled: Callable[..., CompiledEstimator], golden_model: StepModel, trajectories: dict[str, np.ndarray]
+    shape: str, compiled: Callable[..., CompiledEstimator], golden_model: StepModel, trajectories: dict[str, np.ndarray]
 ) -> None:
     sample = trajectories["stick_slip_reversals"][0].tolist()
-    stepped, warmed = compiled("whole").stream(), compiled("whole").stream()
+    stepped, warmed = compiled(shape).stream(), compiled(shape).stream()
     warmed.run(trajectories["frozen"][:50])
     for _ in range(golden_model.guard.warm_up_samples):
         stepped.step(*sample)

@@ -8,21 +8,38 @@ import pytest
 
 from cylinder_friction.deployment.fmu.export import ExportedFmu, export_fmu
 from fmu_host import ExtractedFmu
+from learned_offset import learning_hybrid, offset_samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
     from fmu_host import FmuInstance
 
 
+__all__ = ["learning_hybrid", "offset_samples"]
+
+
+@pytest.fixture(scope="session", params=["small_hybrid", "learning_hybrid"])
+def hybrid(request: pytest.FixtureRequest) -> HybridEstimator:
+    """A hybrid without and with a tracker of the sensors' offset."""
+    chosen: HybridEstimator = request.getfixturevalue(request.param)
+    return chosen
+
+
+@pytest.fixture(scope="session")
+def model(hybrid: HybridEstimator) -> StepModel:
+    return hybrid.step_model()
+
+
 @pytest.fixture(scope="session", params=[2, 3], ids=["fmi2", "fmi3"])
 def exported(
-    request: pytest.FixtureRequest, small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory
+    request: pytest.FixtureRequest, hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory
 ) -> ExportedFmu:
-    """The FMU of the small hybrid."""
-    return export_fmu(small_hybrid, tmp_path_factory.mktemp("fmu") / "press.fmu", request.param)
+    """The FMU of a hybrid."""
+    return export_fmu(hybrid, tmp_path_factory.mktemp("fmu") / "press.fmu", request.param)
 
 
 @pytest.fixture(scope="session")

@@ -29,6 +29,7 @@ def without_compiler() -> str:
     raise NoCompilerError("none here")
 
 
+OFFSET_VARIABLES = ("start_offset", "start_offset_uncertainty", "offset", "offset_uncertainty")
 STRICT = (
     "-Wall",
     "-Wextra",
@@ -45,12 +46,10 @@ def test_fmpy_finds_no_problem(exported: ExportedFmu) -> None:
     assert validate_fmu(str(exported.path)) == []
 
 
-def test_the_same_model_gives_the_same_bytes(
-    exported: ExportedFmu, small_hybrid: HybridEstimator, tmp_path: Path
-) -> None:
+def test_the_same_model_gives_the_same_bytes(exported: ExportedFmu, hybrid: HybridEstimator, tmp_path: Path) -> None:
     description = read_model_description(str(exported.path))
     fmi = 2 if description.fmiVersion == "2.0" else 3
-    again = export_fmu(small_hybrid, tmp_path / exported.path.name, fmi)
+    again = export_fmu(hybrid, tmp_path / exported.path.name, fmi)
     first, second = zipfile.ZipFile(exported.path), zipfile.ZipFile(again.path)
     assert first.namelist() == second.namelist()
     for one, other in zip(first.infolist(), second.infolist(), strict=True):
@@ -73,7 +72,7 @@ def test_another_model_or_version_has_another_token(
     assert export_fmu(small_hybrid, tmp_path / "one.fmu", 2).token in tokens
 
 
-def test_what_is_declared(exported: ExportedFmu, small_model: StepModel) -> None:
+def test_what_is_declared(exported: ExportedFmu, model: StepModel) -> None:
     description = read_model_description(str(exported.path))
     interface = description.coSimulation
     assert (description.modelExchange, description.scheduledExecution) == (None, None)
@@ -83,9 +82,9 @@ def test_what_is_declared(exported: ExportedFmu, small_model: StepModel) -> None
     assert not interface.canBeInstantiatedOnlyOncePerProcess
     assert interface.canGetAndSetFMUstate
     assert interface.canSerializeFMUstate
-    assert float(description.defaultExperiment.stepSize) == small_model.sample_time_s
+    assert float(description.defaultExperiment.stepSize) == model.sample_time_s
     if description.fmiVersion == "3.0":
-        assert float(interface.fixedInternalStepSize) == small_model.sample_time_s
+        assert float(interface.fixedInternalStepSize) == model.sample_time_s
     units = {variable.name: variable.unit for variable in description.modelVariables if variable.unit}
     assert units == {
         "time": "s",
@@ -96,25 +95,25 @@ def test_what_is_declared(exported: ExportedFmu, small_model: StepModel) -> None
         "friction": "N",
         "friction_lower": "N",
         "friction_upper": "N",
-    }
+    } | (dict.fromkeys(OFFSET_VARIABLES, "N") if model.offset is not None else {})
     bases = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
     assert (bases["Pa"].kg, bases["Pa"].m, bases["Pa"].s) == (1, -1, -2)
     assert (bases["N"].kg, bases["N"].m, bases["N"].s) == (1, 1, -2)
     assert all(variable.description for variable in description.modelVariables)
 
 
-def test_inputs_start_where_the_model_was_trained(exported: ExportedFmu, small_model: StepModel) -> None:
+def test_inputs_start_where_the_model_was_trained(exported: ExportedFmu, model: StepModel) -> None:
     variables = {variable.name: variable for variable in read_model_description(str(exported.path)).modelVariables}
-    guard = small_model.guard
+    guard = model.guard
     for channel, name in enumerate(("pressure_1", "pressure_2", "position")):
         assert guard.trained_lower[channel] < float(variables[name].start) < guard.trained_upper[channel]
 
 
-def test_a_host_simulates_it_with_nothing_set(exported: ExportedFmu, small_model: StepModel) -> None:
+def test_a_host_simulates_it_with_nothing_set(exported: ExportedFmu, model: StepModel) -> None:
     if exported.binary is None:
         pytest.skip(exported.note)
     rows = simulate_fmu(
-        str(exported.path), stop_time=0.1, output_interval=small_model.sample_time_s, output=["friction", "flags"]
+        str(exported.path), stop_time=0.1, output_interval=model.sample_time_s, output=["friction", "flags"]
     )
     assert len(rows) == 21
     assert (rows["friction"][0], rows["flags"][0]) == (0.0, 1)

@@ -9,6 +9,7 @@ import pytest
 
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
 from golden_fixtures import hybrid, lugre, samples
+from learned_offset import learning_hybrid, offset_samples
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.lugre import LugreEstimator
 
 STEPS = 50
-__all__ = ["hybrid", "lugre", "measured", "samples"]
+__all__ = ["hybrid", "learning_hybrid", "lugre", "measured", "offset_samples", "samples"]
 
 
 @pytest.fixture(scope="session")

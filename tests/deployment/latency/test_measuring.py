@@ -36,6 +36,15 @@ def test_every_runtime_takes_every_step_and_estimates_the_same(measured: Measure
             assert 0.0 <= figures.latency.p50_us <= figures.latency.p99_us <= figures.latency.maximum_us
 
 
+def test_one_that_learns_the_sensors_offset_takes_it_off_in_every_runtime(
+    learning_hybrid: HybridEstimator, offset_samples: np.ndarray
+) -> None:
+    measured = measure({"learner": learning_hybrid}, {"learner": offset_samples[1000:1400]}, Effort(steps=4, rounds=2))
+    model = measured.models["learner"]
+    assert model.size.endswith("LSTM, 4 trees of depth 5, learning the sensors' offset")
+    assert max(figures.largest_difference_n for figures in model.runtimes.values()) < 0.5
+
+
 def test_the_process_is_left_as_it_was(hybrid: HybridEstimator, samples: np.ndarray) -> None:
     before = (os.sched_getaffinity(0), gc.isenabled())
     measure({"small": hybrid}, {"small": samples}, Effort(steps=4, rounds=2))

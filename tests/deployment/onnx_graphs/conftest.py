@@ -12,12 +12,14 @@ from cylinder_friction.estimators.forest import ForestPlan, fit_forest
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.testing.golden import read_trajectories
 from golden_fixtures import GOLDEN, golden_model
+from learned_offset import learning, offset_samples
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
-__all__ = ["golden_model", "model", "samples"]
+__all__ = ["golden_model", "model", "offset_samples", "samples"]
 SHAPES = ("hybrid", "lstm", "three_layers", "forest_on_hidden", "forest_alone", "linear")
+LEARNING = ("hybrid", "forest_alone", "linear")
 
 
 def network(inputs: int, layers: int, nodes: int) -> LstmWeights:
@@ -57,9 +59,11 @@ def shaped(golden: StepModel, shape: str) -> StepModel:
     return replace(none, network=stack, forest=forest, forest_sees="hidden")
 
 
-@pytest.fixture(params=SHAPES)
+@pytest.fixture(params=[*SHAPES, *(f"learning_{shape}" for shape in LEARNING)])
 def model(request: pytest.FixtureRequest, golden_model: StepModel) -> StepModel:
-    return shaped(golden_model, request.param)
+    shape = request.param.removeprefix("learning_")
+    plain = shaped(golden_model, shape)
+    return plain if shape == request.param else learning(plain)
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,7 @@ from cylinder_friction.deployment.onnx_graphs.export import export_model, export
 from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_step
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.testing.golden import MODEL_FOLDER
+from learned_offset import learning
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -36,6 +37,11 @@ def exported(golden_model: StepModel, tmp_path_factory: pytest.TempPathFactory) 
     return export_model(golden_model, tmp_path_factory.mktemp("onnx") / "made" / "here")
 
 
+@pytest.fixture(scope="module")
+def learner(golden_model: StepModel, tmp_path_factory: pytest.TempPathFactory) -> ExportedOnnx:
+    return export_model(learning(golden_model), tmp_path_factory.mktemp("learner"))
+
+
 def metadata(path: Path) -> dict[str, str]:
     return {entry.key: entry.value for entry in onnx.load(path).metadata_props}
 
@@ -49,12 +55,14 @@ def test_equal_models_make_equal_bytes(
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_the_checker_passes_it_at_versions_that_old_runtimes_read(file: str, exported: ExportedOnnx) -> None:
-    path = getattr(exported, file)
-    onnx.checker.check_model(str(path), full_check=True)
-    model = onnx.load(path)
-    assert model.ir_version == 8
-    assert {entry.domain: entry.version for entry in model.opset_import} == {"": 17, "ai.onnx.ml": 3}
+def test_the_checker_passes_it_at_versions_that_old_runtimes_read(
+    file: str, exported: ExportedOnnx, learner: ExportedOnnx
+) -> None:
+    for path in (getattr(exported, file), getattr(learner, file)):
+        onnx.checker.check_model(str(path), full_check=True)
+        model = onnx.load(path)
+        assert model.ir_version == 8
+        assert {entry.domain: entry.version for entry in model.opset_import} == {"": 17, "ai.onnx.ml": 3}
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -69,9 +77,26 @@ def test_it_states_what_it_is(file: str, exported: ExportedOnnx, golden_model: S
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_every_input_and_output_has_its_meaning(file: str, exported: ExportedOnnx) -> None:
-    graph = onnx.load(getattr(exported, file)).graph
-    assert [port.name for port in (*graph.input, *graph.output) if not port.doc_string] == []
+def test_every_input_and_output_has_its_meaning(file: str, exported: ExportedOnnx, learner: ExportedOnnx) -> None:
+    for path in (getattr(exported, file), getattr(learner, file)):
+        graph = onnx.load(path).graph
+        assert [port.name for port in (*graph.input, *graph.output) if not port.doc_string] == []
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_a_learned_offset_has_ports_of_its_own_and_no_other_model_has_them(
+    file: str, exported: ExportedOnnx, learner: ExportedOnnx
+) -> None:
+    plain, learns = (onnx.load(getattr(each, file)).graph for each in (exported, learner))
+    inputs, outputs = (
+        {port.name for port in getattr(learns, what)} - {port.name for port in getattr(plain, what)}
+        for what in ("input", "output")
+    )
+    assert inputs == {"offset"}
+    assert outputs == {"offset_n", "offset_uncertainty_n"} | ({"offset_out"} if file == "step" else set())
+    described = json.loads(metadata(getattr(learner, file))["output"])
+    assert described["offset_n"] == "offset of the sensors' zeros in friction that the next step takes off [N]"
+    assert "offset_n" not in json.loads(metadata(getattr(exported, file))["output"])
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -137,15 +162,20 @@ def test_the_command_refuses_an_estimator_without_a_step(
     assert not (tmp_path / "onnx").exists()
 
 
-def test_the_guide_s_program_runs_where_this_project_is_not(golden_model: StepModel, tmp_path: Path) -> None:
+@pytest.mark.parametrize("learns", [False, True])
+def test_the_guide_s_program_runs_where_this_project_is_not(
+    learns: bool, golden_model: StepModel, tmp_path: Path
+) -> None:
     page = (ROOT / "docs/onnx.md").read_text(encoding="utf-8")
     program = page.partition(f"complete file={PROGRAM}\n")[2].partition("```")[0]
-    export_model(golden_model, tmp_path / "onnx/hybrid")
+    export_model(learning(golden_model) if learns else golden_model, tmp_path / "onnx/hybrid")
     absent = "import sys; sys.modules['cylinder_friction'] = sys.modules['onnx'] = None\n"
     (tmp_path / PROGRAM).write_text(absent + program, encoding="utf-8")
     ran = subprocess.run([sys.executable, PROGRAM], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     lines = ran.stdout.splitlines()
-    assert [line.partition("flags ")[2].partition(";")[0] for line in lines[:3]] == ["2", "2", "10"]
+    assert [line.partition("flags ")[2].partition(";")[0] for line in lines[:3]] == (
+        ["514", "514", "522"] if learns else ["2", "2", "10"]
+    )
     stepped, whole = (float(line.split()[0]) for line in lines[2:])
     np.testing.assert_allclose(stepped, whole, atol=0.1)

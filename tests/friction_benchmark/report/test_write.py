@@ -150,8 +150,11 @@ def _entry(draw: np.random.Generator, model: str, scale: float, baseline: str) -
     )
 
 
+CONCLUSIONS = {task: f"In {task} the conclusion states who wins." for task in TASKS}
+
+
 def page_of(results: BenchmarkResults) -> str:
-    return report_html(results, {task: f"In {task} the conclusion states who wins." for task in TASKS})
+    return report_html(results, CONCLUSIONS)
 
 
 @pytest.fixture(scope="module")
@@ -164,14 +167,13 @@ def page(results: BenchmarkResults) -> str:
     return page_of(results)
 
 
-def test_the_page_is_written_whole_and_equal_results_are_equal_bytes(results: BenchmarkResults, tmp_path: Path) -> None:
+def test_the_page_is_written_whole_and_equal_results_are_equal_bytes(page: str, tmp_path: Path) -> None:
     path = tmp_path / "reports/benchmark.html"
-    write_report(results, {}, path)
-    first = path.read_bytes()
-    write_report(random_results(3), {}, path)
-    assert path.read_bytes() == first
-    assert first.startswith(b"<!DOCTYPE html>")
-    assert len(first) < 3e6
+    write_report(random_results(3), CONCLUSIONS, path)
+    written = path.read_bytes()
+    assert written == page.encode()
+    assert written.startswith(b"<!DOCTYPE html>")
+    assert len(written) < 3e6
 
 
 def test_results_read_back_from_json_make_the_same_page(results: BenchmarkResults, page: str) -> None:

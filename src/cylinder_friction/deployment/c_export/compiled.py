@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.realtime.flags import Estimate
+from cylinder_friction.realtime.stream import NO_OFFSET
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,14 +86,18 @@ class CompiledEstimator:
         self.reset = self._function("reset", state)
         self.warm_up = self._function("warm_up", state, *sample, ctypes.c_uint32)
         self.step = self._function("step", state, *sample, ctypes.POINTER(self.output))
+        if exported.learns_offset:
+            self.reset_from = self._function("reset_from", state, real, real)
+            self.offset_n = self._function("offset_n", state, returns=real)
+            self.offset_uncertainty_n = self._function("offset_uncertainty_n", state, returns=real)
 
     def stream(self) -> CompiledStream:
         """Return a fresh instance."""
         return CompiledStream(self)
 
-    def _function(self, name: str, *arguments: Any) -> Any:
+    def _function(self, name: str, *arguments: Any, returns: Any = None) -> Any:
         function = self._loaded[f"{self.exported.name}_{name}"]
-        function.argtypes, function.restype = arguments, None
+        function.argtypes, function.restype = arguments, returns
         return function
 
 
@@ -105,9 +110,25 @@ class CompiledStream:
         self._output = estimator.output()
         estimator.init(self._state)
 
-    def reset(self) -> None:
-        """Forget everything; the next step is a first step."""
-        self._c.reset(self._state)
+    def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
+        """Forget everything; the next step is a first step, from this offset of the sensors (see ``RealTimeStream``).
+
+        Raises:
+            ValueError: An offset is given, but this estimator learns none.
+        """
+        if self._c.exported.learns_offset:
+            self._c.reset_from(self._state, offset_n, -1.0 if uncertainty_n is None else uncertainty_n)
+        elif offset_n != 0.0 or uncertainty_n is not None:
+            raise ValueError(NO_OFFSET)
+        else:
+            self._c.reset(self._state)
+
+    @property
+    def offset(self) -> tuple[float, float]:
+        """Offset of the sensors' zeros in friction that the next step takes off, and its standard uncertainty [N]."""
+        if not self._c.exported.learns_offset:
+            return 0.0, 0.0
+        return self._c.offset_n(self._state), self._c.offset_uncertainty_n(self._state)
 
     def warm_up(self, *sample: float, steps: int) -> None:
         """Reset, then take ``steps`` steps on one and the same sample."""

@@ -14,12 +14,14 @@ from cylinder_friction.deployment.c_export.forest import SIDE_BY_SIDE, flatten
 from cylinder_friction.deployment.c_export.literals import number
 from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_model, lugre_values
 from cylinder_friction.deployment.c_export.network import network_operations, network_values
-from cylinder_friction.deployment.descriptions import FLAG_MEANINGS, described_inputs
+from cylinder_friction.deployment.c_export.sensor_offset import offset_operations, offset_values
+from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
 from cylinder_friction.deployment.rendering import model_hash, render
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS
 from cylinder_friction.realtime.bounds import unknown_bounds
 from cylinder_friction.realtime.history import TOLERANCE_M
+from cylinder_friction.realtime.sensor_offset import OWN
 from cylinder_friction.recordings.files import write_text
 
 if TYPE_CHECKING:
@@ -51,6 +53,7 @@ class GeneratedC:
     inputs: tuple[str, ...]
     state_bytes: int
     operations: int
+    learns_offset: bool
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ class ExportedC:
     real: Type  # Type of samples and estimates
     state_bytes: int  # Size of an instance
     operations: int  # Multiply-adds, comparisons and the like of one step, at worst
+    learns_offset: bool  # Whether it learns the offset of the sensors' zeros
 
 
 def export_c(
@@ -115,6 +119,7 @@ def export_model(
         precision,
         generated.state_bytes,
         generated.operations,
+        generated.learns_offset,
     )
 
 
@@ -176,6 +181,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         operations += 4 + (_feature_operations(step, bank) if learned else 0)
         operations += 0 if step.network is None else network_operations(step.network, head)
         operations += 0 if forest is None else forest.operations()
+    operations += 0 if step.offset is None else offset_operations(bank, len(columns))
     smooth = None if history is None else bank.feature[history.position_feature]
     begins = {} if smooth is None else {"backlash_centre_m": smooth, "moved_from_m": smooth}
     inputs = described_inputs(columns)
@@ -188,7 +194,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         "kind": kind,
         "model": step,
         "inputs": inputs,
-        "flags": FLAG_MEANINGS,
+        "flags": flag_meanings(step),
         "fields": fields,
         "state_bytes": sum(field.bytes for field in fields),
         "operations": operations,
@@ -209,6 +215,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         "moves_steps": 0 if history is None else _steps_within(history.moves_s, step.sample_time_s),
         "begins": {"backlash_centre_m": bank.feature[0]} if lugre is not None else begins,
         "lugre": None if lugre is None else lugre_values(lugre),
+        "tracker": offset_values(step, bank),
     }
     return GeneratedC(
         header=render("estimator.h.j2", precision, **values),
@@ -217,6 +224,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         inputs=columns,
         state_bytes=sum(field.bytes for field in fields),
         operations=operations,
+        learns_offset=step.offset is not None,
     )
 
 
@@ -292,7 +300,25 @@ def state_fields(
             StateField("uint32_t", "dwell_steps", (), "steps at rest so far"),
             StateField("uint32_t", "dwell_before_steps", (), "steps at rest before this motion"),
         ]
+    if model.offset is not None:
+        fields += _offset_fields(inputs, real)
     fields = sorted((field for field in fields if field.bytes), key=lambda field: -BYTES[field.type])
     if any(BYTES[field.type] == 8 for field in fields) and sum(field.bytes for field in fields) % 8:
         fields.append(StateField("uint32_t", "unused", (), "rounds the size to a multiple of 8"))
     return fields
+
+
+def _offset_fields(inputs: int, real: Type) -> list[StateField]:
+    """Return what an instance remembers of the sensors' offset."""
+    return [
+        StateField(real, "own", (OWN,), "offset, asymmetry, scale, slope and the stroke's error of this session"),
+        StateField(real, "own_covariance", (OWN, OWN), "their covariance"),
+        StateField(real, "level_n", (), "friction's level in the first block"),
+        StateField(real, "block_sums", (inputs,), "sum of each input over this block"),
+        StateField(real, "block_velocity_m_s", (), "the same of the velocity"),
+        StateField(real, "block_first_m_s", (), "velocity at this block's first sample"),
+        StateField("uint32_t", "block_samples", (), "samples in this block so far"),
+        StateField("uint32_t", "stroke_samples", (), "samples in this stroke, until it has settled"),
+        StateField("uint32_t", "directions", (), "bits: 1 once a block extended, 2 once one retracted"),
+        StateField("int32_t", "stroke_direction", (), "-1, 0 or 1: direction of this stroke, 0 while too slow"),
+    ]

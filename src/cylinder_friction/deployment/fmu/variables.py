@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from cylinder_friction.deployment.descriptions import FLAG_MEANINGS, described_inputs
+from cylinder_friction.deployment.c_export.sensor_offset import stated_uncertainty_n
+from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
@@ -47,6 +48,7 @@ class FmuVariable:
     unit: str | None = None  # A name from ``UNITS``, or None
     start: float | int | None = None  # Value before anything is set, for inputs and parameters alone
     minimum: int | None = None  # Smallest value, for the integer parameter alone
+    initial_from: str | None = None  # Parameter that an output depends on before the first step
 
     def attributes(self, reference: int) -> dict[str, str | None]:
         """Return the attributes of any variable; inputs and time may not state how they begin."""
@@ -74,10 +76,11 @@ class FmuVariable:
 def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
     """Return the variables; a variable's place in the tuple is its value reference."""
     holds = model.bounds.in_words()
+    earlier = f", {1e3 * model.lag_s:g} ms earlier" if model.lag_s > 0.0 else ""
     warm_up = "For how many steps the samples set before the simulation starts have stood already; 0: not at all"
     step = "Time between two samples: the only communication step size that is taken"
     estimates = {
-        "friction": "Friction, positive when it opposes positive velocity, of the sample set before the step",
+        "friction": f"Friction, positive when it opposes positive velocity, of the sample set before the step{earlier}",
         "friction_lower": f"Lower bound of friction: {holds}",
         "friction_upper": f"Upper bound of friction: {holds}",
     }
@@ -86,14 +89,42 @@ def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
         *_inputs(model),
         FmuVariable("warm_up_steps", "integer", "parameter", "fixed", warm_up, start=0, minimum=0),
         FmuVariable("sample_time", "real", "calculatedParameter", "fixed", step, "s"),
+        *_offset_parameters(model),
         *(FmuVariable(name, "real", "output", "continuous", text, "N") for name, text in estimates.items()),
+        *_offset_outputs(model),
         FmuVariable("flags", "integer", "output", "discrete", "How far to trust the estimate, as bits; 0: all is well"),
         FmuVariable("trusted", "boolean", "output", "discrete", "No flag is set"),
         *(
             FmuVariable(str(flag.name).lower(), "boolean", "output", "discrete", f"Flag {flag.value}: {meaning}")
-            for flag, meaning in FLAG_MEANINGS.items()
+            for flag, meaning in flag_meanings(model).items()
         ),
     )
+
+
+def _offset_parameters(model: StepModel) -> list[FmuVariable]:
+    """Return what states a known offset; nothing for a model that learns none."""
+    if model.offset is None:
+        return []
+    stated = f"below 0: as stated for the sensors, {stated_uncertainty_n(model):.3g} N"
+    texts = {
+        "start_offset": (0.0, "Offset of the sensors' zeros in friction to start from, where it is known"),
+        "start_offset_uncertainty": (-1.0, f"Standard uncertainty of start_offset; {stated}"),
+    }
+    return [FmuVariable(name, "real", "parameter", "fixed", text, "N", start) for name, (start, text) in texts.items()]
+
+
+def _offset_outputs(model: StepModel) -> list[FmuVariable]:
+    """Return what has been learned of the offset; nothing for a model that learns none."""
+    if model.offset is None:
+        return []
+    texts = {
+        "offset": "Offset of the sensors' zeros in friction, as learned so far: the next step takes it off",
+        "offset_uncertainty": "Standard uncertainty of that offset",
+    }
+    return [
+        FmuVariable(name, "real", "output", "continuous", text, "N", initial_from=f"start_{name}")
+        for name, text in texts.items()
+    ]
 
 
 def _inputs(model: StepModel) -> list[FmuVariable]:

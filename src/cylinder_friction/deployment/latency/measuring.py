@@ -187,7 +187,8 @@ class _Turns:
 
 def _compared(runtimes: Sequence[Runtime], estimator: FrictionEstimator, samples: Array) -> list[_Turns]:
     """Take the first steps, and compare with the estimator itself, or with the first runtime of another group."""
-    expected = {"estimator": estimator.advance(estimator.new_state(), samples[:COMPARED_STEPS])}
+    stream = estimator.stream()
+    expected = {"estimator": np.array([stream.step(*sample) for sample in samples[:COMPARED_STEPS]])}
     result = []
     for runtime in runtimes:
         friction, _ = runtime.run(samples[:COMPARED_STEPS])

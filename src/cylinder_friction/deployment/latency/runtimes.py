@@ -147,7 +147,7 @@ def runtimes_of(estimator: FrictionEstimator, folder: Path) -> tuple[Runtime, ..
 
 
 def size_of(estimator: FrictionEstimator) -> str:
-    """Return the size of an estimator's network and forest in words, or its kind where it has neither."""
+    """Return the size of network and forest in words, or an estimator's kind, and whether it learns an offset."""
     if isinstance(estimator, LugreEstimator):
         return "LuGre, pressure-scaled" if estimator.pressure_scaled else "LuGre"
     model = estimator.step_model()
@@ -156,4 +156,5 @@ def size_of(estimator: FrictionEstimator) -> str:
         parts.append(f"{model.network.layers}x{model.network.nodes} LSTM")
     if model.forest is not None:
         parts.append(f"{len(model.forest.roots)} trees of depth {model.forest.depth}")
-    return ", ".join(parts) or estimator.kind.replace("_", " ")
+    size = ", ".join(parts) or estimator.kind.replace("_", " ")
+    return size if model.offset is None else f"{size}, learning the sensors' offset"

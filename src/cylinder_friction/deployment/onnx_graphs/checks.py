@@ -53,10 +53,17 @@ def _by_flag(graph: Graph, model: StepModel, accepted: str, name: str) -> tuple[
     return graph.add("Equal", f"{name}_accepted_count", count, to=f"{name}_accepted_by_flag"), flags
 
 
-def checked(graph: Graph, model: StepModel, rows: Rows) -> tuple[str, str]:
-    """Return flags and regime as numbers, each shape ``(n, 1)``, of rows that are ``filtered``."""
+def checked(graph: Graph, model: StepModel, rows: Rows, constant: str) -> tuple[str, str]:
+    """Return flags and regime as numbers, each shape ``(n, 1)``, of rows that are ``filtered``.
+
+    Args:
+        graph: Where they are made.
+        model: Its guard and bounds.
+        rows: The samples.
+        constant: From ``unchanging``.
+    """
     guard, bounds, inputs = model.guard, model.bounds, len(model.inputs)
-    frozen = _frozen(graph, model, rows)
+    frozen = _frozen(graph, model, constant)
     _inside(graph, rows.sample, "trained", guard.trained_lower, guard.trained_upper)
     graph.add("Concat", "trained", frozen, rows.accepted, to="troubles", axis=1)
     graph.cast("troubles", "trouble_number", TensorProto.DOUBLE)
@@ -82,8 +89,8 @@ def _inside(graph: Graph, values: str, to: str, lower: tuple[float, ...], upper:
     return graph.add("And", to + "_above", to + "_below", to=to)
 
 
-def _frozen(graph: Graph, model: StepModel, rows: Rows) -> str:
-    """Return which pressure was constant over too much travel, or position too long under too much force."""
+def unchanging(graph: Graph, model: StepModel, rows: Rows) -> str:
+    """Return which pressure has been constant over too much travel, and whether the position has been for too long."""
     guard, pressures = model.guard, len(model.pressures)
     checked_inputs = (*model.pressures, model.position)
     accepted = rows.accepted
@@ -98,7 +105,12 @@ def _frozen(graph: Graph, model: StepModel, rows: Rows) -> str:
     graph.add("Abs", "travelled_since", to="travelled")
     limits = graph.constant([[*[guard.freeze_travel_m] * pressures, float(guard.freeze_samples)]])
     graph.add("Greater", "travelled", limits, to="over")
-    constant = rows.latched(CHANGED_AT, "over", "fresh")
+    return rows.latched(CHANGED_AT, "over", "fresh")
+
+
+def _frozen(graph: Graph, model: StepModel, constant: str) -> str:
+    """Return which pressure was constant over too much travel, or position too long under too much force."""
+    guard, pressures = model.guard, len(model.pressures)
     graph.add("Abs", "base_n", to="resistance_n")
     graph.add("Greater", "resistance_n", graph.constant(guard.freeze_force_n), to="strong")
     graph.add("Or", "strong", graph.constant([[*[True] * pressures, False]], np.bool_), to="suspicious")
@@ -123,12 +135,14 @@ def _flags_and_regime(graph: Graph, model: StepModel, rows: Rows) -> tuple[str, 
     A bad sample is recent as well, hence a difference: recovery is what is recent but not bad.
     """
     accepted, invalid = _by_flag(graph, model, rows.accepted, "held")
-    graph.add("Concat", "outside_frozen_bad", "recent", accepted, "faster", to="bits", axis=1)
+    learns = [] if model.offset is None else [graph.cast("offset_known", "offset_is_known", TensorProto.BOOL)]
+    graph.add("Concat", "outside_frozen_bad", "recent", accepted, "faster", *learns, to="bits", axis=1)
     graph.cast("bits", "bit_number", TensorProto.DOUBLE)
     troubles = [Flag.OUTSIDE, Flag.FROZEN, -Flag.RECOVERING.value]
-    flags = [*troubles, Flag.RECOVERING, 0, Flag.WARMING, *-invalid, 0, 0, 0, 0]
-    regime = [0, 0, 0, 0, REVERSAL, 0, *0 * invalid, 1, 1, 1, 1]
+    unknown = Flag.OFFSET_UNKNOWN * len(learns)
+    flags = [*troubles, Flag.RECOVERING, 0, Flag.WARMING, *-invalid, 0, 0, 0, 0, *[-unknown] * len(learns)]
+    regime = [0, 0, 0, 0, REVERSAL, 0, *0 * invalid, 1, 1, 1, 1, *[0] * len(learns)]
     weights = graph.constant(np.array([flags, regime], dtype=np.float64).T)
-    graph.add("Gemm", "bit_number", weights, graph.constant([[invalid.sum(), 0.0]]), to="flags_and_regime")
+    graph.add("Gemm", "bit_number", weights, graph.constant([[invalid.sum() + unknown, 0.0]]), to="flags_and_regime")
     graph.split("flags_and_regime", {"flag_number": 1, "regime": 1})
     return "flag_number", "regime"

@@ -22,12 +22,22 @@ OUTPUTS = {
     "upper_n": "upper bound of friction [N]",
     "flags": "bits: " + ", ".join(f"{flag.value} {flag.name}" for flag in Flag),
 }
+OFFSET_OUTPUTS = {
+    "offset_n": "offset of the sensors' zeros in friction that the next step takes off [N]",
+    "offset_uncertainty_n": "its standard uncertainty [N]",
+}
+"""Those of a model that learns the offset."""
 SPINNING = ("session.intra_op.allow_spinning", "session.inter_op.allow_spinning")
 """Entries of a session's configuration: a thread that waits for work in a loop starves the rest of the machine."""
 ORT_CONFIG = "ort_config"
 """Key that ONNX Runtime itself reads where the environment has ``ORT_LOAD_CONFIG_FROM_MODEL=1``."""
 
 MODEL_HASH = "model_sha256"
+
+
+def outputs_of(model: StepModel) -> dict[str, str]:
+    """Return the meaning of each output but the states, by name."""
+    return OUTPUTS if model.offset is None else OUTPUTS | OFFSET_OUTPUTS
 
 
 def input_text(model: StepModel) -> str:
@@ -43,8 +53,9 @@ def described(model: StepModel) -> dict[str, str]:
         ORT_CONFIG: json.dumps({"session_options": threads}),
         **dict.fromkeys(SPINNING, "0"),
         "sample_time_s": repr(float(model.sample_time_s)),
+        "lag_s": repr(float(model.lag_s)),
         "input": input_text(model),
-        "output": json.dumps(OUTPUTS),
+        "output": json.dumps(outputs_of(model)),
         "training_range_with_margin": _ranges(model.inputs, guard.trained_lower, guard.trained_upper),
         "accepted_range": _ranges(model.inputs, guard.accept_lower, guard.accept_upper),
         "bounds_probability": repr(float(model.bounds.probability)),

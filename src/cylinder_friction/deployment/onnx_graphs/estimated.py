@@ -11,15 +11,19 @@ from cylinder_friction.estimators.onnx_files import forest_to_onnx
 from cylinder_friction.realtime.lstm import TINY
 
 if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array
     from cylinder_friction.deployment.onnx_graphs.graph import Graph
     from cylinder_friction.deployment.onnx_graphs.rows import Rows
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.lstm import LstmWeights
-    from cylinder_friction.realtime.model import Bounds, StepModel
+    from cylinder_friction.realtime.model import StepModel
+
+NO_SPREAD_N = 1e20
+"""Stands for a spread of 0: beside so large a one no offset moves the bounds."""
 
 
 def lags_of(model: StepModel) -> int:
-    """Return how many samples the longest filter sees; at least two, so that the step before is among them."""
+    """Return how many samples the longest filter of a step sees; at least two, for the step before to be among them."""
     return max(2, model.feature_taps.shape[2], model.base_taps.shape[1], model.velocity_taps.shape[1])
 
 
@@ -28,19 +32,22 @@ def filtered(graph: Graph, model: StepModel, rows: Rows) -> None:
 
     ``raw_features``, shape ``(n, features)``; ``base_n``, ``(n, 1)``; ``speeds_m_s``: velocity there and back, twice,
     ``(n, 4)``; ``changes``: of each pressure and of the position since the step before; ``positions_m``: one for each
-    pressure. The last two have taps of 1 and -1 only, and come out exact.
+    pressure. The last two have taps of 1 and -1 only, and come out exact. Where the sensors' offset is learned, it is
+    still in the first two, which are one tensor, ``measured``; ``strokes_m_s`` is the velocity there and back again.
     """
-    lags, inputs = lags_of(model), len(model.inputs)
+    lags, inputs = rows.lags, len(model.inputs)
     one = np.eye(inputs)
     changes = [np.stack([one[place], -one[place]], axis=1) for place in (*model.pressures, model.position)]
     positions = [one[model.position][:, None]] * len(model.pressures)
     speeds = [sign * model.velocity_taps for sign in (1.0, -1.0, 1.0, -1.0)]
-    bank = [*model.feature_taps, model.base_taps, *speeds, *changes, *positions]
+    strokes = [] if model.offset is None else speeds[:2]
+    bank = [*model.feature_taps, model.base_taps, *speeds, *strokes, *changes, *positions]
     taps = np.stack([np.pad(each, ((0, 0), (0, lags - each.shape[1]))) for each in bank])
     newest_first = taps.transpose(2, 1, 0).reshape(inputs * lags, len(bank))
     graph.add("MatMul", rows.window, graph.constant(newest_first), to="filtered")
-    widths = {"raw_features": len(model.feature_taps), "base_n": 1, "speeds_m_s": 4}
-    widths |= {"changes": len(changes), "positions_m": len(positions)}
+    features = len(model.feature_taps)
+    widths = {"raw_features": features, "base_n": 1} if model.offset is None else {"measured": features + 1}
+    widths |= {"speeds_m_s": 4, "strokes_m_s": len(strokes), "changes": len(changes), "positions_m": len(positions)}
     graph.split("filtered", {name: width for name, width in widths.items() if width})
 
 
@@ -60,9 +67,7 @@ def estimated(graph: Graph, model: StepModel, rows: Rows, regime: str) -> str:
     if model.forest is not None:
         _forest(graph, model)
         parts.append("forest")
-    base = graph.add(
-        "Add", "base_n", _offsets(graph, model.bounds, regime, model.target_mean_n), to="base_with_bounds_n"
-    )
+    base = _base_with_bounds(graph, model, regime)
     if not parts:
         return base
     outputs = parts[0] if len(parts) == 1 else graph.add("Concat", *parts, to="learnt_single", axis=1)
@@ -138,9 +143,23 @@ def tree_attributes(forest: Forest) -> dict[str, Any]:
     return {attribute.name: helper.get_attribute_value(attribute) for attribute in node.attribute}
 
 
-def _offsets(graph: Graph, bounds: Bounds, regime: str, mean_n: float) -> str:
-    """Return what is added to friction, lower and upper bound by regime, shape ``(n, 3)``."""
-    table = np.stack([np.zeros(4), np.array(bounds.lower_n), np.array(bounds.upper_n)], axis=1) + mean_n
+def _base_with_bounds(graph: Graph, model: StepModel, regime: str) -> str:
+    """Return what is corrected with its bounds by regime, shape ``(n, 3)``: friction, lower and upper [N]."""
+    bounds, mean_n = model.bounds, model.target_mean_n
+    regime = graph.cast(regime, "regime_index", TensorProto.INT64)
+    spread_n, to = np.array(bounds.spread_n), "base_with_bounds_n"
+    distances = np.stack([np.zeros(4), np.array(bounds.lower_n), np.array(bounds.upper_n)], axis=1)
+    if model.offset is None or not spread_n.any():
+        return graph.add("Add", "base_n", _by_regime(graph, distances + mean_n, regime, "offsets_n"), to=to)
+    spread_n = np.where(spread_n > 0.0, spread_n, NO_SPREAD_N)[:, None]
+    spread_square = _by_regime(graph, spread_n**2, regime, "spread_square")
+    graph.add("Add", spread_square, "offset_variance", to="deviation_square")
+    graph.add("Sqrt", "deviation_square", to="deviation_n")
+    graph.add("Mul", _by_regime(graph, distances / spread_n, regime, "distances"), "deviation_n", to="distances_n")
+    return graph.add("Sum", "base_n", "distances_n", graph.constant([[mean_n]]), to=to)
+
+
+def _by_regime(graph: Graph, table: Array, regime: str, to: str) -> str:
+    """Return the row of a table of four that a regime has, shape ``(n, columns)``."""
     reversing = np.repeat(table[3:], 3, axis=0)  # whatever the velocity
-    graph.cast(regime, "regime_index", TensorProto.INT64)
-    return graph.add("GatherND", graph.constant(np.vstack([table[:3], reversing])), "regime_index", to="offsets_n")
+    return graph.add("GatherND", graph.constant(np.vstack([table[:3], reversing])), regime, to=to)

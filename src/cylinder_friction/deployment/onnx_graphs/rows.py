@@ -34,6 +34,7 @@ class Rows(Protocol):
         window: The last samples, newest first, shape ``(n, inputs · lags)``.
         never: False in every row, shape ``(n, 1)``.
         single: Whether there is one row whose state goes in and out.
+        lags: How many samples make a window.
     """
 
     sample: str
@@ -42,12 +43,16 @@ class Rows(Protocol):
     window: str
     never: str
     single: bool
+    lags: int
 
     def latest(self, what: str, values: str, fresh: str) -> str:
         """Return ``values`` as they were at the last row where ``fresh`` held, per column."""
 
     def latched(self, what: str, over: str, fresh: str) -> str:
         """Return whether ``over`` has held at any row since ``fresh`` last did, per column."""
+
+    def lasting(self, holds: str) -> str:
+        """Return for how many rows, this one included, something has held, as numbers, per column of two."""
 
     def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
         """Return the history features of the smoothed positions, shape ``(n, 6)``."""

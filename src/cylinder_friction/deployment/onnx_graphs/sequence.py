@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from onnx import TensorProto
 
-from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked
-from cylinder_friction.deployment.onnx_graphs.description import OUTPUTS, described, input_text
+from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked, unchanging
+from cylinder_friction.deployment.onnx_graphs.description import OUTPUTS, described, input_text, outputs_of
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.history import history_rows
+from cylinder_friction.deployment.onnx_graphs.offset_in_sequence import PADDING, learn_offset
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO
+from cylinder_friction.deployment.onnx_graphs.sensor_offset import take_off
 
 if TYPE_CHECKING:
     import onnx
@@ -25,12 +27,18 @@ LAST = np.iinfo(np.int64).max
 
 
 def sequence_graph(model: StepModel) -> onnx.ModelProto:
-    """Return the estimate of whole recordings as one graph, without loops but those of LSTM and history."""
+    """Return the estimate of whole recordings as one graph, without loops but those of LSTM, history and offset."""
     graph = Graph()
+    text = input_text(model).replace("raw sample", "raw samples")
+    graph.takes("samples", TensorProto.DOUBLE, ["time", len(model.inputs)], text)
     validity = check_validity(graph, model, "samples")
     rows = SequenceRows(graph, model, validity)
     filtered(graph, model, rows)
-    flags, regime = checked(graph, model, rows)
+    constant = unchanging(graph, model, rows)
+    if model.offset is not None:
+        learn_offset(graph, model, model.offset, rows, constant)
+        take_off(graph, model, model.offset)
+    flags, regime = checked(graph, model, rows, constant)
     newtons = estimated(graph, model, rows, regime)
     graph.add("Pad", newtons, rows.padding, to="newtons")  # 0 before the first valid sample
     parts = {name: 1 for name in OUTPUTS if name != "flags"}
@@ -38,9 +46,7 @@ def sequence_graph(model: StepModel) -> onnx.ModelProto:
     graph.add("Pad", flags, rows.padding, to="padded_flags")
     graph.add("Where", "started", "padded_flags", validity.unready_flags, to="final_flags")
     graph.cast("final_flags", "flags_column", TensorProto.INT32)
-    text = input_text(model).replace("raw sample", "raw samples")
-    graph.takes("samples", TensorProto.DOUBLE, ["time", len(model.inputs)], text)
-    for name, meaning in OUTPUTS.items():
+    for name, meaning in outputs_of(model).items():
         graph.add("Squeeze", f"{name}_column", graph.indices(1), to=name)
         graph.gives(name, TensorProto.INT32 if name == "flags" else TensorProto.DOUBLE, ["time"], meaning)
     return graph.model("sequence", MEANING, described(model))
@@ -59,13 +65,13 @@ class SequenceRows:
     clock = "clock"
     window = "window"
     never = "never"
-    padding = "padding"
+    padding = PADDING
 
     def __init__(self, graph: Graph, model: StepModel, validity: Validity) -> None:
-        self._graph, self._model = graph, model
+        self._graph, self._model, self.lags = graph, model, lags_of(model)
         self._begin(validity)
         self._hold()
-        self._windows(lags_of(model))
+        self._windows(self.lags)
 
     def latest(self, what: str, values: str, fresh: str) -> str:
         graph = self._graph
@@ -84,6 +90,13 @@ class SequenceRows:
         since = self._filled(what + "_over", "over_count", fresh, len(self._model.pressures) + 1)
         graph.add("Greater", "over_count", since, to="over_since")
         return graph.add("Or", over, "over_since", to="over_latched")
+
+    def lasting(self, holds: str) -> str:
+        graph = self._graph
+        graph.add("Not", holds, to=holds + "_not")
+        graph.add("Where", holds + "_not", self.clock, graph.constant([[0.0, 0.0]]), to=holds + "_not_at")
+        last = self._filled(holds, holds + "_not_at", holds + "_not", 2)
+        return graph.add("Sub", self.clock, last, to=holds + "_rows_each")
 
     def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
         return history_rows(self._graph, history, sample_time_s, smooth_m)

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from onnx import TensorProto
 
-from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked
-from cylinder_friction.deployment.onnx_graphs.description import OUTPUTS, described, input_text
+from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked, unchanging
+from cylinder_friction.deployment.onnx_graphs.description import described, input_text, outputs_of
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.history import STATE, begin_history, history_step
+from cylinder_friction.deployment.onnx_graphs.offset_in_step import begin_offset, learn_offset
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION, FAR, HAPPENED_AT, LONG_AGO
+from cylinder_friction.deployment.onnx_graphs.sensor_offset import block_taps, take_off
 
 if TYPE_CHECKING:
     import onnx
@@ -32,7 +34,10 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
     validity = check_validity(graph, model, "sample")
     rows = StepRows(graph, model, validity)
     filtered(graph, model, rows)
-    flags, regime = checked(graph, model, rows)
+    if model.offset is not None:
+        begin_offset(graph, model.offset)
+        take_off(graph, model, model.offset)
+    flags, regime = checked(graph, model, rows, unchanging(graph, model, rows))
     newtons = estimated(graph, model, rows, regime)
     graph.add("Where", "running", flags, validity.unready_flags, to="final_flags")
     graph.cast("final_flags", "flags", TensorProto.INT32)
@@ -41,7 +46,7 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
     rows.remember()
     graph.takes("sample", TensorProto.DOUBLE, [1, len(model.inputs)], input_text(model))
     graph.takes("memory", TensorProto.DOUBLE, [1, rows.size], "what filters and guard remember; zeros at a start")
-    for name, meaning in OUTPUTS.items():
+    for name, meaning in outputs_of(model).items():
         graph.gives(name, TensorProto.INT32 if name == "flags" else TensorProto.DOUBLE, [1, 1], meaning)
     graph.gives("memory_out", TensorProto.DOUBLE, [1, rows.size], "memory of the next step")
     if model.network is not None:
@@ -49,6 +54,8 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
         graph.takes("network", TensorProto.FLOAT, shape, "hidden and cell state, layer by layer; zeros at a start")
         graph.gives("network_out", TensorProto.FLOAT, shape, "network of the next step")
         graph.add("Where", "running", "network_state", "network", to="network_out")
+    if model.offset is not None:
+        learn_offset(graph, model, model.offset, rows)
     return graph.model("step", MEANING, described(model))
 
 
@@ -67,7 +74,9 @@ class StepRows:
 
     def __init__(self, graph: Graph, model: StepModel, validity: Validity) -> None:
         self._graph, self._model = graph, model
-        inputs, past = len(model.inputs), (lags_of(model) - 1) * len(model.inputs)
+        block_lags = 0 if model.offset is None else block_taps(model, model.offset).shape[2]
+        self.lags = max(lags_of(model), block_lags)
+        inputs, past = len(model.inputs), (self.lags - 1) * len(model.inputs)
         lengths = {"past": past, "oldest": inputs, CHANGED_AT: len(model.pressures) + 1, HAPPENED_AT: 3}
         lengths |= {DIRECTION: 1, "clock": 1, "history": 0 if model.history is None else len(STATE), "ready": 1}
         self._lengths = {name: length for name, length in lengths.items() if length}
@@ -85,6 +94,12 @@ class StepRows:
 
     def direction_before(self, direction: str) -> str:
         return direction + "_before"
+
+    def lasting(self, holds: str) -> str:
+        graph = self._graph
+        graph.cast(holds, holds + "_number", TensorProto.DOUBLE)
+        graph.add("Add", holds + "_before", graph.constant([[1.0]]), to=holds + "_longer")
+        return graph.add("Mul", holds + "_longer", holds + "_number", to=holds + "_rows_each")
 
     def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
         begun = begin_history(self._graph, smooth_m)
@@ -108,7 +123,7 @@ class StepRows:
         graph.add("Where", validity.accepted, "sample", "held", to="clean")
         graph.add("Concat", "clean", graph.constant([[0.0, LONG_AGO]]), to="beginnings", axis=1)
         position, zero, never = self._model.position, inputs, inputs + 1
-        begun = [*range(inputs)] * lags_of(self._model)
+        begun = [*range(inputs)] * self.lags
         begun += [*[position] * len(self._model.pressures), zero, never, never, zero]
         begun += [zero] * (self.size - len(begun))
         graph.add("Gather", "beginnings", graph.indices(*begun), to="memory_at_first", axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,8 @@ import onnxruntime
 
 from cylinder_friction.deployment.onnx_graphs.description import MODEL_HASH, session_options
 from cylinder_friction.realtime.flags import Estimate
+from cylinder_friction.realtime.sensor_offset import refuse_impossible
+from cylinder_friction.realtime.stream import NO_OFFSET
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,12 +41,31 @@ class OnnxStepStream:
         back = {name: self._arrays[f"{name}_out"] for name in states}
         back |= {f"{name}_out": self._arrays[name] for name in states}
         self._bindings = self._bound(self._arrays), self._bound({**self._arrays, **back})
-        self._turn = 0
+        self.reset()
 
-    def reset(self) -> None:
-        """Forget everything; the next step is a first step."""
+    def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
+        """Forget everything; the next step is a first step, from this offset of the sensors (see ``RealTimeStream``).
+
+        Raises:
+            ValueError: An offset is given, but this graph learns none; or a number is impossible.
+        """
+        given = _given(self.session, offset_n, uncertainty_n)
         for array in self._arrays.values():
             array[...] = 0
+        self._turn = 0
+        for array in given.values():
+            self._arrays["offset"][:, : array.shape[1]] = array
+            self._arrays["offset_n"][...] = self._arrays["offset_uncertainty_n"][...] = np.nan
+
+    @property
+    def offset(self) -> tuple[float, float]:
+        """Offset of the sensors' zeros in friction that the next step takes off, and its standard uncertainty [N].
+
+        NaN before the first step; zeros of a graph that learns none.
+        """
+        if "offset" not in self._arrays:
+            return 0.0, 0.0
+        return self._arrays["offset_n"].item(), self._arrays["offset_uncertainty_n"].item()
 
     def warm_up(self, *sample: float, steps: int) -> None:
         """Reset, then take ``steps`` steps on one and the same sample, so that the state comes to rest at it."""
@@ -82,16 +104,37 @@ class OnnxSequence:
     def __init__(self, session: onnxruntime.InferenceSession) -> None:
         self.session = session
 
-    def run(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def run(
+        self, samples: NDArray[np.float64], offset_n: float = 0.0, uncertainty_n: float | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Return friction, lower and upper bound [N], shape ``(n, 3)``, and flags, shape ``(n,)``.
 
         Args:
             samples: Raw, shape ``(n, inputs)``; by default pressure 1 [Pa], pressure 2 [Pa], position [m].
+            offset_n: Offset of the sensors' zeros in friction to start from, if known [N].
+            uncertainty_n: Its standard uncertainty [N]; None: as the sensors' zeros were stated.
+
+        Raises:
+            ValueError: An offset is given, but this graph learns none; or a number is impossible.
         """
-        outputs = ["friction_n", "lower_n", "upper_n", "flags"]
-        samples = np.ascontiguousarray(samples, dtype=np.float64)
-        *newtons, flags = self.session.run(outputs, {"samples": samples})
+        *newtons, flags = self._outputs(["friction_n", "lower_n", "upper_n", "flags"], samples, offset_n, uncertainty_n)
         return np.stack(newtons, axis=1), flags
+
+    def offsets(
+        self, samples: NDArray[np.float64], offset_n: float = 0.0, uncertainty_n: float | None = None
+    ) -> NDArray[np.float64]:
+        """Return offset and standard uncertainty after each sample [N], shape ``(n, 2)``, of a graph that learns them.
+
+        Arguments as for ``run``.
+        """
+        return np.stack(self._outputs(["offset_n", "offset_uncertainty_n"], samples, offset_n, uncertainty_n), axis=1)
+
+    def _outputs(
+        self, names: list[str], samples: NDArray[np.float64], offset_n: float, uncertainty_n: float | None
+    ) -> list[NDArray[Any]]:
+        feed = {"samples": np.ascontiguousarray(samples, dtype=np.float64)}
+        outputs: list[NDArray[Any]] = self.session.run(names, feed | _given(self.session, offset_n, uncertainty_n))
+        return outputs
 
     def close(self) -> None:
         """Release nothing; present so that streams of every runtime are used alike."""
@@ -129,6 +172,20 @@ def open_session(source: Path | onnx.ModelProto, kind: str, first_input: str) ->
         )
     content = model.SerializeToString(deterministic=True)
     return onnxruntime.InferenceSession(content, session_options(metadata), providers=["CPUExecutionProvider"])
+
+
+def _given(
+    session: onnxruntime.InferenceSession, offset_n: float, uncertainty_n: float | None
+) -> dict[str, NDArray[np.float64]]:
+    """Return what a graph that learns the offset is given before the first sample; nothing for one that learns none."""
+    if all(port.name != "offset" for port in session.get_inputs()):
+        if offset_n != 0.0 or uncertainty_n is not None:
+            raise ValueError(NO_OFFSET)
+        return {}
+    refuse_impossible(offset_n, uncertainty_n)
+    # 0 stands for none: an offset that is known exactly is as uncertain as the smallest number
+    uncertainty_n = 0.0 if uncertainty_n is None else max(uncertainty_n, sys.float_info.min)
+    return {"offset": np.array([[offset_n, uncertainty_n]])}
 
 
 def _array(port: Any) -> NDArray[Any]:

@@ -19,6 +19,7 @@
 #define FMU_TOLERANCE_S (1e-6 * FMU_MODEL_SAMPLE_TIME_S) /* of a step's size and of where it begins */
 #define FMU_STOP_TOLERANCE_S (1e-3 * FMU_MODEL_SAMPLE_TIME_S)
 #define FMU_LONGEST_WARM_UP 10000000
+#define FMU_LARGEST_OFFSET_N 1e9
 
 typedef enum { FMU_INSTANTIATED, FMU_INITIALIZING, FMU_STEPPING, FMU_TERMINATED } fmu_mode;
 
@@ -31,6 +32,10 @@ typedef struct {
     double inputs[FMU_MODEL_INPUTS];
     int32_t warm_up_steps;
     uint32_t flags;
+#ifdef FMU_VR_START_OFFSET
+    double start_offset_n;
+    double start_uncertainty_n; /* below 0: as stated for the sensors */
+#endif
     double outputs[3]; /* friction, lower bound, upper bound [N] */
     fmu_model_state estimator;
 } fmu_state;
@@ -56,6 +61,9 @@ static void fmu_reset(fmu_instance *instance)
     memcpy(state->inputs, fmu_model_starts, sizeof fmu_model_starts);
     state->flags = FMU_MODEL_FLAG_NOT_READY;
     fmu_model_init(&state->estimator);
+#ifdef FMU_VR_START_OFFSET
+    state->start_uncertainty_n = -1.0;
+#endif
 }
 
 static fmu_instance *fmu_new(const char *name)
@@ -118,8 +126,9 @@ static bool fmu_exit_initialization(fmu_instance *instance, const char *what)
     if (!fmu_allowed(instance, what, state->mode == FMU_INITIALIZING)) {
         return false;
     }
-    if (state->warm_up_steps > 0) {
-        fmu_model_warm_up(&state->estimator, FMU_MODEL_SAMPLE(state->inputs), (uint32_t)state->warm_up_steps);
+    for (int32_t left = state->warm_up_steps; left > 0; left--) {
+        fmu_model_output ignored;
+        fmu_model_step(&state->estimator, FMU_MODEL_SAMPLE(state->inputs), &ignored);
     }
     state->mode = FMU_STEPPING;
     return true;
@@ -198,6 +207,12 @@ static bool fmu_get_real(fmu_instance *instance, const char *what, uint32_t refe
     case FMU_VR_FRICTION: *value = state->outputs[0]; return true;
     case FMU_VR_FRICTION_LOWER: *value = state->outputs[1]; return true;
     case FMU_VR_FRICTION_UPPER: *value = state->outputs[2]; return true;
+#ifdef FMU_VR_START_OFFSET
+    case FMU_VR_START_OFFSET: *value = state->start_offset_n; return true;
+    case FMU_VR_START_OFFSET_UNCERTAINTY: *value = state->start_uncertainty_n; return true;
+    case FMU_VR_OFFSET: *value = (double)fmu_model_offset_n(&state->estimator); return true;
+    case FMU_VR_OFFSET_UNCERTAINTY: *value = (double)fmu_model_offset_uncertainty_n(&state->estimator); return true;
+#endif
     default: return fmu_unknown(instance, what, reference);
     }
 }
@@ -224,6 +239,27 @@ static bool fmu_get_boolean(fmu_instance *instance, const char *what, uint32_t r
     return fmu_unknown(instance, what, reference);
 }
 
+#ifdef FMU_VR_START_OFFSET
+/* Sets one number of a known offset; the estimator, which has taken no step yet, starts from both at once. */
+static bool fmu_set_start(fmu_instance *instance, const char *what, double *number, double value)
+{
+    fmu_state *state = &instance->state;
+    if (!fmu_allowed(instance, what, state->mode == FMU_INSTANTIATED || state->mode == FMU_INITIALIZING)) {
+        return false;
+    }
+    if (!(fabs(value) <= FMU_LARGEST_OFFSET_N)) {
+        (void)snprintf(instance->message, sizeof instance->message,
+                       "%s: expected a start offset and its uncertainty of at most %.9g N, but got %.9g N", what,
+                       FMU_LARGEST_OFFSET_N, value);
+        return false;
+    }
+    *number = value;
+    fmu_model_reset_from(&state->estimator, (fmu_model_real)state->start_offset_n,
+                         (fmu_model_real)state->start_uncertainty_n);
+    return true;
+}
+#endif
+
 /* Any number is taken, NaN and infinity too: the estimator's own guard holds and flags what is no reading. */
 static bool fmu_set_real(fmu_instance *instance, const char *what, uint32_t reference, double value)
 {
@@ -241,10 +277,18 @@ static bool fmu_set_real(fmu_instance *instance, const char *what, uint32_t refe
     case FMU_VR_FRICTION:
     case FMU_VR_FRICTION_LOWER:
     case FMU_VR_FRICTION_UPPER:
+#ifdef FMU_VR_START_OFFSET
+    case FMU_VR_OFFSET:
+    case FMU_VR_OFFSET_UNCERTAINTY:
+#endif
         (void)snprintf(instance->message, sizeof instance->message,
                        "%s: value reference %lu is not an input; the inputs are " FMU_MODEL_INPUT_NAMES, what,
                        (unsigned long)reference);
         return false;
+#ifdef FMU_VR_START_OFFSET
+    case FMU_VR_START_OFFSET: return fmu_set_start(instance, what, &state->start_offset_n, value);
+    case FMU_VR_START_OFFSET_UNCERTAINTY: return fmu_set_start(instance, what, &state->start_uncertainty_n, value);
+#endif
     default: return fmu_unknown(instance, what, reference);
     }
 }

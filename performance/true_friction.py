@@ -1,0 +1,107 @@
+"""How near label and hybrid are to the true friction of the simulated rig, cold and warm, and what the bounds hold.
+
+    python performance/true_friction.py [--run FOLDER]
+
+Reads a finished run, the present folder by default. ``cold``: each held-out recording begins with what is stated for
+the sensors; ``warm``: each later recording of a session with the offset learned in the one before. ``less mean
+offset``: the mean of label less truth over all sessions of the cylinder, which no data can determine, is taken off
+before scoring.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.truth import known_truth
+from cylinder_friction.signals.motion import event_masks
+
+if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array, Mask
+    from cylinder_friction.recordings.recording import Recording
+
+ROLES = ("train", "validation", "calibration", "test")
+EVENT_WINDOW_S = 0.1
+
+
+def main() -> None:
+    """Print the figures of one run."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--run", type=Path, default=Path(), help="root of a finished run")
+    print(report(parser.parse_args().run))
+
+
+def report(run: Path) -> str:
+    """Return the figures of a finished run as text."""
+    recordings = {role: read_recordings(run / "data/processed" / role) for role in ROLES}
+    every = [recording for own in recordings.values() for recording in own]
+    truth_n = known_truth(str(run / "data/raw/rig_truth"), every)
+    mean_n = mean_offset_n(every, truth_n)
+    hybrid = load_estimator(run / "models/hybrid")
+    rows: dict[str, dict[str, list[tuple[Array, Array]]]] = {}
+    events: list[Array] = []
+    learned: dict[str, tuple[float, float]] = {}
+    for recording in sorted(recordings["test"], key=lambda each: each.name):
+        session, usable, true_n = recording.metadata.session, recording.usable(), truth_n[recording.name]
+        stream = hybrid.real_time()
+        stepped, _ = stream.run(recording.samples(hybrid.inputs))
+        estimates = {"label": recording.column("friction_n"), "hybrid, cold": hybrid.aligned(stepped)[:, 0]}
+        if session in learned:
+            estimates["hybrid, warm"] = hybrid.estimate(recording, *learned[session])
+        learned[session] = stream.offset
+        for name, values_n in estimates.items():
+            for words, taken_n in ((name, 0.0), (f"{name}, less mean offset", mean_n)):
+                error_n = np.abs(values_n - taken_n - true_n)[usable]
+                by_condition = rows.setdefault(words, {})
+                by_condition.setdefault(recording.metadata.condition, []).append((error_n, np.abs(true_n)[usable]))
+        events.append(np.abs(estimates["hybrid, cold"] - true_n)[near_events(recording)])
+    lines = ["mean absolute error [% of mean |true friction| of the condition]", header(sorted(rows["label"]))]
+    lines += [line(words, rows[words]) for words in sorted(rows)]
+    lines.append(f"near events, hybrid cold: {np.concatenate(events).mean():.1f} N; mean offset left: {mean_n:.2f} N")
+    for each in read_json(run / "reports/coverage.json"):
+        if (each["reference"], each["condition"]) == ("truth", "all"):
+            lines.append(
+                f"bounds hold {each['held_percent']:.1f} % of true friction, near events "
+                f"{each['held_near_events_percent']:.1f} %, worst session {each['worst_session_percent']:.1f} %, mean "
+                f"width {each['mean_width_n']:.1f} N"
+            )
+    return "\n".join(lines)
+
+
+def mean_offset_n(recordings: list[Recording], truth_n: dict[str, Array]) -> float:
+    """Return the mean over sessions of label less truth [N]."""
+    sessions: dict[str, list[Array]] = {}
+    for recording in recordings:
+        error_n = (recording.column("friction_n") - truth_n[recording.name])[recording.usable()]
+        sessions.setdefault(recording.metadata.session, []).append(error_n)
+    return float(np.mean([np.concatenate(parts).mean() for parts in sessions.values()]))
+
+
+def near_events(recording: Recording) -> Mask:
+    """Return the usable rows near a start, stop or reversal, shape ``(n,)``."""
+    masks = event_masks(recording.column("velocity_m_s"), round(EVENT_WINDOW_S / recording.sample_time_s))
+    return np.asarray(np.logical_or.reduce(list(masks.values())) & recording.usable())
+
+
+def header(conditions: list[str]) -> str:
+    """Return the head of a table of ``line``."""
+    return f"{'':32}" + "".join(f"{'cond. ' + condition:>9}" for condition in conditions) + f"{'mean':>9}"
+
+
+def line(words: str, by_condition: dict[str, list[tuple[Array, Array]]]) -> str:
+    """Return the percent of each condition and their mean, from absolute errors and friction of its recordings [N]."""
+    percent = []
+    for condition in sorted(by_condition):
+        error_n, friction_n = (np.concatenate(each) for each in zip(*by_condition[condition], strict=True))
+        percent.append(100.0 * float(error_n.sum() / friction_n.sum()))
+    return f"{words:32}" + "".join(f"{each:9.2f}" for each in (*percent, float(np.mean(percent))))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,62 @@
+"""What it is worth to know the sensors' offset from a session's earlier recording: a warm start beside a cold one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.evaluation.metrics import errors
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Errors in one condition, on the recordings that are not the first of their session [% of mean |reference|]."""
+
+    condition: str
+    reference: str  # ``label`` or ``truth``
+    recordings: int
+    mean_abs_friction_n: float  # The denominator [N]
+    cold_percent: float  # Nothing is known but the stated uncertainty of the sensors' zeros
+    warm_percent: float  # Started from what was learned in the session's recording before
+
+
+def starts(estimator: FrictionEstimator, recordings: Sequence[Recording], truth_n: Mapping[str, Array]) -> list[Starts]:
+    """Return the errors of either start by condition; nothing where no offset is learned.
+
+    Args:
+        estimator: Fitted.
+        recordings: Held out, with ``friction_n`` and ``usable``; those of a session follow each other by name.
+        truth_n: True friction [N] by recording name; the reference where it is known of all, else the label is.
+    """
+    if estimator.offset is None:
+        return []
+    reference = "truth" if all(recording.name in truth_n for recording in recordings) else "label"
+    found: dict[str, list[tuple[Array, Array, Array]]] = {}
+    learned: dict[str, tuple[float, float]] = {}
+    for recording in sorted(recordings, key=lambda each: each.name):
+        session, usable = recording.metadata.session, recording.usable()
+        known_n = truth_n[recording.name] if reference == "truth" else recording.column("friction_n")
+        if session in learned:
+            cold_n, warm_n = estimator.estimate(recording), estimator.estimate(recording, *learned[session])
+            rows = (known_n[usable], cold_n[usable], warm_n[usable])
+            found.setdefault(recording.metadata.condition, []).append(rows)
+        stream = estimator.real_time()
+        stream.reset(*learned.get(session, ()))
+        stream.run(recording.samples(estimator.inputs))
+        learned[session] = stream.offset
+    return [_starts(condition, reference, found[condition]) for condition in sorted(found)]
+
+
+def _starts(condition: str, reference: str, rows: Sequence[tuple[Array, Array, Array]]) -> Starts:
+    known_n, cold_n, warm_n = (np.concatenate(each) for each in zip(*rows, strict=True))
+    cold, warm = (errors(known_n, each, np.ones(len(known_n), dtype=np.bool_)) for each in (cold_n, warm_n))
+    return Starts(condition, reference, len(rows), cold.mean_abs_friction_n, cold.percent, warm.percent)

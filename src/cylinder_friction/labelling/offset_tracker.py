@@ -1,0 +1,175 @@
+"""From friction known of several sessions to what a real-time step needs to learn the offset of the next one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from cylinder_friction.labelling.sensor_offset import (
+    POSITION_ORDER,
+    OffsetModel,
+    OffsetPlan,
+    fit_offset_model,
+    zero_uncertainty_n,
+)
+from cylinder_friction.labelling.uncertainty import sensitivities
+from cylinder_friction.realtime.bounds import causal_velocity
+from cylinder_friction.realtime.sensor_offset import (
+    BALANCE,
+    LARGEST,
+    LOAD,
+    POWERS,
+    PRESSURE,
+    QUANTITIES,
+    WARM,
+    ZERO,
+    OffsetTracker,
+)
+from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURES
+from cylinder_friction.recordings.recording import RecordingError
+
+UNLIMITED = 1e30
+"""Limit of a quantity that is no input: JSON and C have no infinity in common."""
+FOLDS = 4
+CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
+"""How many times as far a session may differ from the others as their model states; the likeliest is chosen."""
+MARGIN = 0.5
+"""Share of its span by which a quantity may leave the range of training before its blocks no longer count."""
+RANGED_PLACES = (0, 2, 5, 7)
+"""Pressure, speed, load and temperature among ``QUANTITIES``."""
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
+
+
+def fit_offset_tracker(
+    recordings: Sequence[Recording], cylinder: Cylinder, inputs: Sequence[str], plan: OffsetPlan | None = None
+) -> OffsetTracker:
+    """Return what a step needs to learn the offset of a session, from sessions whose offsets are identified.
+
+    Args:
+        recordings: Labelled, their offsets identified (``OffsetModel.corrected``).
+        cylinder: Its areas and moving mass.
+        inputs: Columns of a sample: both pressures and the position; a measured load must be one; the oil's
+            temperature may be.
+        plan: How offsets are identified.
+
+    Raises:
+        RecordingError: An input that the force balance needs is missing, or no zeros were identified.
+    """
+    plan = plan or OffsetPlan()
+    needed = [*PRESSURES, *([LOAD_FORCE] if LOAD_FORCE in recordings[0].table.columns else [])]
+    missing = [column for column in needed if column not in inputs]
+    if missing:
+        raise RecordingError(f"an offset cannot be learned without {missing[0]} among the inputs; got {tuple(inputs)}")
+    bare = [recording.name for recording in recordings if not recording.metadata.identified_zero]
+    if bare:
+        raise RecordingError(f"recording {bare[0]!r}: no zeros were identified; correct its offset first")
+    prior_n = max(zero_uncertainty_n(recording, cylinder) or 0.0 for recording in recordings)
+
+    def fitted(chosen: Sequence[Recording]) -> OffsetTracker:
+        model = fit_offset_model([recording.zeroed() for recording in chosen], cylinder, plan, inputs)
+        return _tracker(model, recordings[0], inputs, prior_n)
+
+    return fitted(recordings).careful(*_caution(recordings, inputs, fitted))
+
+
+def _caution(
+    recordings: Sequence[Recording], inputs: Sequence[str], fitted: Callable[[Sequence[Recording]], OffsetTracker]
+) -> tuple[float, float]:
+    """Return how carefully sessions that are not known must be learned, and stated: the likeliest of ``CAUTION``."""
+    sessions = sorted({recording.metadata.session for recording in recordings})
+    folds = []
+    for fold in range(min(FOLDS, len(sessions) - 1)):
+        own = sessions[fold::FOLDS]
+        others = [each for each in recordings if each.metadata.session not in own]
+        folds.append((fitted(others), [each for each in recordings if each.metadata.session in own]))
+
+    found = []
+    for learning in CAUTION:
+        errors = [
+            _errors(tracker.careful(learning, 1.0), each, inputs) for tracker, held_out in folds for each in held_out
+        ]
+        found += [(sum(_surprise(*each, stating) for each in errors), learning, stating) for stating in CAUTION]
+    return min(found)[1:]
+
+
+def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str]) -> tuple[Array, Array, float]:
+    """Return the offset's error and variance at each sample, without what all sessions share, and its largest."""
+    samples = recording.samples(inputs)
+    place = list(inputs).index("position_m")
+    found = tracker.rows(samples, causal_velocity(recording), place, tracker.new_state())
+    true_n = float((samples - recording.zeroed().samples(inputs))[0] @ tracker.weights[BALANCE])
+    return found[:, 0] - true_n, found[:, 1] ** 2 - tracker.common_n**2, float(tracker.settings[LARGEST])
+
+
+def _surprise(error_n: Array, variance: Array, largest: float, stating: float) -> float:
+    """Return minus the mean log-likelihood of normal errors, but for a constant."""
+    stated = np.minimum(stating**2 * variance, np.maximum(largest, variance))
+    return float(np.mean(np.log(stated) + error_n**2 / stated))
+
+
+def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], prior_n: float) -> OffsetTracker:
+    """Return the tracker of a model; the friction that it knows has its coefficients in SI units, not standardised."""
+    places, step_s = _places(model), recording.sample_time_s
+    count = len(model.means)
+    standard = np.array(model.coefficients[1 : 1 + count]) / np.array(model.deviations) * model.level_n
+    friction = np.zeros(QUANTITIES)
+    friction[places] = standard
+    along = np.zeros(POWERS)
+    powers = legendre.leg2poly([0.0, *model.coefficients[1 + count : 1 + count + POSITION_ORDER]])
+    along[: len(powers)] = model.level_n * powers
+    along[0] += model.level_n * model.coefficients[0] - float(standard @ np.array(model.means))
+    even_constant, even_pressure = model.level_n * np.array(model.coefficients[1 + count + POSITION_ORDER :])
+    even_pressure /= model.deviations[0]
+    plan, block = model.plan, max(1, round(model.plan.block_s / step_s))
+    speed = model.speed_place
+    settings = [
+        *(plan.slowest_m_s, round(plan.settling_s / step_s), block, model.cylinder.moving_mass_kg, block * step_s),
+        *(model.noise_n, model.stroke_n, prior_n**2 * step_s / plan.drift_s, model.common_uncertainty_n),
+        *(model.means[speed], model.deviations[speed], *model.position_range_m),
+        *(even_constant - even_pressure * model.means[0], even_pressure, 1.0, prior_n**2),
+    ]
+    return OffsetTracker(
+        weights=_weights(recording, model.cylinder, inputs, prior_n),
+        settings=np.array(settings),
+        friction=friction,
+        position=along,
+        ranges=_ranges(model, places),
+        prior=np.array([prior_n, 0.5 * plan.asymmetry_sd, model.scale, model.slope, 0.0]),
+    )
+
+
+def _weights(recording: Recording, cylinder: Cylinder, inputs: Sequence[str], prior_n: float) -> Array:
+    weights = np.zeros((5, len(inputs)))
+    stated, whole = recording.metadata.uncertainty, cylinder.piston_area_m2 + cylinder.annulus_area_m2
+    areas = sensitivities(recording, cylinder) | ({LOAD_FORCE: -1.0} if LOAD_FORCE in inputs else {})
+    for place, column in enumerate(inputs):
+        if column in areas:
+            weights[BALANCE, place] = areas[column]
+            weights[ZERO, place] = areas[column] * stated[column].zero ** 2 / max(prior_n, 1e-9) ** 2
+        if column in PRESSURES:
+            weights[PRESSURE, place] = abs(areas[column]) / whole
+        weights[LOAD, place] = float(column == LOAD_FORCE)
+        weights[WARM, place] = float(column == OIL_TEMPERATURE)
+    return weights
+
+
+def _ranges(model: OffsetModel, places: Sequence[int]) -> Array:
+    """Return the range of each ranged quantity, widened; all numbers for one that is no input."""
+    lower, upper = np.full(QUANTITIES, -UNLIMITED), np.full(QUANTITIES, UNLIMITED)
+    slack = MARGIN * (np.array(model.highest) - np.array(model.lowest))
+    lower[places], upper[places] = model.lowest - slack, model.highest + slack
+    return np.stack([lower[list(RANGED_PLACES)], upper[list(RANGED_PLACES)]])
+
+
+def _places(model: OffsetModel) -> list[int]:
+    """Return the place of each quantity of a model with pressures among ``QUANTITIES``."""
+    load = [5, 6] if LOAD_FORCE in model.inputs else []
+    return [*range(5), *load, *(range(7, QUANTITIES) if OIL_TEMPERATURE in model.inputs else [])]

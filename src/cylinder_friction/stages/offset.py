@@ -1,0 +1,110 @@
+"""Stage ``offset``: the offset of the sensors' zeros in each session, taken off the labels and noted for training."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
+from cylinder_friction.labelling.sensor_offset import OffsetPlan, fit_offset_model, zero_uncertainty_n
+from cylinder_friction.recordings.columns import PRESSURE_1, SAMPLE_COLUMNS
+from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
+from cylinder_friction.recordings.storage import read_recording, write_recording
+from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._stage import (
+    INGESTED_FILE,
+    LABELLED_FOLDER,
+    OFFSET_FILE,
+    PROCESSED_FOLDERS,
+    SPLIT_FILE,
+    TRACKER_FILE,
+    artifacts,
+    cylinder_from,
+    flat,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.params.checking import Params
+    from cylinder_friction.realtime.sensor_offset import OffsetTracker
+    from cylinder_friction.recordings.recording import Recording
+
+LOADED = {
+    "position": "a load identified from position has absorbed the sensors' offset",
+    "measured": "the load is measured, and the pipeline's estimators, which do not take it, cannot learn an offset",
+}
+"""Why a load leaves offsets alone."""
+
+
+def run(params: Params) -> RunRecord:
+    """Write the recordings of each role into ``data/processed/{train,validation,calibration,test}``.
+
+    Friction is known from the training sessions alone; every other session is identified by itself. Pressures stay as
+    measured.
+
+    Raises:
+        RecordingError: Offsets are to be identified in any case, and cannot be.
+    """
+    names = read_json(SPLIT_FILE)
+    recordings: dict[str, list[Recording]] = {
+        role: [read_recording(LABELLED_FOLDER / f"{name}.parquet") for name in names[role]] for role in names
+    }
+    cylinder = cylinder_from(params.cylinder)
+    sessions: list[dict[str, Any]] = []
+    tracker: OffsetTracker | None = None
+    reason = "" if params.offset.identify == "always" else _left_alone(params.offset.identify, recordings, cylinder)
+    if not reason:
+        plan = OffsetPlan(**params.offset.model_dump(exclude={"identify"}))
+        model = fit_offset_model(recordings["train"], cylinder, plan)
+        for role, own in recordings.items():
+            conditions = {each.metadata.session: each.metadata.condition for each in own}
+            sessions += [
+                {"role": role, "condition": conditions[name], **found.to_dict()}
+                for name, found in model.offsets(own).items()
+            ]
+            recordings[role] = model.corrected(own)
+        if PRESSURE_1 in recordings["train"][0].table.columns:
+            tracker = fit_offset_tracker(recordings["train"], cylinder, SAMPLE_COLUMNS, plan)
+    for role, folder in PROCESSED_FOLDERS.items():
+        with whole_folder(folder) as written:
+            for recording in recordings[role]:
+                write_recording(written, recording)
+    write_json(TRACKER_FILE, None if tracker is None else tracker.to_dict())
+    write_json(OFFSET_FILE, {"left_alone_because": reason, "sessions": sessions})
+    return RunRecord(
+        name="offset",
+        params=flat(params.offset),
+        metrics=_metrics(sessions),
+        tags={"offsets": reason or "identified"},
+        artifacts=artifacts(OFFSET_FILE, TRACKER_FILE),
+        datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
+    )
+
+
+def _left_alone(wanted: str, recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder) -> str:
+    """Return why no offsets are identified, empty where they are."""
+    if wanted == "never":
+        return "offset.identify is never"
+    load = read_json(INGESTED_FILE)["load"]
+    if load != "none":
+        return LOADED[load]
+    every = [recording for own in recordings.values() for recording in own]
+    vented = [recording.name for recording in every if recording.metadata.zero_offset]
+    if vented:
+        return f"sensors were zeroed on a vented interval ({len(vented)} of {len(every)} recordings)"
+    unknown = [recording.name for recording in every if zero_uncertainty_n(recording, cylinder) is None]
+    return f"the uncertainty of the sensors' zeros is not stated ({unknown[0]})" if unknown else ""
+
+
+def _metrics(sessions: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    if not sessions:
+        return {}
+    numbers = {name: np.array([each[name] for each in sessions]) for name in ("offset_n", "standard_uncertainty_n")}
+    return {
+        "sessions": float(len(sessions)),
+        "largest_offset_n": float(np.abs(numbers["offset_n"]).max()),
+        "mean_uncertainty_n": float(numbers["standard_uncertainty_n"].mean()),
+    }

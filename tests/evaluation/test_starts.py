@@ -1,0 +1,56 @@
+"""A warm start begins with what was learned in the session's recording before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.estimators.linear import RidgeEstimator
+from cylinder_friction.evaluation.starts import starts
+from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
+
+
+@pytest.fixture(scope="module")
+def ridge(cylinder: Cylinder, offset_recordings: list[Recording]) -> RidgeEstimator:
+    estimator = RidgeEstimator(6).fit(offset_recordings)
+    estimator.offset = fit_offset_tracker(offset_recordings, cylinder, SAMPLE_COLUMNS)
+    return estimator
+
+
+def test_later_recordings_are_scored_from_either_start(
+    ridge: RidgeEstimator, offset_recordings: list[Recording]
+) -> None:
+    first = offset_recordings[0]
+    later = replace(first, metadata=replace(first.metadata, name=f"{first.name}_later"))
+    (found,) = starts(ridge, [first, later], {})
+    assert (found.condition, found.reference, found.recordings) == ("1", "label", 1)
+    stream = ridge.real_time()
+    stream.run(first.samples())
+    warm_n = ridge.estimate(later, *stream.offset)
+    error_n = abs(warm_n - later.column("friction_n"))[later.usable()].mean()
+    assert found.warm_percent == pytest.approx(100.0 * error_n / found.mean_abs_friction_n)
+    assert found.warm_percent < found.cold_percent
+
+
+def test_truth_is_the_reference_where_all_of_it_is_known(
+    ridge: RidgeEstimator, offset_recordings: list[Recording]
+) -> None:
+    pair = [offset_recordings[0], replace(offset_recordings[1], metadata=offset_recordings[0].metadata)]
+    pair[1] = replace(pair[1], metadata=replace(pair[0].metadata, name="later"))
+    truth_n = {each.name: each.column("friction_n") + 1.0 for each in pair}
+    assert [each.reference for each in starts(ridge, pair, truth_n)] == ["truth"]
+    assert [each.reference for each in starts(ridge, pair, {"later": truth_n["later"]})] == ["label"]
+
+
+def test_without_offset_or_second_recording_there_is_nothing(
+    ridge: RidgeEstimator, offset_recordings: list[Recording]
+) -> None:
+    assert starts(ridge, offset_recordings[:1], {}) == []
+    assert starts(RidgeEstimator(6).fit(offset_recordings), offset_recordings, {}) == []

@@ -1,0 +1,113 @@
+"""An offset is learned while running, as surely as stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
+from cylinder_friction.realtime.bounds import causal_velocity
+from cylinder_friction.realtime.sensor_offset import EXTENDED, RETRACTED
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.realtime.sensor_offset import OffsetTracker
+    from cylinder_friction.recordings.recording import Recording
+
+PLACE = SAMPLE_COLUMNS.index("position_m")
+
+
+@pytest.fixture(scope="module")
+def tracker(cylinder: Cylinder, offset_recordings: list[Recording]) -> OffsetTracker:
+    """Of all sessions but the last."""
+    return fit_offset_tracker(offset_recordings[:-1], cylinder, SAMPLE_COLUMNS)
+
+
+def offset_of(recording: Recording, cylinder: Cylinder) -> float:
+    """Return the identified offset [N]."""
+    zeros = recording.metadata.identified_zero
+    areas = {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": -cylinder.annulus_area_m2}
+    return sum(area * zeros[column].offset for column, area in areas.items())
+
+
+def learned(tracker: OffsetTracker, recording: Recording, *start: float) -> np.ndarray:
+    state = tracker.new_state(*start)
+    return tracker.rows(recording.samples(), causal_velocity(recording), PLACE, state)
+
+
+def test_the_offset_of_an_unknown_session_is_learned(
+    tracker: OffsetTracker, cylinder: Cylinder, offset_recordings: list[Recording]
+) -> None:
+    recording = offset_recordings[-1]
+    found, true_n = learned(tracker, recording), offset_of(recording, cylinder)
+    assert found[0, 0] == 0.0
+    assert found[0, 1] > 1.5 * found[-1, 1]
+    assert abs(found[-1, 0] - true_n) < 2.0 * found[-1, 1]
+    assert abs(found[-1, 0] - true_n) < 4.0
+
+
+def test_an_offset_far_beyond_what_was_stated_is_still_found(
+    tracker: OffsetTracker, cylinder: Cylinder, offset_recordings: list[Recording]
+) -> None:
+    recording = offset_recordings[-1]
+    shifted = recording.with_columns(pressure_1_pa=recording.column("pressure_1_pa") + 3e4)
+    more_n = learned(tracker, shifted, 0.0, 300.0)[-1, 0] - learned(tracker, recording, 0.0, 300.0)[-1, 0]
+    assert more_n == pytest.approx(3e4 * cylinder.piston_area_m2, rel=0.05)
+
+
+def test_a_known_offset_is_kept_and_an_unknown_one_drifts(
+    tracker: OffsetTracker, offset_recordings: list[Recording]
+) -> None:
+    resting = offset_recordings[-1]
+    resting = resting.with_columns(position_m=np.full(len(resting), 0.1))
+    found = learned(tracker, resting, 5.0, 7.0)
+    assert set(found[:, 0]) == {5.0}
+    assert np.all(np.diff(found[:, 1]) > 0.0)
+    assert found[0, 1] == pytest.approx(7.0)
+
+
+def test_caution_in_stating_learns_the_same(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
+    calm, careful = (learned(tracker.careful(1.0, stated), offset_recordings[-1]) for stated in (1.0, 2.0))
+    assert careful[:, 0].tolist() == calm[:, 0].tolist()
+    assert np.all(careful[500:, 1] > calm[500:, 1])
+    assert careful[:, 1].max() <= calm[:, 1].max() * (1.0 + 1e-9), "never more than what was stated for the sensors"
+
+
+def test_nothing_that_comes_later_counts(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
+    recording = offset_recordings[-1]
+    cut = replace(recording, table=recording.table[:1500])
+    assert learned(tracker, cut).tolist() == learned(tracker, recording)[:1500].tolist()
+
+
+def test_a_tracker_survives_json(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
+    again = type(tracker).from_dict(tracker.to_dict())
+    assert learned(again, offset_recordings[0]).tolist() == learned(tracker, offset_recordings[0]).tolist()
+
+
+@pytest.mark.parametrize("start", [(np.nan, 1.0), (0.0, -1.0), (0.0, np.inf)])
+def test_an_impossible_start_is_refused(tracker: OffsetTracker, start: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="expected a finite offset and an uncertainty of at least 0 N, but got"):
+        tracker.new_state(*start)
+
+
+def test_what_gives_no_tracker_is_refused(cylinder: Cylinder, offset_recordings: list[Recording]) -> None:
+    with pytest.raises(RecordingError, match="an offset cannot be learned without pressure_2_pa among the inputs; got"):
+        fit_offset_tracker(offset_recordings, cylinder, ("pressure_1_pa", "position_m"))
+    bare = [offset_recordings[0].zeroed()]
+    with pytest.raises(RecordingError, match="no zeros were identified; correct its offset first"):
+        fit_offset_tracker(bare, cylinder, SAMPLE_COLUMNS)
+
+
+def test_a_fault_is_no_offset(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
+    """A pressure that reads 10 bar too much is far beyond what was stated: nothing is learned from it."""
+    recording = offset_recordings[-1]
+    faulty = recording.with_columns(pressure_1_pa=recording.column("pressure_1_pa") + 1e6)
+    state = tracker.new_state()
+    found = tracker.rows(faulty.samples(), causal_velocity(faulty), PLACE, state)
+    assert set(found[:, 0]) == {0.0}
+    assert state[EXTENDED] * state[RETRACTED] == 0.0

@@ -1,0 +1,64 @@
+"""An offset tracker with a number in every place, a hybrid that has one, and samples of sensors whose zeros are off."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
+
+PRIOR_N = 80.0
+SPREAD_N = (25.0, 15.0, 20.0, 0.0)
+ZEROS_PA = np.array([2e4, -1.5e4])
+"""What the pressure sensors of ``offset_samples`` read too much: 99.9 N."""
+
+
+def made_tracker() -> OffsetTracker:
+    """Return a tracker that roughly knows friction in ``labelled_recordings``; some blocks lie beyond its ranges."""
+    areas = np.array([3.117e-3, -2.501e-3, 0.0])
+    share = np.abs(areas) / np.abs(areas).sum()
+    friction = [4.2e-5, 6e-3, 1350.0, 1.5, 0.2, 2e-2, 3e-2, 0.05, 1e-3, 3e-8, 2e-5, -0.4, 0.02, 3e-3]
+    # Slowest speed, settling, block, mass, duration, noise, stroke, walk, common uncertainty, mean and deviation of
+    # speed, first and last position, even part, caution, largest variance
+    settings = [6e-3, 40, 20, 6.0, 0.1, 6.0, 3.0, PRIOR_N**2 * 0.005 / 3600.0, 2.5, 0.05, 0.02, 0.08, 0.17, 0.8]
+    return OffsetTracker(
+        weights=np.array([areas, share, 1e-3 * areas, 1e-5 * share, areas * (2.2e4 / PRIOR_N) ** 2]),
+        settings=np.array([*settings, -3e-7, 1.6, PRIOR_N**2]),
+        friction=np.array(friction),
+        position=np.array([215.0, 1.0, -2.0, 0.5, 0.8, -0.3, 0.2, 0.6, -0.7, 0.1, 0.4, -0.2, 0.3]),
+        ranges=np.array([[-1e6, 0.0, -1e30, -60.0], [6e6, 0.085, 1e30, 60.0]]),
+        prior=np.array([PRIOR_N, 0.01, 0.08, 0.05, 0.0]),
+    )
+
+
+def learning(model: StepModel) -> StepModel:
+    """Return a step model that learns the offset too, with bounds that follow how well it is known."""
+    return replace(model, offset=made_tracker(), bounds=replace(model.bounds, spread_n=SPREAD_N))
+
+
+@pytest.fixture(scope="session")
+def learning_hybrid(small_hybrid: HybridEstimator) -> HybridEstimator:
+    """The small hybrid with a tracker, and bounds that follow it."""
+    assert small_hybrid.bounds is not None
+    hybrid = copy.copy(small_hybrid)
+    hybrid.offset, hybrid.bounds = made_tracker(), replace(small_hybrid.bounds, spread_n=SPREAD_N)
+    return hybrid
+
+
+@pytest.fixture(scope="session")
+def offset_samples(labelled_recordings: list[Recording]) -> np.ndarray:
+    """Forty seconds of strokes in both directions, shape ``(8000, 3)``, with some readings that are none."""
+    samples = np.concatenate([recording.samples() for recording in labelled_recordings[:2]])
+    samples[:, :2] += ZEROS_PA
+    samples[0, 1], samples[900:905, 0], samples[2500, 2], samples[5000:5040] = np.nan, np.inf, -1e9, np.nan
+    samples[6000:6200, 1] = samples[6000, 1]
+    return samples

@@ -1,0 +1,138 @@
+"""Stage ``offset``: identified where it can be, left alone where it must be; nothing of other sessions in training."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from cylinder_friction.params.checking import Params
+from cylinder_friction.params.data import CylinderParams, OffsetParams
+from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
+from cylinder_friction.recordings.storage import read_recordings, write_recording
+from cylinder_friction.stages import offset
+from cylinder_friction.stages._stage import (
+    INGESTED_FILE,
+    LABELLED_FOLDER,
+    OFFSET_FILE,
+    PROCESSED_FOLDERS,
+    SPLIT_FILE,
+    TRACKER_FILE,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+
+PLAN = {"slowest_m_s": 6e-3, "settling_s": 0.2, "block_s": 0.1, "asymmetry": 0.15, "asymmetry_sd": 5e-3}
+STATED = {name: SensorUncertainty(3000.0, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
+OFFSET_N = 12.0
+
+
+@pytest.fixture
+def workplace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> Path:
+    """Five sessions for training, of which every other one has an offset, and one for each other role."""
+    monkeypatch.chdir(tmp_path)
+    names = [recording.name for recording in labelled_recordings]
+    write_json(INGESTED_FILE, {"load": "none"})
+    write_json(SPLIT_FILE, {"train": names[:5], "validation": names[5:6], "calibration": names[6:7], "test": names[7:]})
+    for number, recording in enumerate(labelled_recordings):
+        shift = OFFSET_N * (number % 2)
+        written = recording.with_columns(
+            pressure_1_pa=recording.column("pressure_1_pa") + shift / cylinder.piston_area_m2,
+            friction_n=recording.column("friction_n") + shift,
+            friction_uncertainty_n=np.full(len(recording), 26.0),
+        )
+        write_recording(LABELLED_FOLDER, replace(written, metadata=replace(recording.metadata, uncertainty=STATED)))
+    return tmp_path
+
+
+def params_for(cylinder: Cylinder, identify: str = "auto") -> Params:
+    geometry = {name: getattr(cylinder, name) for name in CylinderParams.model_fields}
+    return Params.model_construct(
+        cylinder=CylinderParams(**geometry), offset=OffsetParams(identify=identify, drift_s=3600.0, **PLAN)
+    )
+
+
+def change(role: str, **metadata: Any) -> None:
+    for name in read_json(SPLIT_FILE)[role]:
+        (recording,) = [each for each in read_recordings(LABELLED_FOLDER) if each.name == name]
+        write_recording(LABELLED_FOLDER, replace(recording, metadata=replace(recording.metadata, **metadata)))
+
+
+def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path, cylinder: Cylinder) -> None:
+    record = offset.run(params_for(cylinder))
+    measured = {each.name: each for each in read_recordings(LABELLED_FOLDER)}
+    found = {each["session"]: each for each in read_json(OFFSET_FILE)["sessions"]}
+    assert read_json(OFFSET_FILE)["left_alone_because"] == ""
+    difference_n = []
+    for role, folder in PROCESSED_FOLDERS.items():
+        for recording in read_recordings(folder):
+            before, own = measured[recording.name], found[recording.metadata.session]
+            assert own["role"] == role
+            assert recording.samples().tolist() == before.samples().tolist()
+            taken_n = before.column("friction_n") - recording.column("friction_n")
+            np.testing.assert_allclose(taken_n, own["offset_n"], atol=1e-9)
+            difference_n.append(own["offset_n"])
+    # sessions with and without an offset alternate; their mean is not determined
+    assert np.mean(difference_n[1::2]) - np.mean(difference_n[::2]) == pytest.approx(OFFSET_N, abs=4.0)
+    assert read_json(TRACKER_FILE)["prior"][0] == pytest.approx(11.99, abs=0.01)
+    assert offset.run(params_for(cylinder)) == record
+
+
+def test_other_sessions_change_nothing_in_training(workplace: Path, cylinder: Cylinder) -> None:
+    first = offset.run(params_for(cylinder)).datasets["train"]
+    for recording in read_recordings(LABELLED_FOLDER)[5:]:
+        write_recording(LABELLED_FOLDER, recording.with_columns(friction_n=2.0 * recording.column("friction_n")))
+    assert offset.run(params_for(cylinder)).datasets["train"] == first
+
+
+@pytest.mark.parametrize(
+    ("role", "metadata", "reason"),
+    [
+        ("test", {"zero_offset": {"pressure_1_pa": 10.0}}, r"sensors were zeroed on a vented interval \(1 of 8"),
+        ("train", {"uncertainty": {}}, "the uncertainty of the sensors' zeros is not stated"),
+    ],
+)
+def test_offsets_are_left_alone_and_the_reason_is_kept(
+    workplace: Path, cylinder: Cylinder, role: str, metadata: dict[str, Any], reason: str
+) -> None:
+    change(role, **metadata)
+    record = offset.run(params_for(cylinder))
+    content = read_json(OFFSET_FILE)
+    assert content["sessions"] == []
+    assert re.search(reason, content["left_alone_because"])
+    assert record.tags["offsets"] == content["left_alone_because"]
+    assert read_json(TRACKER_FILE) is None
+    assert not any(each.metadata.identified_zero for each in read_recordings(PROCESSED_FOLDERS["train"]))
+
+
+def test_a_load_identified_from_position_and_a_wish_leave_offsets_alone(workplace: Path, cylinder: Cylinder) -> None:
+    assert offset.run(params_for(cylinder, "never")).tags["offsets"] == "offset.identify is never"
+    write_json(INGESTED_FILE, {"load": "position"})
+    assert "has absorbed the sensors' offset" in offset.run(params_for(cylinder)).tags["offsets"]
+
+
+def test_beside_a_measured_load_offsets_are_left_alone(workplace: Path, cylinder: Cylinder) -> None:
+    """Estimators take no load: they could not learn in real time what was taken off in training."""
+    write_json(INGESTED_FILE, {"load": "measured"})
+    cell = {**STATED, "load_force_n": SensorUncertainty(5.0, 0.0)}
+    for recording in read_recordings(LABELLED_FOLDER):
+        loaded = recording.with_columns(load_force_n=np.zeros(len(recording)))
+        write_recording(LABELLED_FOLDER, replace(loaded, metadata=replace(recording.metadata, uncertainty=cell)))
+    assert "the load is measured" in offset.run(params_for(cylinder)).tags["offsets"]
+    with pytest.raises(RecordingError, match="an offset cannot be learned without load_force_n among the inputs"):
+        offset.run(params_for(cylinder, "always"))
+
+
+def test_what_is_to_be_identified_in_any_case_and_cannot_be_is_refused(workplace: Path, cylinder: Cylinder) -> None:
+    change("train", uncertainty={})
+    with pytest.raises(RecordingError, match="the uncertainty of the zero of 'pressure_1_pa' is not stated"):
+        offset.run(params_for(cylinder, "always"))
