@@ -23,7 +23,9 @@ CampaignKind = Literal["campaign", "loaded"]
 
 LEVELS = ("pressure_1_level_pa", "pressure_2_level_pa")
 LEVEL_TIME_S = 1.0
-"""Time constant of the low-pass behind which a pressure is a level."""
+"""Interval over which a pressure is averaged to its level, which is then held for as long."""
+LEVEL_STEP_PA = 250e5 / 4096
+"""Step to which a level is rounded: that of the transmitters' converter."""
 OFFSET_PA = 1.25e5
 """Largest offset of a transmitter: ±0.5 % of a span of 250 bar, as in the data sheet."""
 DRIFT_PA_S = 1e3
@@ -155,8 +157,7 @@ def _shown(task: Task, recording: Recording, pressures_pa: Array, target_n: Arra
     for number, name in enumerate(SAMPLE_COLUMNS[:2]):
         columns[name] = pressures_pa[:, number] if name in task.inputs else np.zeros(len(recording))
         if LEVELS[number] in task.inputs:
-            level_pa = low_passed(pressures_pa[:, number], recording.sample_time_s, LEVEL_TIME_S)
-            columns[LEVELS[number]] = np.ascontiguousarray(level_pa)
+            columns[LEVELS[number]] = slowly_logged(pressures_pa[:, number], recording.sample_time_s)
     if OIL_TEMPERATURE in shown_inputs(task, recording):
         columns[OIL_TEMPERATURE] = recording.column(OIL_TEMPERATURE)
     columns["velocity_m_s"] = recording.column("velocity_m_s")
@@ -168,6 +169,18 @@ def low_passed(values: Array, sample_time_s: float, time_constant_s: float) -> A
     """Return values behind a causal low-pass of first order, shape ``(n,)``."""
     low_pass = ExponentialLowPass(1.0 - float(np.exp(-sample_time_s / time_constant_s)))
     return low_pass.advance(low_pass.new_state(), values[:, None])[:, 0]
+
+
+def slowly_logged(pressure_pa: Array, sample_time_s: float) -> Array:
+    """Return what a slow logger shows [Pa], shape ``(n,)``: the rounded mean of the last whole ``LEVEL_TIME_S``, held.
+
+    Before the first interval is over it is the first sample. No filter, linear or not, can restore the samples.
+    """
+    rows = round(LEVEL_TIME_S / sample_time_s)
+    whole = len(pressure_pa) // rows
+    means_pa = pressure_pa[: whole * rows].reshape(whole, rows).mean(axis=1)
+    logged_pa = LEVEL_STEP_PA * np.round(np.append(pressure_pa[0], means_pa) / LEVEL_STEP_PA)
+    return np.repeat(logged_pa, rows)[: len(pressure_pa)]
 
 
 def _sensor_errors(recording: Recording, seed: int, draw: int) -> Array:

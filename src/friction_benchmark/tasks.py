@@ -41,8 +41,8 @@ TASKS: tuple[Task, ...] = (
     Task(
         "pressure_level",
         "Pressure level only",
-        "As without pressures, but the level of both pressures over the last second is known, which shows how hard the "
-        "seals are pressed.",
+        "As without pressures, but a slow logger gives the mean of both pressures over each second once it is over, "
+        "which shows how hard the seals are pressed.",
         ("position_m", OIL_TEMPERATURE, *LEVELS),
         baseline="constant_by_direction",
     ),

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.linear import RidgeEstimator
 from friction_benchmark.cases import (
     DRIFT_PA_S,
+    LEVEL_STEP_PA,
     LEVELS,
     OFFSET_PA,
     LabelledRecording,
@@ -16,8 +19,12 @@ from friction_benchmark.cases import (
     evaluation_case,
     shown_inputs,
 )
+from friction_benchmark.models.by_direction import ConstantByDirectionEstimator
 from friction_benchmark.tasks import TASKS, task_named
 from friction_benchmark_models import made_recording
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
 
 CASE = made_recording("2", 1)
 RAW = CASE.recording
@@ -63,13 +70,40 @@ def test_the_present_of_a_forecast_is_identity() -> None:
     np.testing.assert_array_equal(now.reference_n, RAW.column("friction_n"))
 
 
-def test_a_level_is_a_causal_low_pass_of_one_second() -> None:
-    recording = evaluation_case(task_named("pressure_level"), CASE, 0).recording
-    raw, level = RAW.column("pressure_2_pa"), recording.column(LEVELS[1])
-    assert level[0] == raw[0]
-    weight = 1.0 - np.exp(-0.005)
-    assert level[1] == pytest.approx(raw[0] + weight * (raw[1] - raw[0]), rel=1e-12)
-    assert np.std(np.diff(level)) < 0.02 * np.std(np.diff(raw))
+def level(pressure_pa: np.ndarray) -> np.ndarray:
+    """Return the level shown of a pressure on the rod side."""
+    shown = replace(CASE, recording=RAW.with_columns(pressure_2_pa=pressure_pa))
+    return evaluation_case(task_named("pressure_level"), shown, 0).recording.column(LEVELS[1])
+
+
+def test_a_level_is_the_mean_of_the_last_whole_second_held_for_one() -> None:
+    raw = RAW.column("pressure_2_pa")
+    shown = level(raw)
+    np.testing.assert_allclose(shown[:200], raw[0], atol=0.5 * LEVEL_STEP_PA)
+    np.testing.assert_allclose(shown[1400:], np.full(200, raw[1200:1400].mean()), atol=0.5 * LEVEL_STEP_PA)
+    np.testing.assert_allclose(shown / LEVEL_STEP_PA, np.round(shown / LEVEL_STEP_PA))
+
+
+def test_a_level_hides_what_happens_within_a_second() -> None:
+    """Pressures that differ by bars, though not in the mean of a second, show one level: nothing can undo it."""
+    raw = RAW.column("pressure_2_pa")
+    within = 3e5 * np.sin(2.0 * np.pi * np.arange(len(raw)) / 200.0)
+    np.testing.assert_array_equal(level(raw + within), level(raw))
+
+
+def test_a_linear_filter_does_not_recover_friction_from_the_level() -> None:
+    """Given the pressures a ridge is far better than a constant; given their levels it is worse."""
+    train, test = ([made_recording("2", session) for session in own] for own in ((1, 2, 3, 4), (5, 6)))
+
+    def error_n(estimator: FrictionEstimator, task: str) -> float:
+        cases = [evaluation_case(task_named(task), each, 0).recording for each in test]
+        estimator.fit([evaluation_case(task_named(task), each, 0).recording for each in train])
+        return float(np.mean([np.abs(estimator.estimate(each) - each.column("friction_n")) for each in cases]))
+
+    levels = shown_inputs(task_named("pressure_level"), RAW)
+    constant_n = error_n(ConstantByDirectionEstimator(levels), "pressure_level")
+    assert error_n(RidgeEstimator(60, 1e-3), "identity") < 0.5 * constant_n
+    assert error_n(RidgeEstimator(60, 1e-3, levels), "pressure_level") > constant_n
 
 
 def test_sensors_drift_linearly_from_an_offset_within_the_data_sheet() -> None:
