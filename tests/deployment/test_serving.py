@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
+from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from cylinder_friction.deployment.serve import CHAMPION, curl, served_model
+from cylinder_friction.deployment.serve import CHAMPION, curl, free_port, run_server, served_model
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import example_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -180,23 +183,64 @@ def test_a_model_that_is_not_there_is_said_before_anything_starts(
         example_rows("models:/other@champion", champion_root)
 
 
+def comes_true(condition: Callable[[], bool], within_s: float) -> bool:
+    """Wait until a condition holds; false where it does not in time."""
+    deadline = time.monotonic() + within_s
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return condition()
+
+
+def runs(pattern: str, at_least: int = 1) -> bool:
+    """Return whether so many processes have a command line that matches."""
+    found = subprocess.run(["pgrep", "-f", "--", pattern], capture_output=True, text=True, check=False)
+    return len(found.stdout.split()) >= at_least
+
+
 def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
     champion_root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    folder = champion_root / ".cylinder-friction"
+    of_others = set(folder.glob("models-*.log"))
     code = "import pathlib; from cylinder_friction.deployment.serve import CHAMPION, run_server as run; "
     code += "run(CHAMPION, pathlib.Path())"
     served = subprocess.Popen([sys.executable, "-c", code], cwd=champion_root, stderr=subprocess.DEVNULL)
-    logs: list[Path] = []
-    deadline = time.monotonic() + 30.0
-    while not logs and time.monotonic() < deadline:
-        logs = list((champion_root / ".cylinder-friction").glob("models-*.log"))
-        time.sleep(0.05)
-    assert logs, "MLflow was not started"
+    assert comes_true(lambda: bool(set(folder.glob("models-*.log")) - of_others), 120.0), "MLflow was not started"
+    (log,) = set(folder.glob("models-*.log")) - of_others
+    server = f"127.0.0.1 -.*{log.stem.removeprefix('models-')}"
+    assert comes_true(lambda: runs(server), 30.0), "the server was not started"
     served.terminate()
-    assert served.wait(30.0) != 0
-    time.sleep(1.0)
-    left = subprocess.run(["pgrep", "-f", f"models serve.*{logs[0].stem.removeprefix('models-')}"], check=False)
-    assert left.returncode == 1, "the server still runs"
-    for log in logs:
-        log.unlink(missing_ok=True)
+    assert served.wait(60.0) != 0
+    assert comes_true(lambda: not runs(server), 10.0), "the server still runs"
+    log.unlink()
+
+
+class KilledTwice(subprocess.Popen[bytes]):
+    """A server with a worker that ignores SIGTERM; who starts it gets SIGTERM at once, and again while ending it."""
+
+    def __init__(self, worker: str, _: Any, **options: Any) -> None:
+        super().__init__(["bash", "-c", f"(trap '' TERM; {worker}; true) & {worker}; true"], **options)
+        assert comes_true(lambda: runs(f"^{worker}", 2), 30.0)
+        signal.raise_signal(signal.SIGTERM)
+
+    def wait(self, timeout: float | None = None) -> int:
+        signal.raise_signal(signal.SIGTERM)
+        return super().wait(timeout)
+
+
+def test_two_kills_at_the_worst_moments_leave_neither_the_server_nor_its_worker(
+    champion_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    worker = f"sleep 9{free_port()}"
+    parts = SimpleNamespace(Popen=partial(KilledTwice, worker), STDOUT=subprocess.STDOUT)
+    monkeypatch.setattr("cylinder_friction.deployment.serve.subprocess", parts)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_server(CHAMPION, champion_root)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert comes_true(lambda: not runs(worker), 10.0), "the server or its worker still runs"

@@ -165,8 +165,18 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
 
 
 def _end_on_a_polite_kill() -> None:
-    """Take SIGTERM for Ctrl-C from now on: a server that is only starting is stopped too, not orphaned."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Take SIGTERM for Ctrl-C from now on, and only the first of them: a second must not cut short what ends a server.
+
+    A server that is only starting is stopped too, not orphaned.
+    """
+
+    def end(*_: object) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
 
 
 @contextmanager
