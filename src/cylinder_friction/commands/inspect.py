@@ -14,12 +14,14 @@ from cylinder_friction.reporting.inspection.choice import held
 from cylinder_friction.reporting.inspection.files import inspect_files
 from cylinder_friction.reporting.inspection.friction_view import with_friction
 from cylinder_friction.reporting.inspection.page import write_page
+from cylinder_friction.reporting.inspection.sensor_offsets import known_offsets
 from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.signals.smooth_signals import filtered
 from cylinder_friction.stages._stage import cylinder_from
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
+from cylinder_friction.stages.offset import LOADED, plan_from
 
 if TYPE_CHECKING:
     import argparse
@@ -46,9 +48,12 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     filters = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))
     labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
     loaded = (_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
-    subjects = held(with_friction(subject, cylinder, chosen, margin_m) for subject in loaded)
-    write_page(page, subjects, cylinder, filters, params.filter.method, margin_m)
-    return text_report(subjects).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
+    plan, no_offset = plan_from(params.offset), LOADED.get(params.ingest.load, "")
+    subjects = held(with_friction(subject, cylinder, chosen, margin_m, plan, no_offset) for subject in loaded)
+    evidence = [subject.offset for subject in subjects if subject.offset is not None]
+    offsets = known_offsets(evidence, cylinder, plan)
+    write_page(page, subjects, cylinder, filters, params.filter.method, margin_m, offsets=offsets)
+    return text_report(subjects, offsets).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
 
 
 def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter) -> Inspected:

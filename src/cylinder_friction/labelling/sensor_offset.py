@@ -167,11 +167,11 @@ class OffsetModel:
             RecordingError: The recordings are of several sessions, lack labels or a column of ``inputs``, or do not
                 state the uncertainty of their sensors' zeros.
         """
-        session = _session(list(recordings), self.cylinder, self.plan)
+        session = SteadySliding.joined([steady_sliding(each, self.cylinder, self.plan) for each in recordings])
         missing = [column for column in self.inputs if column not in session.columns]
         if missing:
             raise RecordingError(
-                f"session {session.name!r}: column {missing[0]!r} is missing; the offset model was fitted to "
+                f"session {session.session!r}: column {missing[0]!r} is missing; the offset model was fitted to "
                 f"recordings with {', '.join(self.inputs)}; fit it without that column"
             )
         deviations = self._own_deviations(session, [self.scale, self.slope])
@@ -194,7 +194,9 @@ class OffsetModel:
 
     def offsets(self, recordings: Iterable[Recording]) -> dict[str, SessionOffset]:
         """Return the offset of each session among labelled recordings, by name; see ``corrected``."""
-        by_session = _by_session(recordings)
+        by_session: dict[str, list[Recording]] = {}
+        for recording in recordings:
+            by_session.setdefault(recording.metadata.session, []).append(recording)
         return {name: self.sessions.get(name) or self.identify(own) for name, own in by_session.items()}
 
     def to_dict(self) -> dict[str, Any]:
@@ -218,14 +220,14 @@ class OffsetModel:
             }
         )
 
-    def _explaining(self, session: _Session) -> Array:
+    def _explaining(self, session: SteadySliding) -> Array:
         """Return what friction depends on, standardised, the constant first, shape ``(blocks, quantities)``."""
         standard = (_quantities(session, self.inputs, self.cylinder) - np.array(self.means)) / np.array(self.deviations)
         first, last = self.position_range_m
         along = np.clip((2.0 * session.columns["position_m"] - first - last) / max(last - first, 1e-12), -1.0, 1.0)
         return np.hstack([np.ones((len(standard), 1)), standard, legendre.legvander(along, POSITION_ORDER)[:, 1:]])
 
-    def _design(self, session: _Session) -> Array:
+    def _design(self, session: SteadySliding) -> Array:
         """Return the columns of friction and of its common asymmetry, shape ``(blocks, coefficients)``."""
         explaining = self._explaining(session)
         even = explaining[:, : 1 + (PRESSURE_1 in self.inputs)]
@@ -235,7 +237,7 @@ class OffsetModel:
     def _warm_known(self) -> bool:
         return OIL_TEMPERATURE in self.inputs
 
-    def _evidence(self, session: _Session) -> Evidence:
+    def _evidence(self, session: SteadySliding) -> Evidence:
         level_n = self._level_n(session)
         # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
         # right; and, with strokes in one direction alone, scale from offset.
@@ -249,12 +251,12 @@ class OffsetModel:
             own.append(scaled_n * speed)
         return Evidence.of(self._design(session), np.column_stack(own), session.label_n, session.stroke)
 
-    def _own_deviations(self, session: _Session, scale_and_slope: Sequence[float]) -> Array:
+    def _own_deviations(self, session: SteadySliding, scale_and_slope: Sequence[float]) -> Array:
         """Return prior standard deviations of what a session has of its own: offset [N], asymmetry, scale, slope."""
         known = scale_and_slope[:1] if self._warm_known else scale_and_slope
         return np.array([session.prior_n, 0.5 * self.plan.asymmetry_sd, *known])
 
-    def _level_n(self, session: _Session) -> Array:
+    def _level_n(self, session: SteadySliding) -> Array:
         """Return the magnitude of friction [N], shape ``(blocks,)``; before it is known, the mean of all sessions."""
         if not self.coefficients:
             return np.full(len(session.direction), self.level_n)
@@ -281,14 +283,30 @@ def fit_offset_model(
             sensor's zero is not stated. That of a load identified from position never is: such a load has absorbed
             the offset already.
     """
-    plan = plan or OffsetPlan()
-    sessions = [_session(each, cylinder, plan) for each in _by_session(recordings).values()]
+    return offset_model([steady_sliding(each, cylinder, plan) for each in recordings], cylinder, plan, columns)
+
+
+def offset_model(
+    sliding: Iterable[SteadySliding],
+    cylinder: Cylinder,
+    plan: OffsetPlan | None = None,
+    columns: Collection[str] = EXPLAINING,
+) -> OffsetModel:
+    """Return what ``fit_offset_model`` does, from the steady sliding of each recording, when signals are gone.
+
+    Raises:
+        RecordingError: As ``fit_offset_model``.
+    """
+    plan, by_session = plan or OffsetPlan(), dict[str, list[SteadySliding]]()
+    for part in sliding:
+        by_session.setdefault(part.session, []).append(part)
+    sessions = [SteadySliding.joined(parts) for parts in by_session.values()]
     if not sessions:
         raise RecordingError("sensor offsets cannot be identified: expected at least one recording, but got none")
     if not sum(len(session.direction) for session in sessions):
         raise RecordingError(
             f"sensor offsets cannot be identified: got no steady sliding in sessions "
-            f"{', '.join(session.name for session in sessions)}; expected strokes faster than "
+            f"{', '.join(by_session)}; expected strokes faster than "
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
     model = _empty_model(sessions, cylinder, plan, columns)
@@ -296,13 +314,6 @@ def fit_offset_model(
     for _ in range(PASSES):
         model, guess = _fitted(model, sessions, guess)
     return model
-
-
-def _by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:
-    result: dict[str, list[Recording]] = {}
-    for recording in recordings:
-        result.setdefault(recording.metadata.session, []).append(recording)
-    return result
 
 
 def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None:
@@ -341,46 +352,63 @@ def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylind
 
 
 @dataclass(frozen=True)
-class _Session:
-    """Blocks of steady sliding of one session."""
+class SteadySliding:
+    """Blocks of steady sliding of one recording or session: all that its offset is identified from."""
 
-    name: str
-    prior_n: float
-    sliding_s: float
+    session: str
+    prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
+    sliding_s: float  # Duration [s]
+    # Of each block, shape ``(blocks,)``: label [N], direction, and stroke, counted from 0
     label_n: Array
     direction: Array
+    stroke: NDArray[np.int64]
     columns: dict[str, Array]  # Mean of each column that may explain friction
-    stroke: NDArray[np.int64]  # Of each block, counted from 0
 
-
-def _session(recordings: Sequence[Recording], cylinder: Cylinder, plan: OffsetPlan) -> _Session:
-    names = sorted({recording.metadata.session for recording in recordings})
-    if len(names) != 1:
-        raise RecordingError(
-            f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
-            "identify each session's offset by itself"
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return the sliding of the recordings of a session; refuses those of several with a ``RecordingError``."""
+        names = sorted({part.session for part in parts})
+        if len(names) != 1:
+            raise RecordingError(
+                f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
+                "identify each session's offset by itself"
+            )
+        before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
+        common = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
+        return cls(
+            names[0],
+            max(part.prior_n for part in parts),
+            sum(part.sliding_s for part in parts),
+            np.concatenate([part.label_n for part in parts]),
+            np.concatenate([part.direction for part in parts]),
+            np.concatenate([part.stroke + first for part, first in zip(parts, before[:-1], strict=True)]),
+            {name: np.concatenate([part.columns[name] for part in parts]) for name in common},
         )
-    parts, strokes, sliding_s = [], [np.zeros(0, dtype=np.int64)], 0.0
-    columns = ["friction_n", "velocity_m_s", "position_m"]
-    columns += [each for each in EXPLAINING if all(each in recording.table.columns for recording in recordings)]
-    for recording in recordings:
-        velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
-        direction = np.where(recording.usable(), direction_of_motion(velocity_m_s, plan.slowest_m_s), 0.0)
-        size = max(1, round(plan.block_s / step_s))
-        pieces = stroke_pieces(direction, step_s * np.arange(len(direction), dtype=np.float64), plan.settling_s, size)
-        whole = 2 * pieces.counts >= size
-        parts.append([pieces.mean(recording.column(name))[whole] for name in columns])
-        strokes.append(pieces.stroke[whole] + 1 + max(int(each.max(initial=-1)) for each in strokes))
-        sliding_s += float(pieces.counts[whole].sum()) * step_s
-    means = {name: np.concatenate(values) for name, values in zip(columns, zip(*parts, strict=True), strict=True)}
-    return _Session(
-        names[0],
-        max(_stated_zero_n(recording, cylinder) for recording in recordings),
-        sliding_s,
+
+
+def steady_sliding(recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None) -> SteadySliding:
+    """Return the steady sliding of a labelled recording.
+
+    Raises:
+        RecordingError: It lacks labels, or the uncertainty of a sensor's zero is not stated.
+    """
+    plan = plan or OffsetPlan()
+    names = ["friction_n", "velocity_m_s", "position_m"]
+    names += [each for each in EXPLAINING if each in recording.table.columns]
+    velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
+    direction = np.where(recording.usable(), direction_of_motion(velocity_m_s, plan.slowest_m_s), 0.0)
+    size = max(1, round(plan.block_s / step_s))
+    pieces = stroke_pieces(direction, step_s * np.arange(len(direction), dtype=np.float64), plan.settling_s, size)
+    whole = 2 * pieces.counts >= size
+    means = {name: pieces.mean(recording.column(name))[whole] for name in names}
+    return SteadySliding(
+        recording.metadata.session,
+        _stated_zero_n(recording, cylinder),
+        float(pieces.counts[whole].sum()) * step_s,
         means.pop("friction_n"),
         np.sign(means["velocity_m_s"]),
+        np.unique(pieces.stroke[whole], return_inverse=True)[1].astype(np.int64),
         means,
-        np.unique(np.concatenate(strokes), return_inverse=True)[1].astype(np.int64),
     )
 
 
@@ -401,7 +429,7 @@ def _stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
     )
 
 
-def _quantities(session: _Session, inputs: Sequence[str], cylinder: Cylinder) -> Array:
+def _quantities(session: SteadySliding, inputs: Sequence[str], cylinder: Cylinder) -> Array:
     """Return what friction depends on, but for position, shape ``(blocks, quantities)``; mean pressure comes first."""
     of = session.columns
     speed = np.abs(of["velocity_m_s"])
@@ -420,7 +448,7 @@ def _quantities(session: _Session, inputs: Sequence[str], cylinder: Cylinder) ->
 
 
 def _empty_model(
-    sessions: Sequence[_Session], cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]
+    sessions: Sequence[SteadySliding], cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]
 ) -> OffsetModel:
     """Return a model of scales alone."""
     common = set(columns).intersection(*(session.columns for session in sessions))
@@ -452,7 +480,7 @@ def _floats(values: Array) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
-def _fitted(model: OffsetModel, sessions: Sequence[_Session], guess: Array) -> tuple[OffsetModel, Array]:
+def _fitted(model: OffsetModel, sessions: Sequence[SteadySliding], guess: Array) -> tuple[OffsetModel, Array]:
     """Return the model whose levels of friction are those of ``model``, and its logarithmic standard deviations."""
     evidence = [model._evidence(each) for each in sessions]
     size = evidence[0].size
@@ -490,7 +518,7 @@ def _fitted(model: OffsetModel, sessions: Sequence[_Session], guess: Array) -> t
             precision=tuple(_floats(row) for row in posterior.precision),
             common_uncertainty_n=common_n,
             sessions={
-                session.name: _session_offset(posterior, part, session, common_n)
+                session.session: _session_offset(posterior, part, session, common_n)
                 for session, part in zip(sessions, parts, strict=True)
             },
         ),
@@ -498,11 +526,11 @@ def _fitted(model: OffsetModel, sessions: Sequence[_Session], guess: Array) -> t
     )
 
 
-def _session_offset(posterior: Posterior, part: Reduced, session: _Session, common_n: float) -> SessionOffset:
+def _session_offset(posterior: Posterior, part: Reduced, session: SteadySliding, common_n: float) -> SessionOffset:
     offset_n, uncertainty_n = posterior.own_effect(part, _OFFSET)
     extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
     return SessionOffset(
-        session.name,
+        session.session,
         offset_n,
         uncertainty_n,
         min(common_n, uncertainty_n),

@@ -29,12 +29,14 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.params.checking import Params
+    from cylinder_friction.params.data import OffsetParams
     from cylinder_friction.realtime.sensor_offset import OffsetTracker
     from cylinder_friction.recordings.recording import Recording
 
 LOADED = {
     "position": "a load identified from position has absorbed the sensors' offset",
-    "measured": "the load is measured, and the pipeline's estimators, which do not take it, cannot learn an offset",
+    "measured": "the load is measured: its cell's errors look like the sensors' offset, and the pipeline's estimators, "
+    "which do not take a load, cannot learn one",
 }
 """Why a load leaves offsets alone."""
 
@@ -57,7 +59,7 @@ def run(params: Params) -> RunRecord:
     tracker: OffsetTracker | None = None
     reason = "" if params.offset.identify == "always" else _left_alone(params.offset.identify, recordings, cylinder)
     if not reason:
-        plan = OffsetPlan(**params.offset.model_dump(exclude={"identify"}))
+        plan = plan_from(params.offset)
         model = fit_offset_model(recordings["train"], cylinder, plan)
         for role, own in recordings.items():
             conditions = {each.metadata.session: each.metadata.condition for each in own}
@@ -82,6 +84,11 @@ def run(params: Params) -> RunRecord:
         artifacts=artifacts(OFFSET_FILE, TRACKER_FILE),
         datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
     )
+
+
+def plan_from(settings: OffsetParams) -> OffsetPlan:
+    """Return how offsets are identified, from the configuration."""
+    return OffsetPlan(**settings.model_dump(exclude={"identify"}))
 
 
 def _left_alone(wanted: str, recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder) -> str:

@@ -11,7 +11,9 @@ import numpy as np
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
 from cylinder_friction.labelling.equation_of_motion import Stiffness, drive_force, friction_label
 from cylinder_friction.labelling.label import usable_rows
+from cylinder_friction.labelling.sensor_offset import OffsetPlan
 from cylinder_friction.reporting.inspection.known_curve import known_curve
+from cylinder_friction.reporting.inspection.sensor_offsets import offset_evidence
 from cylinder_friction.signals.motion import noise_rms, standstill_rows
 from cylinder_friction.signals.smooth_signals import has_pressures, smooth_load, smooth_recording
 
@@ -46,6 +48,7 @@ class FrictionView:
 
     signals: SmoothSignals | SmoothDrive  # Smooth signals that it comes from
     force_name: str  # What ``force_n`` is, in words
+    labelled: Recording  # With friction, velocity and usable rows
     force_n: Array  # P1·A1 - P2·A2, or the measured drive force, smooth, shape ``(n,)`` [N]
     friction_n: Array  # Shape ``(n,)`` [N], positive when it opposes positive velocity
     usable: NDArray[np.bool_]  # Rows away from end stops and from the recording's edges, shape ``(n,)``
@@ -93,6 +96,7 @@ def friction_view(
     return FrictionView(
         signals=signals,
         force_name=PRESSURE_FORCE if has_pressures(recording) else MEASURED_FORCE,
+        labelled=labelled,
         force_n=drive_force(signals, cylinder),
         friction_n=friction_n,
         usable=usable,
@@ -106,13 +110,25 @@ def friction_view(
     )
 
 
-def with_friction(subject: Inspected, cylinder: Cylinder, method: SignalFilter, end_stop_margin_m: float) -> Inspected:
-    """Return the subject with its friction, so that it stays known when the signals are no longer held."""
+def with_friction(
+    subject: Inspected,
+    cylinder: Cylinder,
+    method: SignalFilter,
+    end_stop_margin_m: float,
+    plan: OffsetPlan | None = None,
+    no_offset: str = "",
+) -> Inspected:
+    """Return the subject with its friction and what it shows of the sensors' offset, kept when signals are not held.
+
+    ``plan`` and ``no_offset`` are as for ``offset_evidence``.
+    """
     if subject.recording is None or subject.outcome == "refused":
         return subject
     with suppress(ValueError):  # shorter than the filter
         view = friction_view(subject.recording, cylinder, method, end_stop_margin_m)
-        return replace(subject, friction_n=view.half_difference_n)
+        uneven_n, friction_n = view.load_n, view.half_difference_n
+        evidence = offset_evidence(view.labelled, cylinder, plan or OffsetPlan(), uneven_n, friction_n, no_offset)
+        return replace(subject, friction_n=friction_n, offset=evidence)
     return subject
 
 

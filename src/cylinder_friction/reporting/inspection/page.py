@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.inspection.choice import PLOTTED, chosen
 from cylinder_friction.reporting.inspection.recording_pane import MM_PER_M, Pane, recording_pane
+from cylinder_friction.reporting.inspection.sensor_offsets import offset_table
 from cylinder_friction.reporting.inspection.subject import OUTCOMES, count_outcomes, titles
 from cylinder_friction.reporting.page import Cell, Table, page_html
 from cylinder_friction.reporting.style import SERIES, interactive
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
     from cylinder_friction.reporting.inspection.subject import Inspected
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
@@ -41,6 +43,7 @@ def write_page(
     method: str = "savitzky_golay",
     end_stop_margin_m: float = 0.003,
     plotted: int = PLOTTED,
+    offsets: Sequence[KnownOffset] = (),
 ) -> None:
     """Write the page whole; equal input makes equal bytes.
 
@@ -52,6 +55,7 @@ def write_page(
         method: Which of them velocity and friction are shown with.
         end_stop_margin_m: Rows this near an end stop are not usable [m].
         plotted: How many files get figures, see ``chosen``.
+        offsets: What is known of the pressure sensors' offset in each session.
 
     Raises:
         ValueError: The method is not one of the filters.
@@ -80,6 +84,7 @@ def write_page(
         lead=_lead(subjects, len(panes)),
         counts=[(outcome, counts[outcome], MEANINGS[outcome]) for outcome in OUTCOMES if counts[outcome]],
         files=_files(subjects, named, panes),
+        offsets=offset_table(offsets) if offsets else None,
         comparison=_comparison([pane for pane in panes.values() if pane.view is not None]),
         panes=list(panes.values()),
         method=method,

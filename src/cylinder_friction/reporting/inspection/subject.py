@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.recordings.checks.finding import Finding
     from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.reporting.inspection.sensor_offsets import OffsetEvidence
 
 OUTCOMES = ("ok", "noted", "repaired", "refused")
 """Of a check, mildest first."""
@@ -47,6 +48,7 @@ class Inspected:
     extent: Extent | None = None  # Of a recording that is no longer held
     # Half of extending less retracting at equal position [N]; NaN where it was not calculated
     friction_n: float = math.nan
+    offset: OffsetEvidence | None = None  # Of the pressure sensors; None where friction was not calculated
 
     @property
     def seen(self) -> Extent | None:

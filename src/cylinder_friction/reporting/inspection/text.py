@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cylinder_friction.reporting.inspection.sensor_offsets import offset_lines
 from cylinder_friction.reporting.inspection.subject import OUTCOMES, count_outcomes, titles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
     from cylinder_friction.reporting.inspection.subject import Inspected
 
 
-def text_report(subjects: Sequence[Inspected]) -> str:
-    """Return one block a file, one line a check with its outcome, and a last line that counts the files."""
+def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:
+    """Return one block a file, one line a check with its outcome, the sessions' offsets, and a count of the files."""
     blocks = [_block(title, subject) for title, subject in zip(titles(subjects), subjects, strict=True)]
+    if offsets:
+        blocks.append("\n".join(offset_lines(offsets)))
     return "\n\n".join([*blocks, _summary(subjects)]) + "\n"
 
 

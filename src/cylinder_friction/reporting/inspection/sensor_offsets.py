@@ -1,0 +1,184 @@
+"""The offset of the sensors' zeros in each session that is inspected, and what it was identified from.
+
+Nothing is stated beyond what the recordings determine: sensors zeroed on a vented interval, strokes in both directions
+(``labelling.sensor_offset``), or the stated uncertainty alone, with the reason why it is no less.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from cylinder_friction.labelling.sensor_offset import (
+    OffsetPlan,
+    SteadySliding,
+    offset_model,
+    steady_sliding,
+    zero_uncertainty_n,
+)
+from cylinder_friction.labelling.uncertainty import sensitivities
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.reporting.page import Cell, Table, four_digits
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.labelling.sensor_offset import OffsetModel, SessionOffset
+    from cylinder_friction.recordings.recording import Recording
+
+VENTED, STROKES, STATED, NOTHING = "vented interval", "strokes in both directions", "stated uncertainty", "nothing"
+"""What an offset, or its uncertainty, is known from."""
+
+LEAST_NARROWING = 0.9
+"""Strokes that leave a larger share of the stated uncertainty than this have determined nothing."""
+
+
+@dataclass(frozen=True)
+class OffsetEvidence:
+    """What one recording states and shows of its sensors' offset."""
+
+    session: str
+    # Standard uncertainty of the zeros behind the driving force, as friction [N]; None where it is not stated
+    stated_n: float | None
+    vented_n: float | None  # What was taken off as read with vented chambers, as friction [N]; None without
+    sliding: SteadySliding | None  # None where strokes do not count, and ``why_not`` states why
+    why_not: str = ""
+
+
+@dataclass(frozen=True)
+class KnownOffset:
+    """What is known of the offset in one session's friction."""
+
+    session: str
+    source: str  # ``VENTED``, ``STROKES``, ``STATED`` or ``NOTHING``
+    words: str  # What it was identified from, or why it was not
+    # Expanded uncertainties (k = 2) of the offset and as stated for the zeros, as friction [N]; NaN where not known
+    uncertainty_n: float = math.nan
+    stated_n: float = math.nan
+    offset_n: float = math.nan  # To be subtracted from friction, or subtracted already if vented [N]; NaN if not known
+
+    @property
+    def value(self) -> str:
+        """Offset and uncertainty as text."""
+        spread = f"± {self.uncertainty_n:.1f} N"
+        if math.isfinite(self.offset_n):
+            return f"{self.offset_n:.1f} {spread}" if math.isfinite(self.uncertainty_n) else f"{self.offset_n:.1f} N"
+        return f"within {spread}" if math.isfinite(self.uncertainty_n) else "unknown"
+
+
+def offset_evidence(
+    labelled: Recording, cylinder: Cylinder, plan: OffsetPlan, uneven_n: float, friction_n: float, why_not: str
+) -> OffsetEvidence:
+    """Return what a labelled recording contributes.
+
+    Args:
+        labelled: With friction, velocity and usable rows; where no session is known it is one by itself.
+        cylinder: Its areas.
+        plan: How offsets are identified.
+        uneven_n, friction_n: Half the sum and half the difference of friction up and down at equal position [N].
+        why_not: Why strokes cannot show an offset; empty where they may.
+    """
+    session, zeros = labelled.metadata.session or labelled.name, labelled.metadata.zero_offset
+    stated_n = zero_uncertainty_n(labelled.without_columns(LOAD_FORCE), cylinder)
+    if zeros:
+        areas = sensitivities(labelled, cylinder)
+        return OffsetEvidence(session, stated_n, sum(areas[name] * zero for name, zero in zeros.items()), None)
+    sliding = None
+    if not why_not:
+        try:
+            sliding = replace(steady_sliding(labelled, cylinder, plan), session=session)
+        except RecordingError as error:
+            why_not = str(error)
+    if sliding is not None:
+        largest_n = COVERAGE_FACTOR * math.hypot(sliding.prior_n, plan.asymmetry * friction_n)
+        if abs(uneven_n) > largest_n:
+            sliding, why_not = None, _too_uneven(uneven_n, largest_n)
+    return OffsetEvidence(session, stated_n, None, sliding, why_not)
+
+
+def _too_uneven(uneven_n: float, largest_n: float) -> str:
+    return (
+        f"{four_digits(uneven_n)} N does not turn with the direction, where the stated zeros and an asymmetry of "
+        f"friction explain {four_digits(largest_n)} N; a load acts, or a sensor is worse than stated"
+    )
+
+
+def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: OffsetPlan) -> list[KnownOffset]:
+    """Return what is known of each session, in their order; friction's part is found from all of them together."""
+    sliding = [each.sliding for each in evidence if each.sliding is not None and len(each.sliding.direction)]
+    model = offset_model(sliding, cylinder, plan) if sliding else None
+    sessions: dict[str, list[OffsetEvidence]] = {}
+    for each in evidence:
+        sessions.setdefault(each.session, []).append(each)
+    return [_known(name, own, model, plan) for name, own in sessions.items()]
+
+
+def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan) -> KnownOffset:
+    vented = [each for each in own if each.vented_n is not None]
+    stated = [each.stated_n for each in vented or own]
+    stated_n = math.nan if None in stated else COVERAGE_FACTOR * max(each for each in stated if each is not None)
+    if vented:
+        taken_n = [each.vented_n for each in vented if each.vented_n is not None]
+        words = f"taken off as read with vented chambers in {len(vented)} of {len(own)} recordings"
+        return KnownOffset(session, VENTED, words, stated_n, stated_n, sum(taken_n) / len(taken_n))
+    found = None if model is None else model.sessions.get(session)
+    if found is None or model is None:
+        reasons = dict.fromkeys(each.why_not for each in own if each.why_not)
+        why_not = "; ".join(reasons) or f"no steady sliding faster than {1e3 * plan.slowest_m_s:g} mm/s"
+        source = NOTHING if math.isnan(stated_n) else STATED
+        return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n)
+    why_not = _undetermined(found)
+    if why_not:
+        return KnownOffset(session, STATED, f"not identified: {why_not}", stated_n, stated_n)
+    words = (
+        f"{found.strokes_extend} strokes extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} s, "
+        f"{len(model.sessions)} {'session' if len(model.sessions) == 1 else 'sessions'} together; "
+        f"± {COVERAGE_FACTOR * found.common_uncertainty_n:.1f} N of it common to all, whose mean looks like an "
+        "asymmetry of friction"
+    )
+    uncertainty_n = COVERAGE_FACTOR * found.standard_uncertainty_n
+    return KnownOffset(session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)
+
+
+def _undetermined(found: SessionOffset) -> str:
+    """Return why strokes have not determined an offset, empty where they have."""
+    for missing, way, count in (
+        ("retracting", "extending", found.strokes_retract),
+        ("extending", "retracting", found.strokes_extend),
+    ):
+        if not count:
+            return f"strokes {way} alone do not separate it from friction; record strokes {missing} too"
+    if found.standard_uncertainty_n < LEAST_NARROWING * found.prior_n:
+        return ""
+    return (
+        "strokes in both directions narrow it no further, as friction may be as asymmetric as it is large; inspect "
+        "several sessions of the cylinder together"
+    )
+
+
+def offset_lines(offsets: Sequence[KnownOffset]) -> list[str]:
+    """Return the lines of the printed report, one per session below a head."""
+    width, space = (max(len(getattr(each, name)) for each in offsets) for name in ("session", "value"))
+    lines = [f"  {each.session:<{width}}  {each.value:<{space}}  {each.source}: {each.words}" for each in offsets]
+    return ["offset of the sensors' zeros by session, as friction (k = 2)", *lines]
+
+
+def offset_table(offsets: Sequence[KnownOffset]) -> Table:
+    """Return one row per session."""
+    rows: list[list[str | Cell]] = [
+        [
+            each.session,
+            *(
+                Cell(f"{number:.1f}", value=number) if math.isfinite(number) else Cell("–", style="none")
+                for number in (each.offset_n, each.uncertainty_n, each.stated_n)
+            ),
+            each.source,
+            Cell(each.words, style="words"),
+        ]
+        for each in offsets
+    ]
+    head = ("session", "offset [N]", "± [N]", "stated ± [N]", "known from", "how")
+    return Table(head, rows, words=(4, 5))

@@ -1,0 +1,146 @@
+"""What the inspection states of each session's offset: where it is known from, and never more than is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.recordings.recording import Recording, SensorUncertainty
+from cylinder_friction.reporting.inspection.friction_view import with_friction
+from cylinder_friction.reporting.inspection.page import write_page
+from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, known_offsets
+from cylinder_friction.reporting.inspection.subject import Inspected
+from cylinder_friction.reporting.inspection.text import text_report
+
+from .conftest import made_strokes
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.signals.smooth_signals import SignalFilter
+
+Filters = dict[str, "SignalFilter"]
+PLAN = OffsetPlan()
+ZERO_PA = 5000.0
+OFFSETS_N = (25.0, -5.0, -20.0, 10.0, -10.0)
+PRESSURES = ("pressure_1_pa", "pressure_2_pa")
+
+
+def stated(recording: Recording, session: str = "s0", **metadata: object) -> Recording:
+    """Return a recording of a session whose sensors' zeros are stated as uncertain."""
+    known = {name: SensorUncertainty(ZERO_PA, 0.0) for name in PRESSURES}
+    return replace(recording, metadata=replace(recording.metadata, session=session, uncertainty=known, **metadata))  # type: ignore[arg-type]
+
+
+def known(recordings: list[Recording], cylinder: Cylinder, filters: Filters, no_offset: str = "") -> list[KnownOffset]:
+    """Return what is known of the sessions of recordings, as the command asks for it."""
+    method = filters["savitzky_golay"]
+    subjects = [
+        with_friction(Inspected(f"{number}.csv", [], each), cylinder, method, 0.003, PLAN, no_offset)
+        for number, each in enumerate(recordings)
+    ]
+    return known_offsets([each.offset for each in subjects if each.offset is not None], cylinder, PLAN)
+
+
+@pytest.fixture(scope="module")
+def stated_n(cylinder: Cylinder) -> float:
+    """Expanded uncertainty of the zeros, as friction."""
+    return 2.0 * ZERO_PA * float(np.hypot(cylinder.piston_area_m2, cylinder.annulus_area_m2))
+
+
+def test_strokes_in_both_directions_show_each_session_s_offset(
+    cylinder: Cylinder, filters: Filters, stated_n: float
+) -> None:
+    recordings = [stated(made_strokes(cylinder, load), f"s{number}") for number, load in enumerate(OFFSETS_N)]
+    offsets = known(recordings, cylinder, filters)
+    assert [each.session for each in offsets] == ["s0", "s1", "s2", "s3", "s4"]
+    assert np.corrcoef([each.offset_n for each in offsets], OFFSETS_N)[0, 1] > 0.99
+    for each, true_n in zip(offsets, OFFSETS_N, strict=True):
+        assert each.source == "strokes in both directions"
+        assert abs(each.offset_n - true_n) < each.uncertainty_n < 0.7 * stated_n
+        assert each.stated_n == pytest.approx(stated_n)
+        assert "5 sessions together" in each.words
+
+
+def test_a_session_alone_keeps_what_is_stated(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
+    (alone,) = known([stated(made_strokes(cylinder, 20.0))], cylinder, filters)
+    assert (alone.source, alone.uncertainty_n) == ("stated uncertainty", pytest.approx(stated_n))
+    assert math.isnan(alone.offset_n)
+    assert alone.words.endswith("inspect several sessions of the cylinder together")
+
+
+def test_a_recording_without_a_session_is_one_by_itself(cylinder: Cylinder, filters: Filters) -> None:
+    first = stated(made_strokes(cylinder, 20.0), "", name="one")
+    second = stated(made_strokes(cylinder, -20.0), "", name="two")
+    assert [each.session for each in known([first, second], cylinder, filters)] == ["one", "two"]
+
+
+def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
+    both = made_strokes(cylinder)
+    out = both.column("position_m").max() + np.cumsum(np.abs(np.gradient(both.column("position_m"))))
+    one_way = stated(both.with_columns(position_m=0.25 * (out - out.min()) / np.ptp(out)), "out")
+    (found,) = known([one_way], cylinder, filters)
+    assert found.value == f"within ± {stated_n:.1f} N"
+    assert found.words == (
+        "not identified: strokes extending alone do not separate it from friction; record strokes retracting too"
+    )
+
+
+def test_without_sliding_there_is_nothing_to_identify(cylinder: Cylinder, filters: Filters) -> None:
+    resting = made_strokes(cylinder, rest_s=60.0)
+    (found,) = known([stated(resting)], cylinder, filters)
+    assert found.words == "not identified: no steady sliding faster than 6 mm/s"
+
+
+def test_what_was_read_with_vented_chambers_is_stated_as_taken_off(cylinder: Cylinder, filters: Filters) -> None:
+    vented = stated(made_strokes(cylinder), zero_offset={"pressure_1_pa": 1e4, "pressure_2_pa": 0.0})
+    offsets = known([vented, stated(made_strokes(cylinder))], cylinder, filters)
+    (found,) = offsets
+    assert found.source == "vented interval"
+    assert found.offset_n == pytest.approx(1e4 * cylinder.piston_area_m2)
+    assert found.words == "taken off as read with vented chambers in 1 of 2 recordings"
+
+
+def test_beside_a_load_the_stated_uncertainty_is_all(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
+    loaded = stated(made_strokes(cylinder, 500.0).with_columns(load_force_n=np.full(12000, 500.0)))
+    (found,) = known([loaded], cylinder, filters, "the load is measured")
+    assert (found.source, found.words) == ("stated uncertainty", "not identified: the load is measured")
+    assert found.uncertainty_n == pytest.approx(stated_n)
+
+
+def test_a_load_that_nobody_stated_is_not_taken_for_an_offset(cylinder: Cylinder, filters: Filters) -> None:
+    *others, loaded = known(
+        [stated(made_strokes(cylinder, load), f"s{load:g}") for load in (-15.0, 15.0, 900.0)], cylinder, filters
+    )
+    assert [each.source for each in others] == ["strokes in both directions"] * 2
+    assert math.isnan(loaded.offset_n)
+    assert "N does not turn with the direction, where the stated zeros and an asymmetry of friction" in loaded.words
+
+
+def test_where_nothing_is_stated_nothing_is_known(cylinder: Cylinder, filters: Filters) -> None:
+    (found,) = known([made_strokes(cylinder)], cylinder, filters)
+    assert (found.source, found.value) == ("nothing", "unknown")
+    assert "the uncertainty of the zero of 'pressure_1_pa' is not stated" in found.words
+
+
+def test_text_and_page_show_the_same(tmp_path: Path, strokes: Recording, cylinder: Cylinder, filters: Filters) -> None:
+    offsets = [
+        KnownOffset("s1", "strokes in both directions", "12 strokes", 7.25, 31.0, -12.5),
+        KnownOffset("s<2>", "stated uncertainty", "not identified: one way", 31.0, 31.0),
+    ]
+    subjects = [Inspected("a.csv", [], strokes)]
+    assert text_report(subjects, offsets).split("\n\n")[1] == (
+        "offset of the sensors' zeros by session, as friction (k = 2)\n"
+        "  s1    -12.5 ± 7.2 N    strokes in both directions: 12 strokes\n"
+        "  s<2>  within ± 31.0 N  stated uncertainty: not identified: one way"
+    )
+    write_page(tmp_path / "page.html", subjects, cylinder, filters, offsets=offsets)
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for words in ("Offset of the sensors' zeros", "s&lt;2&gt;", "-12.5", "7.2", "31.0", "not identified: one way"):
+        assert words in page, words
