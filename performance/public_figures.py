@@ -17,6 +17,8 @@ from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, motion_points
+from cylinder_friction.labelling.sensor_offset import zero_uncertainty_n
+from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.signals.smooth_signals import signals_of
 
 if TYPE_CHECKING:
@@ -91,6 +93,8 @@ class CraneFigures:
         lugre_mae_n: Mean absolute error of LuGre, identified on the other run, against this run's label [N].
         lugre_percent: That over the mean absolute label of the same rows.
         own_percent: The same of LuGre identified on this run itself.
+        stated_zero_n: Standard uncertainty of the pressure sensors' zeros as stated, as friction [N]; None where the
+            file states none.
     """
 
     found: SessionIdentification
@@ -98,6 +102,7 @@ class CraneFigures:
     lugre_mae_n: float
     lugre_percent: float
     own_percent: float
+    stated_zero_n: float | None
 
 
 def crane(data: Path, generations: int = 30) -> dict[str, CraneFigures]:
@@ -117,7 +122,8 @@ def crane(data: Path, generations: int = 30) -> dict[str, CraneFigures]:
         other = next(each for each in CRANE_RUNS if each != name)
         mae_n, percent = _lugre_error(estimators[other], labels)
         own_percent = _lugre_error(estimators[name], labels)[1]
-        figures[name] = CraneFigures(found, asymmetry_percent(labels), mae_n, percent, own_percent)
+        stated_n = zero_uncertainty_n(labels[0].without_columns(LOAD_FORCE), CYLINDERS["crane"])
+        figures[name] = CraneFigures(found, asymmetry_percent(labels), mae_n, percent, own_percent, stated_n)
     return figures
 
 

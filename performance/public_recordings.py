@@ -16,7 +16,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from public_figures import PUBLISHED_EMPS, crane, emps, seals, tribometer
+import numpy as np
+from public_data import CYLINDERS
+from public_figures import PUBLISHED_EMPS, CraneFigures, crane, emps, seals, tribometer
 
 
 def print_emps(data: Path) -> None:
@@ -53,10 +55,28 @@ def print_crane(data: Path) -> None:
             f"    load {load.load_range_n[0]:.0f} to {load.load_range_n[1]:.0f} N, order {load.order}, "
             f"scatter up to {max(load.scatter_n):.0f} N, asymmetry {load.asymmetry_n:.0f} N (k = 1)"
         )
+        print(f"    {crane_offset(figures)}")
         print(
             f"    LuGre of the other run: MAE {figures.lugre_mae_n:.0f} N, {figures.lugre_percent:.1f} % of mean "
             f"|friction|; of this run itself {figures.own_percent:.1f} %"
         )
+
+
+def crane_offset(figures: CraneFigures) -> str:
+    """Return what is known of the pressure sensors' offset in a run, and what could be."""
+    load, cylinder = figures.found.load, CYLINDERS["crane"]
+    assert load is not None
+    both_n = 2.0 * float(np.hypot(load.asymmetry_n, max(load.scatter_n)))
+    words = (
+        f"sensor offset: inseparable from the load, both together known to ± {both_n:.0f} N (k = 2), not in friction; "
+    )
+    if figures.stated_zero_n is not None:
+        return f"{words}± {2.0 * figures.stated_zero_n:.0f} N as the zeros are stated (k = 2)"
+    piston_n, rod_n = (1e5 * area for area in (cylinder.piston_area_m2, cylinder.annulus_area_m2))
+    return (
+        f"{words}the file states no accuracy: {piston_n:.0f} N for each bar that the zero of the piston side may be "
+        f"off, {rod_n:.0f} N of the rod side"
+    )
 
 
 def print_seals(data: Path) -> None:

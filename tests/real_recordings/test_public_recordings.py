@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,21 @@ def test_friction_comes_out_of_a_crane_that_nobody_told_its_load(crane: Any, run
     assert load.coulomb_extend_n == pytest.approx(load.coulomb_retract_n, rel=0.2)
     assert crane[run].greatest_asymmetry_percent < 20.0
     assert 24e3 < load.load_range_n[0] < load.load_range_n[1] < 38e3
+
+
+@pytest.mark.slow
+def test_the_crane_s_offset_is_stated_as_inseparable_from_its_load(public: Any, crane: Any) -> None:
+    run = crane["JibSineTest"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "performance"))
+        words = importlib.import_module("public_recordings").crane_offset
+    assert run.stated_zero_n is None
+    assert words(run).startswith("sensor offset: inseparable from the load, both together known to ± 1125 N (k = 2)")
+    assert words(run).endswith(
+        "the file states no accuracy: 1767 N for each bar that the zero of the piston side may be "
+        "off, 982 N of the rod side"
+    )
+    assert words(replace(run, stated_zero_n=50.0)).endswith("not in friction; ± 100 N as the zeros are stated (k = 2)")
 
 
 @pytest.mark.slow
