@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import argparse
 
 from cylinder_friction.params.checking import load_params
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def run(_options: argparse.Namespace) -> None:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError
-
-if TYPE_CHECKING:
-    import argparse
 
 EXPECTED = (NoCompilerError, ValueError)
 PARTS = "lstm: without the forest; base: the filtered force balance alone"

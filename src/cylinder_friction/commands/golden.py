@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,9 +28,6 @@ from cylinder_friction.testing.golden import (
 )
 
 if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
     from cylinder_friction.params.checking import Params
 
 ARCHITECTURE = Architecture(layers=1, nodes=16, dropout=0.0, learning_rate=5e-3)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

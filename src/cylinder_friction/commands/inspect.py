@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,9 +26,6 @@ from cylinder_friction.stages.label import labeller_from
 from cylinder_friction.stages.offset import LOADED, plan_from
 
 if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
     from cylinder_friction.labelling.label import Labeller
     from cylinder_friction.params.checking import Params
     from cylinder_friction.reporting.inspection.subject import Inspected

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +26,6 @@ from cylinder_friction.stages._stage import (
     artifacts,
 )
 from cylinder_friction.tracking.log_run import track_or_warn
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
 
 EXPECTED = (NoCompilerError, ValueError)
 LATENCY_FILE = REPORTS_FOLDER / "latency.json"

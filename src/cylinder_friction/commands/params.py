@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 from hydra import compose, initialize_config_dir
@@ -14,10 +16,6 @@ from omegaconf.errors import OmegaConfBaseException
 
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, check_params
 from cylinder_friction.recordings.files import write_text
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
 
 CONF = Path("conf")
 HEADER = "# Composed from conf/ by `make params`; change it there, or here for one run.\n"

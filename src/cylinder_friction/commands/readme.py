@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cylinder_friction.recordings.files import write_text
-
-if TYPE_CHECKING:
-    import argparse
 
 BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
 PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.png"}

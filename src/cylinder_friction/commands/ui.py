@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cylinder_friction.deployment.serve import run_ui
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def run(_options: argparse.Namespace) -> int:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from cylinder_friction.realtime.flags import Flag, invalid_flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -15,11 +16,6 @@ from cylinder_friction.recordings.columns import (
     PRESSURE_1,
     PRESSURE_2,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.realtime.model import StepModel
 
 _INVALID = "is NaN, infinite or no reading of a working sensor; its last valid value stands in"
 FLAG_MEANINGS = {

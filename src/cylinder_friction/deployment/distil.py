@@ -6,23 +6,19 @@ they carry the same knowledge without the labels' noise. Its cost is measured on
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import HybridEstimator, train_correction
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from cylinder_friction.realtime.guard import largest_friction_n
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
 
 PLAN = TrainingPlan(epochs=40, patience=12, sequence_length=200, burn_in=100, batch_size=16, schedule="cosine")
 LEARNING_RATE = 5e-3

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jinja2
 import numpy as np
 
-from cylinder_friction.deployment.c_export.literals import number, numbers, wrapped
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.deployment.c_export.literals import Type
-
+from cylinder_friction.deployment.c_export.literals import Type, number, numbers, wrapped
 
 ABSENT = {"offset": None, "spread_n": (0.0, 0.0, 0.0, 0.0), "lag_s": 0.0}
 """What fields hold in a model that learns no sensor offset and has no lag: there they leave its hash alone."""

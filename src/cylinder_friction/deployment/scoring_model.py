@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import mlflow
-import pandas as pd  # noqa: TC002 - MLflow reads predict's type hints at run time
+import pandas as pd  # MLflow reads predict's type hints at run time
 from mlflow.exceptions import MlflowException
 from mlflow.protos.databricks_pb2 import INVALID_PARAMETER_VALUE
 from mlflow.pyfunc.model import PythonModel

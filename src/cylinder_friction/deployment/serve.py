@@ -12,14 +12,12 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cylinder_friction.tracking.errors import TrackingError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 CHAMPION = "models:/friction-estimator@champion"
 _HOST = "127.0.0.1"

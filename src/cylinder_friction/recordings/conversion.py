@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
-from cylinder_friction.recordings.checks.limits import CheckLimits
+import pandas as pd
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import check_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.formats.options import CsvOptions
@@ -13,20 +18,11 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, ZeroRules, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
+from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.signal import Piece
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    import pandas as pd
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.checks.limits import LoadMode
-    from cylinder_friction.recordings.path_names import NameRules, PathNames
-    from cylinder_friction.recordings.signal import Piece
 
 
 @dataclass(frozen=True)

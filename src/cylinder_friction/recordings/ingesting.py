@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tqdm import tqdm
 
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
-from cylinder_friction.recordings.conversion import checked, metadata_of, pieces_of
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_of
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
-from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.signal import Piece
 from cylinder_friction.recordings.storage import write_recording
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from cylinder_friction.recordings.conversion import Recipe
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.recordings.signal import Piece
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import glob
 import os
 import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.formats.reading import read_logged_file
@@ -19,14 +22,7 @@ from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
 from cylinder_friction.recordings.mapping.units import electrical
 from cylinder_friction.recordings.path_names import NameRules
-from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.checks.limits import LoadMode
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 ONE_CONDITION = "1"  # the condition of files whose names state none
 

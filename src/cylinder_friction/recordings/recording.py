@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     REQUIRED_COLUMNS,
@@ -15,13 +18,6 @@ from cylinder_friction.recordings.columns import (
     UNCERTAINTY_COLUMN,
     missing_columns,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
 
 
 class RecordingError(ValueError):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import pandas as pd
+import pandas as pd
 
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 ROLES = ("train", "validation", "calibration", "test")
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
 
 _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048

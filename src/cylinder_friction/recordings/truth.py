@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.recording import Recording, RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array
 
 TRUTH_COLUMNS = ("time_s", "friction_n", "velocity_m_s")
 

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, mean_percent, points_ahead
+from cylinder_friction.evaluation.analysis import Analysis
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, mean_percent, points_ahead
+from cylinder_friction.evaluation.coverage import Coverage
+from cylinder_friction.evaluation.starts import Starts
+from cylinder_friction.evaluation.timing import StepTime
 from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
 from cylinder_friction.reporting.summary import best_reference, leaders, verdict
 from cylinder_friction.tuning.space import RANGES
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.evaluation.analysis import Analysis
-    from cylinder_friction.evaluation.comparison import Comparison, Scores
-    from cylinder_friction.evaluation.coverage import Coverage
-    from cylinder_friction.evaluation.starts import Starts
-    from cylinder_friction.evaluation.timing import StepTime
 
 AUDIT_HEADS = {
     "bias_n": "Bias [N]",

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from cylinder_friction.evaluation.comparison import mean_percent
+from cylinder_friction.arrays import Array
+from cylinder_friction.evaluation.analysis import Analysis
+from cylinder_friction.evaluation.comparison import Comparison, Scores, mean_percent
 from cylinder_friction.evaluation.strata import STRATA
+from cylinder_friction.evaluation.views import Agreement, Excerpt, Histogram, LearningCurve, VelocityProfile
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.estimator_titles import TRACE_COLOURS, colour, title
 from cylinder_friction.reporting.style import (
     BLACK,
@@ -30,15 +35,7 @@ from cylinder_friction.reporting.style import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from matplotlib.figure import Figure
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.evaluation.analysis import Analysis
-    from cylinder_friction.evaluation.comparison import Comparison, Scores
-    from cylinder_friction.evaluation.views import Agreement, Excerpt, Histogram, LearningCurve, VelocityProfile
-    from cylinder_friction.recordings.recording import Recording
 
 
 PANEL = (4.8, 3.3)

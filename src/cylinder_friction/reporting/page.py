@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -16,8 +17,6 @@ from markupsafe import Markup, escape
 from cylinder_friction.reporting.style import svg_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import plotly.graph_objects as go
     from matplotlib.figure import Figure
 

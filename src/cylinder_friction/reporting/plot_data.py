@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from cylinder_friction.evaluation.analysis import Analysis
 from cylinder_friction.evaluation.comparison import mean_percent
-
-if TYPE_CHECKING:
-    from cylinder_friction.evaluation.analysis import Analysis
 
 
 def plot_tables(analysis: Analysis) -> dict[str, str]:

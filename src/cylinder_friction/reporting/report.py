@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from cylinder_friction.evaluation.analysis import Analysis
+from cylinder_friction.evaluation.comparison import Comparison, Scores
+from cylinder_friction.evaluation.coverage import Coverage
+from cylinder_friction.evaluation.starts import Starts
+from cylinder_friction.evaluation.timing import StepTime
+from cylinder_friction.evaluation.views import Excerpt
 from cylinder_friction.reporting import comparison_tables as tables
 from cylinder_friction.reporting import figures
 from cylinder_friction.reporting.estimator_titles import phrase
-from cylinder_friction.reporting.page import page_html
+from cylinder_friction.reporting.page import Table, page_html
 from cylinder_friction.reporting.style import draw
 from cylinder_friction.reporting.summary import CLEAR_POINTS, best_reference, summary
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     import plotly.graph_objects as go
     from matplotlib.figure import Figure
-
-    from cylinder_friction.evaluation.analysis import Analysis
-    from cylinder_friction.evaluation.comparison import Comparison, Scores
-    from cylinder_friction.evaluation.coverage import Coverage
-    from cylinder_friction.evaluation.starts import Starts
-    from cylinder_friction.evaluation.timing import StepTime
-    from cylinder_friction.evaluation.views import Excerpt
-    from cylinder_friction.reporting.page import Table
 
 SECTIONS = {
     "summary": "Summary",

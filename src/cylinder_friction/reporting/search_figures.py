@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import optuna
 from optuna.importance import FanovaImportanceEvaluator
@@ -11,14 +12,8 @@ from optuna.importance import FanovaImportanceEvaluator
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.page import page_html
 from cylinder_friction.reporting.style import interactive
-from cylinder_friction.tuning.search import study_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.tuning.search import SearchPlan, Trial
-    from cylinder_friction.tuning.space import SearchSpace
+from cylinder_friction.tuning.search import SearchPlan, Trial, study_of
+from cylinder_friction.tuning.space import SearchSpace
 
 OBJECTIVE = "validation MAE [N]"
 

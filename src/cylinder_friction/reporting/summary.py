@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, points_ahead
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, points_ahead
 from cylinder_friction.reporting.estimator_titles import phrase
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from cylinder_friction.evaluation.comparison import Comparison, Scores
 
 CLEAR_POINTS = 0.1
 """A smaller difference [percentage points] matters to nobody: another seed or a warmer sensor moves an error by more.

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.reporting.style import interactive
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-
 
 LINE_POINTS = 2400
 PANEL_HEIGHT = 165

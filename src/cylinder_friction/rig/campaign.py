@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+import pandas as pd
+from numpy.random import Generator
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.recording import RecordingMetadata
 from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.external_load import varied_load
@@ -16,14 +20,6 @@ from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
 from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session, draw_wide_rig
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import pandas as pd
-    from numpy.random import Generator
-
-    from cylinder_friction.cylinder import Cylinder
 
 TRUTH_COLUMNS = (
     "time_s",

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.random import Generator
 
 from cylinder_friction.rig.lever import APPROACH, MOVE, RAMP, SINE, DutyCycle, hand_remnant
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
-    from cylinder_friction.rig.parameters import RigParameters
+from cylinder_friction.rig.parameters import RigParameters
 
 Row = tuple[float, ...]
 EXPECTED_FRICTION_N = 350.0

@@ -11,17 +11,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
+from numpy.random import Generator
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.rig.lever import TICK_S, ornstein_uhlenbeck
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
-    from cylinder_friction.arrays import Array
 
 PLACES = 65
 """Positions at which a position-dependent load is given, equidistant from 0 to the stroke."""

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from cylinder_friction.rig.parameters import BAR_PA, refuse_unknown
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.rig.parameters import RigParameters
+from cylinder_friction.rig.parameters import BAR_PA, RigParameters, refuse_unknown
 
 
 def with_fault(rig: RigParameters, fault: str, severity: float = 1.0) -> RigParameters:

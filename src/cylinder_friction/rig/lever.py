@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
+from numpy.random import Generator
 from scipy import signal
 
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 TICK_S = 0.001
 """Sample time of the hand [s]; between two ticks the lever moves linearly."""

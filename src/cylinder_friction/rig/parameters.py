@@ -7,13 +7,11 @@ numbers only.
 from __future__ import annotations
 
 from collections import namedtuple
+from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.cylinder import Cylinder
 
 BAR_PA = 1e5
 ELEMENTS = 4

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 from scipy import signal
 
-from cylinder_friction.rig.parameters import BAR_PA
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.rig.parameters import SensorParameters
+from cylinder_friction.arrays import Array
+from cylinder_friction.rig.parameters import BAR_PA, SensorParameters
 
 LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]", "Oil temperature [degC]")
 LOAD_COLUMN = "Load [N]"

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.rig.external_load import ExternalLoad
 from cylinder_friction.rig.integration import compiled_run
 from cylinder_friction.rig.lever import TICK_S, DutyCycle
-from cylinder_friction.rig.parameters import friction_constants, hydraulic_constants
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.rig.parameters import RigParameters
+from cylinder_friction.rig.parameters import RigParameters, friction_constants, hydraulic_constants
 
 DEFAULT_STEP_S = 5e-5
 LEAST_START_PA = 2e5

@@ -10,24 +10,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.random import Generator
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.rig.integration import DRIFT_STEP_S
 from cylinder_friction.rig.lever import ornstein_uhlenbeck
-from cylinder_friction.rig.parameters import BAR_PA
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.rig.parameters import (
-        FrictionParameters,
-        HydraulicParameters,
-        RigParameters,
-        SensorParameters,
-    )
+from cylinder_friction.rig.parameters import (
+    BAR_PA,
+    FrictionParameters,
+    HydraulicParameters,
+    RigParameters,
+    SensorParameters,
+)
 
 PAUSE_S = 300.0
 """Between two recordings of a session."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,8 +33,6 @@ from cylinder_friction.tracking.versions import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
     from mlflow.entities.model_registry import ModelVersion
 
 

@@ -8,7 +8,9 @@ import logging
 import os
 import re
 import time
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
 
 from mlflow.entities import Dataset, DatasetInput, InputTag, Metric, Param, Run
 from mlflow.exceptions import MlflowException
@@ -23,16 +25,11 @@ from mlflow.utils.mlflow_tags import (
 )
 
 from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.repository import Commit, commit_of
 from cylinder_friction.tracking.resources import resource_metrics
 from cylinder_friction.tracking.store import Store, open_store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cylinder_friction.run_record import RunRecord
 
 KEY_TAG = "record_key"
 """Content key of a top-level run's record: how a run is recognised."""

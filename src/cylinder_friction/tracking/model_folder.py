@@ -10,6 +10,7 @@ from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
 from mlflow import artifacts
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
@@ -19,7 +20,6 @@ from cylinder_friction.tracking.errors import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
 if TYPE_CHECKING:
-    import pandas as pd
     from mlflow.entities.model_registry import ModelVersion
 
 SCORING_MODULE = "cylinder_friction.deployment.scoring_model"

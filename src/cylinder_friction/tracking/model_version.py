@@ -17,16 +17,15 @@ from mlflow.models import Model
 
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import RunRecord
+from cylinder_friction.tracking.candidate import Candidate
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.model_folder import save_model_folder
 from cylinder_friction.tracking.repository import commit_of
+from cylinder_friction.tracking.store import Store
 
 if TYPE_CHECKING:
     from mlflow.entities.model_registry import ModelVersion
-
-    from cylinder_friction.tracking.candidate import Candidate
-    from cylinder_friction.tracking.store import Store
 
 MODEL_KEY = "model_key"
 """Tag of a version and of its logged model: the hash of the candidate's folder, by which it is recognised."""

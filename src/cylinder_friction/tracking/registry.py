@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,18 +12,14 @@ from typing import TYPE_CHECKING
 
 from mlflow.exceptions import MlflowException
 
-from cylinder_friction.tracking.candidate import Incumbent, Registered
+from cylinder_friction.tracking.candidate import Candidate, Errors, Incumbent, Registered
 from cylinder_friction.tracking.gate import Decision, decide
 from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, artifact_path, download_model
 from cylinder_friction.tracking.model_version import MODEL_KEY, ensure_version
 from cylinder_friction.tracking.store import Store, open_store
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mlflow.entities.model_registry import ModelVersion
-
-    from cylinder_friction.tracking.candidate import Candidate, Errors
 
 ALIAS = "champion"
 REGISTERED_FILE = "models/registered.json"

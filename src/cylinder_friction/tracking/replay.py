@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from cylinder_friction.run_record import STAGES, RunRecord
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import find_run, log_in
 from cylinder_friction.tracking.registry import register_again
 from cylinder_friction.tracking.store import open_store
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 RUNS_FOLDER = "reports/runs"
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import psutil
 from mlflow.entities import Metric
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord
 
 RESOURCES_FOLDER = Path(".cylinder-friction/resources")
 """One ``<stage>.json`` each; it differs with every run and machine, so DVC does not track it."""

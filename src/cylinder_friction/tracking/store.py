@@ -6,9 +6,10 @@ import fcntl
 import logging
 import os
 import socket
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import mlflow
@@ -17,10 +18,6 @@ from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.repository import repository_root
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 from dvc.exceptions import NotDvcRepoError
@@ -19,9 +20,6 @@ from dvc_objects.errors import ObjectFormatError
 from dvc_objects.fs.local import LocalFileSystem
 
 from cylinder_friction.tracking.errors import LineageError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 LOCK_FILE = "dvc.lock"
 PARAMS_FILE = "params.yaml"

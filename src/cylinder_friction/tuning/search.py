@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import optuna
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.trial import TrialState
 
-from cylinder_friction.tuning.space import RANGES
-from cylinder_friction.tuning.trials import DiscardedTrial, TuningPlan, reason_of, run_trials
+from cylinder_friction.tuning.space import RANGES, SearchSpace
+from cylinder_friction.tuning.trials import DiscardedTrial, Objective, Report, TuningPlan, reason_of, run_trials
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
     from optuna.trial import FrozenTrial
-
-    from cylinder_friction.tuning.space import SearchSpace
-    from cylinder_friction.tuning.trials import Objective, Report
 
 Value = int | float
 Cost = Callable[[dict[str, Value]], int]

@@ -5,22 +5,17 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.deployment.c_export.export import ExportedC
 from cylinder_friction.realtime.flags import Estimate
 from cylinder_friction.realtime.stream import NO_OFFSET
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.deployment.c_export.export import ExportedC
-
 
 COMPILERS = ("gcc", "clang", "cc")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Werror")

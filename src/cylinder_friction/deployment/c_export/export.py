@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Literal, get_args
+from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 
 from cylinder_friction.deployment.c_export.filters import FilterBank
 from cylinder_friction.deployment.c_export.forest import SIDE_BY_SIDE, flatten
-from cylinder_friction.deployment.c_export.literals import number
+from cylinder_friction.deployment.c_export.literals import Type, number
 from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_model, lugre_values
 from cylinder_friction.deployment.c_export.network import network_operations, network_values
 from cylinder_friction.deployment.c_export.sensor_offset import offset_operations, offset_values
 from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
 from cylinder_friction.deployment.rendering import model_hash, render
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS
 from cylinder_friction.realtime.bounds import unknown_bounds
-from cylinder_friction.realtime.history import TOLERANCE_M
+from cylinder_friction.realtime.history import TOLERANCE_M, History
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OWN
 from cylinder_friction.recordings.files import write_text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.deployment.c_export.literals import Type
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.realtime.history import History
-    from cylinder_friction.realtime.model import StepModel
 
 Precision = Literal["double", "float"]
 Part = Literal["whole", "lstm", "base"]

@@ -8,14 +8,11 @@ velocity does not drown in the rounding of a position. Equal rows are computed o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.model import StepModel
-
+from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.model import StepModel
 
 ROUNDING = 1e-9
 """Taps with a smaller sum give nothing for a constant: derivatives."""

@@ -9,17 +9,13 @@ has arrived stays. There is no branch to predict, and a step takes the same inst
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.realtime.forest import Forest
+from cylinder_friction.realtime.forest import Forest
 
 SIDE_BY_SIDE = 8
 LARGEST_STEP = 65_535

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.columns import POSITION
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.lugre import LugreEstimator
-    from cylinder_friction.friction_models.lugre import LugreParameters
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.signals.causal_velocity import CausalVelocity
+from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 
 @dataclass(frozen=True)

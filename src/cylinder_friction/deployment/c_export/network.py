@@ -9,17 +9,11 @@ same activations. Without fused multiply-add the result is the same to the last 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.realtime.activation import TANH_DENOMINATOR, TANH_LIMIT, TANH_NUMERATOR
-from cylinder_friction.realtime.lstm import TINY
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.realtime.lstm import TINY, LstmWeights
 
 AT_ONCE = 8
 """Sources added in one pass."""

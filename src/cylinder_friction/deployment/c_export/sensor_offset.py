@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from cylinder_friction.deployment.c_export.filters import FilterBank
 from cylinder_friction.realtime import sensor_offset as at
 from cylinder_friction.realtime.guard import UNKNOWN_FORCE_N
-
-if TYPE_CHECKING:
-    from cylinder_friction.deployment.c_export.filters import FilterBank
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.model import StepModel
 
 HOUR_S = 3600.0
 BLOCK_OPERATIONS = 150

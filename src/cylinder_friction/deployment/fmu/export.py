@@ -8,28 +8,24 @@ import platform
 import re
 import tempfile
 import uuid
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from cylinder_friction.deployment.c_export.compiled import COMPILERS, NoCompilerError, compile_shared, find_compiler
-from cylinder_friction.deployment.c_export.export import c_model, generate_c
+from cylinder_friction.deployment.c_export.export import Precision, c_model, generate_c
 from cylinder_friction.deployment.c_export.lugre import LugreModel
 from cylinder_friction.deployment.descriptions import flag_meanings
 from cylinder_friction.deployment.fmu.variables import UNITS, fmu_variables
 from cylinder_friction.deployment.rendering import render
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.files import write_bytes
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.deployment.c_export.export import Precision
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.realtime.model import StepModel
 
 FmiVersion = Literal[2, 3]
 HEADER = "fmu_model.h"

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from cylinder_friction.deployment.c_export.sensor_offset import stated_uncertainty_n
 from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.model import StepModel
 
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "input", "output", "parameter", "calculatedParameter"]

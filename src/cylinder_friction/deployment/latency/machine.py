@@ -6,15 +6,13 @@ import os
 import platform
 import resource
 import subprocess
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, find_compiler
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 QUIET_SHARE = 0.02
 """Where others had more of the core than this, the figures are marked as those of a busy machine."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from cylinder_friction.deployment.latency.measuring import Measured, ModelFigures
 from cylinder_friction.deployment.latency.runtimes import COMPILER_OPTIONS
-
-if TYPE_CHECKING:
-    from cylinder_friction.deployment.latency.measuring import Measured, ModelFigures
 
 MEASURED_FIGURES = ("p50_us", "p99_us", "p999_us", "maximum_us", "first_us")
 

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from onnx import TensorProto
 
-from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, HAPPENED_AT
+from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, HAPPENED_AT, Rows
 from cylinder_friction.realtime.bounds import REVERSAL
 from cylinder_friction.realtime.flags import Flag, invalid_flag
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.deployment.onnx_graphs.graph import Graph
-    from cylinder_friction.deployment.onnx_graphs.rows import Rows
-    from cylinder_friction.realtime.model import Bounds, StepModel
+from cylinder_friction.realtime.model import Bounds, StepModel
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import onnxruntime
 
 from cylinder_friction.deployment.descriptions import described_inputs
 from cylinder_friction.deployment.rendering import model_hash
 from cylinder_friction.realtime.flags import Flag
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.model import StepModel
 
 OUTPUTS = {
     "friction_n": "friction [N], positive when it opposes positive velocity",

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from onnx import TensorProto, helper
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.deployment.onnx_graphs.rows import Rows
 from cylinder_friction.estimators.onnx_files import forest_to_onnx
-from cylinder_friction.realtime.lstm import TINY
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.deployment.onnx_graphs.graph import Graph
-    from cylinder_friction.deployment.onnx_graphs.rows import Rows
-    from cylinder_friction.realtime.forest import Forest
-    from cylinder_friction.realtime.lstm import LstmWeights
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.forest import Forest
+from cylinder_friction.realtime.lstm import TINY, LstmWeights
+from cylinder_friction.realtime.model import StepModel
 
 NO_SPREAD_N = 1e20
 """Stands for a spread of 0: beside so large a one no offset moves the bounds."""

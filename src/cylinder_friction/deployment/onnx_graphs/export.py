@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.rendering import model_hash
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.files import write_bytes
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.realtime.model import StepModel
 
 STEP_FILE = "step.onnx"
 SEQUENCE_FILE = "sequence.onnx"

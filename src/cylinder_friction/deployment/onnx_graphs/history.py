@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
-from cylinder_friction.realtime.history import TOLERANCE_M
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.history import History
+from cylinder_friction.realtime.history import TOLERANCE_M, History
 
 NEVER_PUSHED_S = 1e30
 STATE = ("dwell", "dwell_before", "moved_from", "moving", "centre", "push", "age")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.deployment.onnx_graphs.rows import Rows
 from cylinder_friction.deployment.onnx_graphs.sensor_offset import (
     EXPLAINED,
     GIVEN,
@@ -24,11 +23,8 @@ from cylinder_friction.deployment.onnx_graphs.sensor_offset import (
     stated,
     walk,
 )
-
-if TYPE_CHECKING:
-    from cylinder_friction.deployment.onnx_graphs.rows import Rows
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 PADDING = "padding"
 """Rows that come before the first valid sample, and the last one, cut off."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.deployment.onnx_graphs.rows import Rows
 from cylinder_friction.deployment.onnx_graphs.sensor_offset import (
     GIVEN,
     KNOWN,
@@ -21,11 +20,8 @@ from cylinder_friction.deployment.onnx_graphs.sensor_offset import (
     stated,
     walk,
 )
-
-if TYPE_CHECKING:
-    from cylinder_friction.deployment.onnx_graphs.rows import Rows
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 STATE = {
     "offset_given": GIVEN,

@@ -6,10 +6,9 @@ sound sample on in the sequence graph.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.history import History
+from cylinder_friction.realtime.history import History
 
 LONG_AGO = -1e30
 """Clock of something that never happened."""

@@ -7,20 +7,16 @@ as a block stand in for them, and run at its end alone.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from onnx import TensorProto
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.deployment.onnx_graphs.rows import Rows
 from cylinder_friction.realtime import sensor_offset as at
-from cylinder_friction.realtime.sensor_offset import OWN
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.deployment.onnx_graphs.graph import Graph
-    from cylinder_friction.deployment.onnx_graphs.rows import Rows
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.sensor_offset import OWN, OffsetTracker
 
 GIVEN = 2
 """Numbers that may be given before the first sample: the offset and its standard uncertainty [N]."""

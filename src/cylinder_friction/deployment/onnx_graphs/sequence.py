@@ -15,12 +15,11 @@ from cylinder_friction.deployment.onnx_graphs.history import history_rows
 from cylinder_friction.deployment.onnx_graphs.offset_in_sequence import PADDING, learn_offset
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO
 from cylinder_friction.deployment.onnx_graphs.sensor_offset import take_off
+from cylinder_friction.realtime.history import History
+from cylinder_friction.realtime.model import StepModel
 
 if TYPE_CHECKING:
     import onnx
-
-    from cylinder_friction.realtime.history import History
-    from cylinder_friction.realtime.model import StepModel
 
 MEANING = "Friction of a hydraulic cylinder from a recording's raw samples, as if stepped through from a fresh start."
 LAST = np.iinfo(np.int64).max

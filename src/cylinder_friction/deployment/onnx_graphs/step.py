@@ -15,12 +15,11 @@ from cylinder_friction.deployment.onnx_graphs.history import STATE, begin_histor
 from cylinder_friction.deployment.onnx_graphs.offset_in_step import begin_offset, learn_offset
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION, FAR, HAPPENED_AT, LONG_AGO
 from cylinder_friction.deployment.onnx_graphs.sensor_offset import block_taps, take_off
+from cylinder_friction.realtime.history import History
+from cylinder_friction.realtime.model import StepModel
 
 if TYPE_CHECKING:
     import onnx
-
-    from cylinder_friction.realtime.history import History
-    from cylinder_friction.realtime.model import StepModel
 
 MEANING = (
     "Friction of a hydraulic cylinder from one raw sample. Feed memory_out and network_out back as memory and network "

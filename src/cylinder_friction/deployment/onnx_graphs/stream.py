@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
 import onnxruntime
+from numpy.typing import NDArray
 
 from cylinder_friction.deployment.onnx_graphs.description import MODEL_HASH, session_options
 from cylinder_friction.realtime.flags import Estimate
 from cylinder_friction.realtime.sensor_offset import refuse_impossible
 from cylinder_friction.realtime.stream import NO_OFFSET
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 TYPES = {"tensor(double)": np.float64, "tensor(float)": np.float32, "tensor(int32)": np.int32}
 

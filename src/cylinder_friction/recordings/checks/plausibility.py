@@ -14,20 +14,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import DRIVE_FORCE
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.checks.limits import LoadMode
-
 
 HALF_WINDOW_S = 0.05  # velocity is the difference over twice this time
 ROWS = 5_000  # rows used at most, spread evenly: more do not make the result more certain

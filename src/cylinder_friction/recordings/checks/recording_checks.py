@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding, spoken
+from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import check_friction
 from cylinder_friction.recordings.columns import DRIVE_FORCE, PRESSURES, REQUIRED_COLUMNS, missing_columns
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import pandas as pd
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.checks.limits import CheckLimits
-
 
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 

@@ -7,24 +7,18 @@ What is bad for a few rows becomes NaN, a missing sample, and is reported; for m
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import spoken
+from cylinder_friction.recordings.mapping.sensor import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.mapping.sensor import SensorLimits
-    from cylinder_friction.recordings.signal import Signal
-
+from cylinder_friction.recordings.signal import Signal
 
 OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4
 """What a sample is marked as; 0 is valid."""

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import IO, TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import IO, Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 def write_message(stream: IO[bytes], message: Any) -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.formats.cells import COMMA_NUMBER, MISSING, POINT_NUMBER
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
 
 _CLOCK = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:](?P<f>\d{1,9}))?)?"
 _REST = rf"(?:[T ,]+{_CLOCK}\s*(?P<half>[AaPp][Mm])?)?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"

@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
+from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import MISSING, split_cells
 from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
 from cylinder_friction.recordings.formats.layout import Layout, find_layout
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
-from cylinder_friction.recordings.formats.source import HEAD_SIZE
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.recordings.formats.options import CsvOptions
-    from cylinder_friction.recordings.formats.source import FileSource
 
 _FEWEST_LINES = 20
 _LARGEST_HEAD = 64 * HEAD_SIZE

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.channels import (
     Channel,
@@ -17,15 +19,9 @@ from cylinder_friction.recordings.formats.channels import (
     tables_by_length,
 )
 from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
-    from cylinder_friction.recordings.formats.source import FileSource
 
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")

@@ -15,19 +15,16 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Collection
 from contextlib import suppress
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from cylinder_friction.recordings.formats.arrow_pipe import read_message, read_tables, write_message
 from cylinder_friction.recordings.formats.libraries import missing_library
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-    from pathlib import Path
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 LIMIT_S = 60.0  # so long may reading take [s], and longer where the file is large
 LIMIT_PER_BYTE_S = 1.0 / 2e6

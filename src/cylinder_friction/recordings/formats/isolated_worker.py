@@ -8,11 +8,12 @@ import signal
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cylinder_friction.recordings.formats.arrow_pipe import read_message, write_message, write_tables
 from cylinder_friction.recordings.formats.hdf5 import read_hdf5
 from cylinder_friction.recordings.formats.libraries import guarded
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.matlab import read_matlab, read_matlab73
 from cylinder_friction.recordings.formats.mdf import read_mdf
 from cylinder_friction.recordings.formats.source import open_source
@@ -22,8 +23,6 @@ from cylinder_friction.recordings.recording import RecordingError
 if sys.platform != "win32":
     import resource
 
-if TYPE_CHECKING:
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 _READERS = {
     "hdf5": (read_hdf5, "an HDF5 file"),

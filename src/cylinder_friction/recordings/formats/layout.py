@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 from cylinder_friction.recordings.formats.cells import has_thousands, is_missing, is_number, is_value, split_cells
 from cylinder_friction.recordings.formats.header import read_header
+from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from cylinder_friction.recordings.formats.options import CsvOptions
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
 _LOOKED_AT = 100

@@ -5,16 +5,13 @@ from __future__ import annotations
 import importlib
 import logging
 import warnings
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 
 MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
 

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
 from cylinder_friction.recordings.formats.hdf5 import refuse_absurd_size
 from cylinder_friction.recordings.formats.libraries import optional_library
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
-    from cylinder_friction.recordings.formats.source import FileSource
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.source import FileSource
 
 _DEEPEST = 20
 _LONGEST_TEXT = 4096

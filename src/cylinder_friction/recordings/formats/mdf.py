@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.channels import numeric
 from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
+from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.recordings.formats.source import FileSource
 
 
 def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:

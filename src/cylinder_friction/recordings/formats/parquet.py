@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.recordings.formats.columns import plain_values, text_objects
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
+from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from cylinder_friction.recordings.formats.source import FileSource
 
 
 def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection
+from pathlib import Path
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.detect import FORMATS, format_of, is_matlab73
 from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.libraries import guarded
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.parquet import read_parquet
 from cylinder_friction.recordings.formats.source import open_source, read_head
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-    from pathlib import Path
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 _AUTOMATIC = CsvOptions()
 

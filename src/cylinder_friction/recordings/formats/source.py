@@ -6,12 +6,10 @@ import gzip
 import io
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, BinaryIO
+from pathlib import Path
+from typing import BinaryIO
 
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HEAD_SIZE = 65536  # so many bytes are looked at to find out what a file is [bytes]
 

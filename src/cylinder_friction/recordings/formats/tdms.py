@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of
 from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
-    from cylinder_friction.recordings.formats.source import FileSource
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import codecs
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyarrow as pa
 
 from cylinder_friction.recordings.formats.detect import BYTE_ORDER_MARKS
+from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.recordings.formats.source import FileSource
 
 _TAIL = 1 << 16
 

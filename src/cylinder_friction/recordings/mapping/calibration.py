@@ -11,27 +11,20 @@ the position sensor's zero follow from anything here; its mapping's ``offset`` s
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import PRESSURES
-from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_uncertainty
 from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, sensor_step
 from cylinder_friction.recordings.mapping.units import column_scale
-from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-    from cylinder_friction.recordings.recording import RecordingMetadata
-
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
 
 NOT_CORRECTED = "zeros of the pressure sensors not corrected"
 

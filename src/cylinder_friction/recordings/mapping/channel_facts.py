@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.formats.header import unit_in_name
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.units import electrical, quantity_of
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
-
 
 MOSTLY = 0.99  # time may have a few repeated or backward stamps and still be time
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self, get_args
+from typing import Any, Self, get_args
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, missing_columns
 from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, SensorLimits, SensorScale, sensor_step
 from cylinder_friction.recordings.mapping.units import (
@@ -19,12 +21,6 @@ from cylinder_friction.recordings.mapping.units import (
     to_column_unit,
 )
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.arrays import Array
-
 
 STANDARD_ATMOSPHERE_PA = 101325.0
 """What an absolute pressure is above gauge pressure (ISO 2533); the weather's ±3 kPa is left in the zero."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.units import (
     bare,
     names_a_unit,
@@ -21,14 +25,6 @@ from cylinder_friction.recordings.mapping.units import (
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.signal import Signal
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
-    from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-
 
 MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
 

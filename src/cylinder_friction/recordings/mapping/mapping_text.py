@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import glob
 import re
-from typing import TYPE_CHECKING
 
 import yaml
 
 from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts
+from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
 from cylinder_friction.recordings.mapping.units import COMMON, electrical
-
-if TYPE_CHECKING:
-    from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts
-    from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
 
 NOT_FOUND = "NOT FOUND"
 """Stands where a channel's name must be filled in; no file has such a channel, so ingest lists those there are."""

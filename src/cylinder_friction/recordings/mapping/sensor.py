@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.mapping.units import column_scale, electrical
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.arrays import Array
-
 
 HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
 """From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""

@@ -7,14 +7,11 @@ import re
 import unicodedata
 from decimal import Decimal
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-
 
 Reference = Literal["gauge", "absolute"]
 

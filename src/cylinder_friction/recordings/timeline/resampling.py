@@ -4,20 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from cylinder_friction.recordings.timeline.timestamps import BLOCK, WHOLE_HERTZ, whole_hertz
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
-    from cylinder_friction.recordings.timeline.timestamps import TimeRules
-
+from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
+from cylinder_friction.recordings.timeline.timestamps import BLOCK, WHOLE_HERTZ, TimeRules, whole_hertz
 
 CUT_OFF = 0.45
 """Where the windowed sinc lets half of the amplitude through, as a share of the lower of the two rates."""
