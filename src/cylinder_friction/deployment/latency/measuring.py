@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.latency.machine import Quiet, QuietWatch, machine, one_core, preemptions
-from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, runtimes_of, size_of
+from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, Runtime, runtimes_of, size_of
+from cylinder_friction.estimators.base import FrictionEstimator
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+Times = NDArray[np.int64]
 
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.deployment.latency.runtimes import Runtime
-    from cylinder_friction.estimators.base import FrictionEstimator
-
-    Times = NDArray[np.int64]
-    Peers = Callable[[FrictionEstimator, CompiledRuntime, Array, Path], Sequence[Runtime]]
+Peers = Callable[[FrictionEstimator, CompiledRuntime, Array, Path], Sequence[Runtime]]
 
 COMPARED_STEPS = 200
 """First steps, in which all are checked to estimate the same; they compile and warm up what runs."""

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from time import perf_counter_ns
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.c_export.compiled import OPTIMISED, WARNINGS, compile_shared
-from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.deployment.c_export.export import ExportedC, export_c
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import open_step
 from cylinder_friction.deployment.rendering import render
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.realtime.stream import RealTimeStream
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.deployment.c_export.export import ExportedC
-    from cylinder_friction.estimators.base import FrictionEstimator
-
-    Times = NDArray[np.int64]
+Times = NDArray[np.int64]
 
 COMPILER_OPTIONS = {"c": OPTIMISED, "c_o2": ("-O2", "-ffp-contract=off"), "c_float": OPTIMISED}
 """Compiler options of the runtimes that are C; ratios are to ``c``."""

@@ -9,20 +9,17 @@ Schleimer, Wilkerson and Aiken 2003, SIGMOD, and its simpler forerunner, hashes 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import DRIVE_FORCE
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-
-    Hashes = NDArray[np.uint64]
+Hashes = NDArray[np.uint64]
 
 WINDOW = 24  # rows per window
 KEPT = 64  # one window in so many is kept; a power of two

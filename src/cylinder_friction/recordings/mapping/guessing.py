@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -17,17 +19,11 @@ from cylinder_friction.recordings.columns import (
     SAMPLE_COLUMNS,
     TIME,
 )
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, facts_of
 from cylinder_friction.recordings.mapping.units import electrical, quantity_of, to_column_unit
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
-
-    Ranked = Sequence[tuple[ChannelFacts, float]]
+Ranked = Sequence[tuple[ChannelFacts, float]]
 
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
 SIDE_WORDS = {1: "piston side", 2: "rod side"}

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.signal import Piece
+from cylinder_friction.recordings.signal import Piece, Signal
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
 from cylinder_friction.recordings.timeline.stamp_repair import counted
-from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, even_rate, whole_hertz
+from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRules, even_rate, whole_hertz
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.signal import Signal
-    from cylinder_friction.recordings.timeline.timestamps import TimeRules
-
-    Spans = list[tuple[float, float]]
+Spans = list[tuple[float, float]]
 
 HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake
 

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.signal import Signal
 from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
-from cylinder_friction.recordings.timeline.timestamps import explaining_resolution, follows_even_clock, whole_hertz
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.recordings.signal import Signal
-    from cylinder_friction.recordings.timeline.timestamps import TimeRules
-
-    Indices = NDArray[np.int64]
+from cylinder_friction.recordings.timeline.timestamps import (
+    Indices,
+    TimeRules,
+    explaining_resolution,
+    follows_even_clock,
+    whole_hertz,
+)
 
 TOGETHER = 0.8
 """Columns that share this share of their rows were sampled together. Two raster rates of one table share half of their

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.timestamps import LATEST_S, whole_hertz
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.recordings.timeline.timestamps import TimeRules
-
-    Indices = NDArray[np.int64]
+from cylinder_friction.recordings.timeline.timestamps import LATEST_S, Indices, TimeRules, whole_hertz
 
 LONGEST_WILD = 5
 """A stamp that fits neither neighbour is damage; more than this many in a row are a clock that restarted."""

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.recording import RecordingError
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-
-    Indices = NDArray[np.int64]
+Indices = NDArray[np.int64]
 
 BLOCK = 1024
 """Samples over which a clock must follow a straight line; drift over more than that changes its rate."""
