@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import ModelParameters
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.signals.causal_velocity import CausalVelocity, VelocityBlock, VelocityState
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import FrictionModel
-    from cylinder_friction.friction_models.parameters import ModelParameters
-    from cylinder_friction.recordings.recording import Recording
-
 
 VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
 """One-sided Savitzky-Golay differentiators on offer, window in samples and order."""

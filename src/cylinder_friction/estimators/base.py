@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.bounds import (
     LearnedOffset,
     calibrated_bounds,
@@ -24,12 +26,6 @@ from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTi
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array
-
 
 DESCRIPTION_FILE = "estimator.json"
 

@@ -6,14 +6,19 @@ state, and is stored as plain numbers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows, refuse_missing_inputs
 from cylinder_friction.realtime.history import HISTORY_NAMES, History, history_rows, new_history
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal import (
     FirFilter,
     FirState,
@@ -23,15 +28,6 @@ from cylinder_friction.signals.causal import (
     one_sided_savitzky_golay_taps,
 )
 from cylinder_friction.signals.least_squares import least_squares
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
 
 Design = Literal["force_balance", "paper", "full"]
 

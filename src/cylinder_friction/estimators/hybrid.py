@@ -8,39 +8,35 @@ estimate. Without its forest, either is the LSTM alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import FOREST_FILE, ForestPlan, fit_forest
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
 from cylinder_friction.estimators.onnx_files import read_forest, read_network, write_forest, write_network
 from cylinder_friction.estimators.training_plan import (
     Architecture,
+    Checkpoint,
     EpochReport,
     LearningCurve,
     SequenceData,
     TrainingPlan,
 )
+from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.guard import largest_friction_n
-from cylinder_friction.realtime.lstm import Lstm, LstmState
+from cylinder_friction.realtime.lstm import Lstm, LstmState, LstmWeights
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.realtime.stream import StrictStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.training_plan import Checkpoint
-    from cylinder_friction.realtime.forest import Forest
-    from cylinder_friction.realtime.lstm import LstmWeights
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.realtime.sensor_offset import OffsetTracker
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 NETWORK_FILE = "network.onnx"
 KEPT_SESSIONS = 2

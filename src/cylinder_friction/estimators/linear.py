@@ -5,15 +5,20 @@ They are the baseline of every learned estimator: pressures times areas already 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal import (
     ExponentialLowPass,
     FirFilter,
@@ -24,14 +29,6 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
 )
 from cylinder_friction.signals.least_squares import least_squares
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 PAPER_WINDOW = 10
 PAPER_ACCELERATION_WINDOW = 30

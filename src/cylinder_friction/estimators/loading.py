@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.base import FrictionEstimator
@@ -10,9 +10,6 @@ from cylinder_friction.estimators.forest import ForestEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 KINDS = (
     AnalyticalEstimator,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -10,15 +12,10 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
+from cylinder_friction.friction_models.parameters import ModelParameters
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.friction_models.parameters import ModelParameters
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.causal_velocity import CausalVelocity
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 
 class LugreEstimator(AnalyticalEstimator):

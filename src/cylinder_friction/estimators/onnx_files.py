@@ -8,21 +8,18 @@ sequence. The forest's takes ``features`` (rows, features) and gives ``output`` 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
+from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import LstmWeights
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 OPSET = 17
 OPSETS = {"": OPSET, "ai.onnx.ml": 3}

@@ -8,29 +8,25 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
-from cylinder_friction.estimators.training_plan import LearningCurve
+from cylinder_friction.estimators.training_plan import (
+    Architecture,
+    Checkpoint,
+    EpochReport,
+    LearningCurve,
+    SequenceData,
+    TrainingPlan,
+)
 from cylinder_friction.realtime.lstm import LstmWeights
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.estimators.training_plan import (
-        Architecture,
-        Checkpoint,
-        EpochReport,
-        SequenceData,
-        TrainingPlan,
-    )
 
 TORCH_THREADS = 1
 """At these sizes a second thread costs more than it gives; fixed, sums are added in the same order on every run."""

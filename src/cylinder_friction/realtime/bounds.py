@@ -13,25 +13,21 @@ errors, does not hold to the letter; coverage is measured on the test recordings
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, SAMPLE_COLUMNS, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal import FirFilter, one_sided_savitzky_golay_taps
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
-
-    Whole = NDArray[np.int64]
+Whole = NDArray[np.int64]
 
 REGIMES = ("standstill", "creep", "sliding", "reversal")
 STANDSTILL, CREEP, SLIDING, REVERSAL = range(4)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-
 
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
 BACKLASH, MOVES, DWELL, TRAVEL_SHORT, TRAVEL_LONG, MOVING = range(6)

@@ -10,17 +10,14 @@ A state below 1e-30 becomes 0: a forgotten cell that sinks among the denormal nu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.realtime.activation import sigmoid, tanh
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 TINY = np.float32(1e-30)
 ZERO = np.float32(0.0)

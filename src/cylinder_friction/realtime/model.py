@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.history import History
     from cylinder_friction.realtime.lstm import LstmWeights
-    from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 
 ForestSees = Literal["nothing", "hidden", "hidden_head_features", "features"]

@@ -9,24 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.bounds import next_regime
 from cylinder_friction.realtime.flags import Estimate, Flag, invalid_flag
 from cylinder_friction.realtime.history import history_step, new_history
-from cylinder_friction.realtime.lstm import Lstm
+from cylinder_friction.realtime.lstm import Lstm, LstmState
+from cylinder_friction.realtime.model import Guard, StepModel
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.lstm import LstmState
-    from cylinder_friction.realtime.model import Guard, StepModel
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 
 @dataclass

@@ -15,16 +15,14 @@ the next sample, so that nothing looks ahead.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numba
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 OWN = 5
 """What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]."""

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime import packed as at
 from cylinder_friction.realtime.bounds import next_regime
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.history import history_step
 from cylinder_friction.realtime.lstm import head_of, lstm_step
+from cylinder_friction.realtime.packed import Single, Whole
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.packed import Single, Whole
-
-    Int = NDArray[np.int32]
+Int = NDArray[np.int32]
 
 NOT_READY, WARMING, OUTSIDE, FROZEN, RECOVERING, OFFSET_UNKNOWN = (
     int(flag)

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
 from sys import float_info
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import Estimate
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.packed import PackedModel, PackedState
 from cylinder_friction.realtime.sensor_offset import DEVIATION, OFFSET
 from cylinder_friction.realtime.step import step, steps
 from cylinder_friction.recordings.recording import refuse_not_finite
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.model import StepModel
-
 
 NO_OFFSET = "this estimator learns no sensor offset; expected no offset to start from; train it on recordings with one"
 _STEP: Callable[..., Any] = step
