@@ -6,21 +6,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import invalid_flag
 from cylinder_friction.realtime.history import new_history
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.model import StepModel
 
-    Single = NDArray[np.float32]
-    Whole = NDArray[np.int64]
+Single = NDArray[np.float32]
+Whole = NDArray[np.int64]
 
 # Places in ``PackedModel.settings``.
 FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP, SAMPLE_TIME = range(7)
