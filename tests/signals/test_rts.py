@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
-from cylinder_friction.signals.rts import RtsSmoother, at_least_converter, quantisation_step, smooth_states
+from cylinder_friction.signals.rts import RtsSmoother, smooth_states
 
 STEP_S = 0.005
 
@@ -69,21 +69,19 @@ def test_smoother_is_nearer_than_its_causal_twin() -> None:
     assert smooth_error < 1e-3
 
 
-def test_noise_is_never_below_the_converter() -> None:
-    bit = 0.25 / 4095
-    rounded = bit * np.round(np.random.default_rng(1).normal(0.1, 0.02, 2000) / bit)
-    assert quantisation_step(rounded) == pytest.approx(bit, rel=1e-6)
-    assert at_least_converter(1e-9, quantisation_step(rounded)) == pytest.approx(bit / np.sqrt(12.0), rel=1e-6)
-    assert at_least_converter(1e-3, bit) == 1e-3
-    assert quantisation_step(np.ones(5)) == 0.0
-
-
-def test_coarse_converter_is_smoothed_however_small_the_declared_noise() -> None:
-    bit = 6e4
-    wave = 3e5 + 1e5 * np.sin(2.0 * np.pi * 0.5 * STEP_S * np.arange(2000))
-    samples = np.column_stack([bit * np.round(wave / bit), wave, 1e-3 * wave / 1e5])
-    smooth = RtsSmoother(pressure_noise_pa=1e-3).smooth(samples, STEP_S).pressure_1_smooth_pa
-    assert np.abs(smooth - wave).mean() < 0.8 * np.abs(samples[:, 0] - wave).mean()
+def test_how_much_is_smoothed_depends_on_time_alone() -> None:
+    """Noise that is twice as large leaves twice as much: nothing is known of any sensor's noise."""
+    noise = np.random.default_rng(1).normal(0.0, 1.0, (3000, 3))
+    smoother = RtsSmoother()
+    for one, other in zip(
+        vars(smoother.smooth(noise, STEP_S)).values(),
+        vars(smoother.smooth(2.0**40 * noise, STEP_S)).values(),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(other, 2.0**40 * one)
+    wave = np.sin(2.0 * np.pi * 2.0 * STEP_S / 4.0 * np.arange(8000))
+    coarse, fine = smoother.motion(wave[::4], STEP_S)[0], smoother.motion(wave, STEP_S / 4.0)[0][::4]
+    np.testing.assert_allclose(coarse[200:-200], fine[200:-200], atol=0.01 * np.ptp(fine))
 
 
 def test_state_that_nothing_moves_is_refused() -> None:

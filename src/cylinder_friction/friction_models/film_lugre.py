@@ -24,13 +24,14 @@ from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
 
-FIRST_S = 0.5
-"""Start of every time constant of the film: none is known before the search."""
-FILM_VELOCITY = ParameterSpec("film_velocity_m_s", "m/s", "speed above which the film grows no more", 5e-3, 0.3)
-FILM_BUILD = ParameterSpec("film_build_s", "s", "time constant of a film that builds", 2e-3, 1.0, FIRST_S)
-FILM_SQUEEZE = ParameterSpec("film_squeeze_s", "s", "time constant of a film that thins in motion", 1e-2, 5.0, FIRST_S)
-FILM_DWELL = ParameterSpec("film_dwell_s", "s", "time constant of a film that thins at standstill", 0.1, 100.0, FIRST_S)
-FILM_INERTIA = ParameterSpec("film_inertia_s", "s", "lead of viscous friction on acceleration", 1e-5, 0.3, 5e-3)
+TIMES_S = (1e-3, 100.0, 0.5)
+"""Bounds and start of every time constant of the film, none of which is known before the search: five decades, from a
+fast logger's sample to minutes."""
+FILM_VELOCITY = ParameterSpec("film_velocity_m_s", "m/s", "speed above which the film grows no more", 1e-3, 1.0)
+FILM_BUILD = ParameterSpec("film_build_s", "s", "time constant of a film that builds", *TIMES_S)
+FILM_SQUEEZE = ParameterSpec("film_squeeze_s", "s", "time constant of a film that thins in motion", *TIMES_S)
+FILM_DWELL = ParameterSpec("film_dwell_s", "s", "time constant of a film that thins at standstill", *TIMES_S)
+FILM_INERTIA = ParameterSpec("film_inertia_s", "s", "lead of viscous friction on acceleration", 1e-5, 1.0, 5e-3)
 
 
 @dataclass(frozen=True)

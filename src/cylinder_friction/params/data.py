@@ -92,10 +92,8 @@ class SavitzkyGolayParams(Section):
 class RtsParams(Section):
     """Rauch-Tung-Striebel smoother with a constant-jerk position model and a random-walk pressure model."""
 
-    position_noise_m: Positive
-    jerk_noise_m_s3: Positive
-    pressure_noise_pa: Positive
-    pressure_rate_pa_s: Positive
+    pressure_time_s: Positive
+    motion_time_s: Positive
 
 
 class FilterParams(Section):

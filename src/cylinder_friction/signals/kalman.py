@@ -80,5 +80,6 @@ def constant_jerk(jerk_std_m_s3: float, noise_std_m: float, sample_time_s: float
     jerk_noise = jerk_std_m_s3**2 * np.outer(effect, effect)
     # One jerk a step leaves the covariance singular; a trace of independent noise keeps the smoother's inverse exact.
     jerk_noise += 1e-6 * np.diag(np.diag(jerk_noise))
-    first = np.diag([1e6 * noise_std_m**2, 1.0, 100.0])
+    time_s = (noise_std_m / jerk_std_m_s3) ** (1.0 / 3.0)
+    first = np.diag((1e3 * noise_std_m / time_s ** np.arange(3.0)) ** 2)
     return KalmanModel(transition, jerk_noise, noise_std_m**2, first)

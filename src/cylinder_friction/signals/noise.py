@@ -26,6 +26,12 @@ def noise_deviation(values: Array) -> float:
     return max(_second_difference_noise(values), BLOCK**0.5 * _second_difference_noise(blocks))
 
 
+def quantisation_step(values: Array) -> float:
+    """Return the smallest step between two different values: the converter's least significant bit, or 0."""
+    steps = np.diff(np.unique(values))
+    return float(steps.min()) if len(steps) else 0.0
+
+
 def _second_difference_noise(values: Array) -> float:
     differences = np.diff(values, 2) / 6.0**0.5
     if not len(differences):

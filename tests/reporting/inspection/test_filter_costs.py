@@ -53,7 +53,7 @@ def test_what_is_called_causal_never_answers_before_the_pulse(strokes: Recording
 
     linear = {name: method for name, method in filters.items() if method.linear}
     for method, causal in with_causal_twins(linear).values():
-        for response in pulse_responses(method, strokes):
+        for response in pulse_responses(method, strokes.sample_time_s):
             before = np.abs(response[: len(response) // 2]).max()
             assert (before <= 1e-12 * np.abs(response).max()) == causal
 
@@ -63,7 +63,7 @@ def test_noise_at_standstill_is_that_of_white_noise_through_the_taps(strokes: Re
     for cost in costs:
         assert cost.velocity_noise_m_s == pytest.approx(cost.velocity_noise_from_sensor_m_s, rel=0.35), cost.name
     by_name = {cost.name: cost.velocity_noise_from_sensor_m_s for cost in costs}
-    _, taps, _ = pulse_responses(filters["savitzky_golay"], strokes)
+    _, taps, _ = pulse_responses(filters["savitzky_golay"], strokes.sample_time_s)
     assert by_name["savitzky_golay"] == pytest.approx(2e-5 * np.sqrt(np.sum(taps**2)), rel=0.05)
 
 

@@ -83,3 +83,20 @@ def test_a_piston_that_stands_still_has_no_curve_but_a_view(cylinder: Cylinder, 
     assert view.points == ()
     assert view.curve is None
     assert "got 0 points of steady sliding" in view.no_curve
+
+
+def test_what_counts_as_standstill_follows_from_the_sensor_s_own_noise(cylinder: Cylinder, filters: Filters) -> None:
+    """Twice the noise, twice the speed, with a rest to see it at or without."""
+    noise = np.random.default_rng(2).normal(0.0, 1e-4, 12000)
+    for rest_s in (0.0, 3.0):
+        strokes = made_strokes(cylinder, rest_s=rest_s)
+        once, twice = (
+            friction_view(
+                strokes.with_columns(position_m=strokes.column("position_m") + times * noise),
+                cylinder,
+                filters["savitzky_golay"],
+                0.003,
+            ).slowest_m_s
+            for times in (1.0, 2.0)
+        )
+        assert twice == pytest.approx(2.0 * once, rel=0.06)

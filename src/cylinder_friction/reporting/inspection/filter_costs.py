@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.reporting.inspection.spectra import spectrum
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.motion import LEAST_STANDSTILL_S, noise_rms, standstill_rows
-from cylinder_friction.signals.rts import RtsSmoother, quantisation_step
-from cylinder_friction.signals.smooth_signals import P1, X, has_pressures
+from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
@@ -90,7 +88,7 @@ def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -
     sample_time_s, position_m = recording.sample_time_s, recording.column("position_m")
     velocity_m_s, _ = method.motion(position_m, sample_time_s)
     position_noise_m = spectrum(position_m, sample_time_s).noise * math.sqrt(0.5 / sample_time_s)
-    pressure, velocity, acceleration = pulse_responses(method, recording)
+    pressure, velocity, acceleration = pulse_responses(method, sample_time_s)
     frequency_hz = np.geomspace(0.05, 0.5 / sample_time_s, FREQUENCIES)
     pressure_gain = np.abs(_response(pressure, 0, frequency_hz, sample_time_s))
     response = _response(velocity, 1, frequency_hz, sample_time_s)
@@ -114,25 +112,16 @@ def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -
     )
 
 
-def pulse_responses(method: SignalFilter, recording: Recording) -> tuple[Array, Array, Array]:
+def pulse_responses(method: SignalFilter, sample_time_s: float) -> tuple[Array, Array, Array]:
     """Return what one sample of 1 becomes, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
 
-    In this order: pressure from pressure, velocity from position [1/s], acceleration from position [1/s²]. The pulse
-    is as high as the recording's own smallest step, for a smoother that takes its noise from that step
-    (``RtsSmoother``) then behaves as it does on the recording.
+    In this order: pressure from pressure, velocity from position [1/s], acceleration from position [1/s²].
     """
-    columns = SAMPLE_COLUMNS if has_pressures(recording) else (DRIVE_FORCE, DRIVE_FORCE, "position_m")
-    steps = np.array([quantisation_step(recording.column(column)) or 1.0 for column in columns])
-    support = method.support(recording.sample_time_s)
+    support = method.support(sample_time_s)
     middle = 4 * max(support.before, support.after, 8)
-    pulse = np.zeros((2 * middle + 1, 3))
-    pulse[middle] = steps
-    smooth = method.smooth(pulse, recording.sample_time_s)
-    return (
-        smooth.pressure_1_smooth_pa / steps[P1],
-        smooth.velocity_m_s / steps[X],
-        smooth.acceleration_m_s2 / steps[X],
-    )
+    pulse = np.zeros(2 * middle + 1)
+    pulse[middle] = 1.0
+    return method.smooth_force(pulse, sample_time_s), *method.motion(pulse, sample_time_s)
 
 
 def _delay_s(pulse_response: Array, derivative: int, sample_time_s: float) -> float:

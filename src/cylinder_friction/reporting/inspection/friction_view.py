@@ -12,9 +12,11 @@ from cylinder_friction.friction_models.identification.steady_points import Stead
 from cylinder_friction.labelling.equation_of_motion import Stiffness, drive_force, friction_label
 from cylinder_friction.labelling.label import usable_rows
 from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.reporting.inspection.filter_costs import pulse_responses
 from cylinder_friction.reporting.inspection.known_curve import known_curve
 from cylinder_friction.reporting.inspection.sensor_offsets import offset_evidence
 from cylinder_friction.signals.motion import noise_rms, standstill_rows
+from cylinder_friction.signals.noise import noise_deviation, quantisation_step
 from cylinder_friction.signals.smooth_signals import has_pressures, smooth_load, smooth_recording
 
 if TYPE_CHECKING:
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
 NOISE_MULTIPLE = 4.0
 """Slower than so many standard deviations of the velocity's noise is standstill."""
 
-LEAST_SPEED_M_S = 5e-4
 POSITION_BINS = 30
 LEAST_ROWS_A_BIN = 10
 
@@ -88,7 +89,8 @@ def friction_view(
     )
     usable = usable_rows(position_m, cylinder.stroke_m, end_stop_margin_m, support)
     rest = standstill_rows(position_m, sample_time_s, max(support.before, support.after))
-    slowest_m_s = max(LEAST_SPEED_M_S, NOISE_MULTIPLE * float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest))))
+    at_rest_m_s = float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest)))
+    slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, _noise_of_sensor(position_m, sample_time_s, method))
     labelled = recording.with_columns(friction_n=friction_n, velocity_m_s=signals.velocity_m_s, usable=usable)
     points = tuple(steady_points([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
@@ -108,6 +110,12 @@ def friction_view(
         no_curve=no_curve,
         assumed=_assumed(recording, cylinder, load_force_n is not None, end_stop_margin_m),
     )
+
+
+def _noise_of_sensor(position_m: Array, sample_time_s: float, method: SignalFilter) -> float:
+    """Return what the position sensor's white noise, no less than its converter's, leaves in the velocity [m/s]."""
+    noise_m = max(noise_deviation(position_m), quantisation_step(position_m) / 12.0**0.5)
+    return noise_m * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
 
 
 def with_friction(

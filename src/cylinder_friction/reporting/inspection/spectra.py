@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import detrend, welch
 
-from cylinder_friction.signals.rts import quantisation_step
+from cylinder_friction.signals.noise import quantisation_step
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
