@@ -45,7 +45,7 @@ def coverage(model: StepModel, recordings: list[Recording]) -> None:
         usable = recording.usable().copy()
         usable[: model.guard.warm_up_samples] = False
         within = (newtons[:, 1] <= label) & (label <= newtons[:, 2])
-        regime = regimes_of(recording, model.bounds.creep_m_s)
+        regime = regimes_of(recording, model.bounds.standstill_m_s, model.bounds.creep_m_s)
         masks = {f"condition {recording.metadata.condition}": np.ones(len(label), dtype=bool)}
         masks |= strata_masks(recording.column("velocity_m_s"), recording.sample_time_s, LIMITS)
         masks |= {f"regime {name}": regime == number for number, name in enumerate(REGIMES)}

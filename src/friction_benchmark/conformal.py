@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
-from cylinder_friction.realtime.bounds import PROBABILITY, REGIMES, conformal_offsets, regimes_of
+from cylinder_friction.realtime.bounds import PROBABILITY, REGIMES, conformal_offsets, regimes_of, standstill_below_m_s
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -139,7 +139,9 @@ def _groups(recordings: Sequence[Recording]) -> Bins:
 def _known(recording: Recording, estimate_n: Array) -> _Known:
     size_n = np.abs(estimate_n)
     return _Known(
-        regimes_of(recording, CREEP_M_S), size_n, _running_mean(size_n, recording.sample_time_s / LEVEL_TIME_S)
+        regimes_of(recording, standstill_below_m_s([recording]), CREEP_M_S),
+        size_n,
+        _running_mean(size_n, recording.sample_time_s / LEVEL_TIME_S),
     )
 
 

@@ -20,6 +20,7 @@ from cylinder_friction.realtime.bounds import (
     creep_below_m_s,
     regimes,
     regimes_of,
+    standstill_below_m_s,
     velocity_taps,
 )
 
@@ -67,14 +68,16 @@ def bounds_of(recordings: list[Recording], warm_up_samples: int = 0, probability
 def test_half_of_the_misses_lie_on_either_side_within_every_regime(labelled_recordings: list[Recording]) -> None:
     generator = np.random.default_rng(0)
     recordings = []
-    creep_m_s = creep_below_m_s([causal_velocity(recording) for recording in labelled_recordings])
+    standstill_m_s = standstill_below_m_s(labelled_recordings)
+    creep_m_s = creep_below_m_s([causal_velocity(recording) for recording in labelled_recordings], standstill_m_s)
+    regime_of = {each.name: regimes_of(each, standstill_m_s, creep_m_s) for each in labelled_recordings}
     for recording in labelled_recordings:
-        regime = regimes_of(recording, creep_m_s)
+        regime = regime_of[recording.name]
         recordings.append(labelled(recording, (1.0 + regime) * generator.normal(size=len(recording))))
     bounds = bounds_of(recordings, probability=0.8)
-    assert bounds.creep_m_s == creep_m_s
+    assert (bounds.standstill_m_s, bounds.creep_m_s) == (standstill_m_s, creep_m_s)
     for one in (CREEP, SLIDING, REVERSAL):
-        errors = np.concatenate([each.column("friction_n")[regimes_of(each, creep_m_s) == one] for each in recordings])
+        errors = np.concatenate([each.column("friction_n")[regime_of[each.name] == one] for each in recordings])
         assert np.mean(errors < bounds.lower_n[one]) == pytest.approx(0.1, abs=1.0 / len(errors) + 1e-3)
         assert np.mean(errors > bounds.upper_n[one]) == pytest.approx(0.1, abs=1.0 / len(errors) + 1e-3)
     assert bounds.upper_n[SLIDING] > bounds.upper_n[CREEP]
@@ -82,14 +85,25 @@ def test_half_of_the_misses_lie_on_either_side_within_every_regime(labelled_reco
 
 def test_creep_is_the_slowest_two_fifths_of_motion() -> None:
     velocity_m_s = np.array([0.0, 1e-4, -0.01, 0.02, 0.03, -0.04, 0.05, 0.06])
-    assert creep_below_m_s([velocity_m_s[:3], velocity_m_s[3:]]) == pytest.approx(0.03)
-    assert creep_below_m_s([10.0 * velocity_m_s]) == pytest.approx(0.3)
-    assert creep_below_m_s([np.zeros(4)]) == 1e-3
+    assert creep_below_m_s([velocity_m_s[:3], velocity_m_s[3:]], 1e-3) == pytest.approx(0.03)
+    assert creep_below_m_s([10.0 * velocity_m_s], 1e-3) == pytest.approx(0.3)
+    assert creep_below_m_s([np.zeros(4)], 1e-3) == 1e-3
+
+
+def test_standstill_is_as_fast_as_the_noise_of_the_velocity(labelled_recordings: list[Recording]) -> None:
+    """Of another sensor, ten times as noisy, it is ten times as fast."""
+    recording = labelled_recordings[0]
+    noise_m = np.random.default_rng(0).normal(0.0, 1e-4, len(recording))
+    gain = np.linalg.norm(velocity_taps(recording.sample_time_s))
+    for times in (1.0, 10.0):
+        noisy = recording.with_columns(position_m=times * noise_m)
+        assert standstill_below_m_s([noisy]) == pytest.approx(times * 1e-4 * gain, rel=0.2)
+    assert standstill_below_m_s([]) == 0.0
 
 
 def test_the_finite_sample_quantile_is_taken(labelled_recordings: list[Recording]) -> None:
     recording = labelled_recordings[0]
-    regime = regimes_of(recording, creep_below_m_s([causal_velocity(recording)]))
+    regime = regimes_of(recording, 1e-3, creep_below_m_s([causal_velocity(recording)], 1e-3))
     rows = np.flatnonzero(regime == SLIDING)[:39]
     friction = np.zeros(len(recording))
     friction[rows] = np.arange(1.0, 40.0)

@@ -5,9 +5,10 @@ bounds (split conformal prediction: Vovk, Gammerman and Shafer 2005; within grou
 Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, whose own uncertainty is added where it is
 stated: a sensor's offset shifts label and estimate alike, so that the errors do not show it. The bounds then hold
 friction, over all sessions; a session whose offset is large is held less often, as its offset is the same in all rows.
-The regime follows from the causal velocity, so every runtime knows it at once; what counts as creep follows from the
-speeds of those recordings. Neighbouring samples are alike, so the finite-sample guarantee, which needs exchangeable
-errors, does not hold to the letter; coverage is measured on the test recordings instead.
+The regime follows from the causal velocity, so every runtime knows it at once; what counts as standstill follows from
+the noise of those recordings' positions, what counts as creep from their speeds. Neighbouring samples are alike, so
+the finite-sample guarantee, which needs exchangeable errors, does not hold to the letter; coverage is measured on the
+test recordings instead.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, SAMPLE_COLUMNS, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal import FirFilter, one_sided_savitzky_golay_taps
+from cylinder_friction.signals.noise import sensor_noise
 
 Whole = NDArray[np.int64]
 
 REGIMES = ("standstill", "creep", "sliding", "reversal")
 STANDSTILL, CREEP, SLIDING, REVERSAL = range(4)
-STANDSTILL_M_S = 1e-3
 CREEP_SHARE = 0.4
 """Creep is this share of a cylinder's motion, the slowest, where friction still falls with velocity."""
 REVERSAL_S = 0.1
@@ -69,23 +70,33 @@ def causal_velocity(recording: Recording) -> Array:
     return block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
 
 
-def regimes_of(recording: Recording, creep_m_s: float) -> Whole:
+def regimes_of(recording: Recording, standstill_m_s: float, creep_m_s: float) -> Whole:
     """Return the regime of each row, shape ``(n,)``, as the real-time step finds it on valid samples."""
     reversal_samples = round(REVERSAL_S / recording.sample_time_s)
-    return regimes(causal_velocity(recording), STANDSTILL_M_S, creep_m_s, reversal_samples)
+    return regimes(causal_velocity(recording), standstill_m_s, creep_m_s, reversal_samples)
 
 
-def creep_below_m_s(velocities_m_s: Sequence[Array], standstill_m_s: float = STANDSTILL_M_S) -> float:
+def standstill_below_m_s(recordings: Sequence[Recording]) -> float:
+    """Return the standard deviation of the causal velocity's noise [m/s], the median of recordings; 0 without any."""
+    noise_m_s = [
+        sensor_noise(each.column("position_m"))
+        * float(np.linalg.norm(velocity_taps(each.sample_time_s, ("position_m",))))
+        for each in recordings
+    ]
+    return float(f"{np.median(noise_m_s):.1g}") if noise_m_s else 0.0
+
+
+def creep_below_m_s(velocities_m_s: Sequence[Array], standstill_m_s: float) -> float:
     """Return the speed below which ``CREEP_SHARE`` of all motion lies [m/s]; that of standstill where nothing moves."""
     speed = np.abs(np.concatenate([np.empty(0), *velocities_m_s]))
     moving = speed[speed > standstill_m_s]
-    return round(float(np.quantile(moving, CREEP_SHARE)), 4) if len(moving) else standstill_m_s
+    return float(f"{np.quantile(moving, CREEP_SHARE):.3g}") if len(moving) else standstill_m_s
 
 
 def unknown_bounds(sample_time_s: float) -> Bounds:
     """Return bounds that state nothing, for an estimator that was never calibrated."""
     wide = np.full(len(REGIMES), UNKNOWN_N)
-    return _bounds(-wide, wide, np.zeros(len(REGIMES)), STANDSTILL_M_S, sample_time_s, 1.0)
+    return _bounds(-wide, wide, np.zeros(len(REGIMES)), 0.0, 0.0, sample_time_s, 1.0)
 
 
 def calibrated_bounds(
@@ -114,7 +125,8 @@ def calibrated_bounds(
         ValueError: The probability is not in (0, 1).
     """
     velocities_m_s = [causal_velocity(each) for each in recordings]
-    creep_m_s = creep_below_m_s(velocities_m_s)
+    standstill_m_s = standstill_below_m_s(recordings)
+    creep_m_s = creep_below_m_s(velocities_m_s, standstill_m_s)
     stated = bool(recordings) and all(UNCERTAINTY_COLUMN in each.table.columns for each in recordings)
     reversal_samples = round(REVERSAL_S / sample_time_s)
     errors, deviations, learned = [np.empty(0)], [np.empty(0)], [np.empty(0)]
@@ -132,7 +144,7 @@ def calibrated_bounds(
             variance = (recording.column(UNCERTAINTY_COLUMN)[counted] / COVERAGE_FACTOR) ** 2
             deviations.append(np.sqrt(np.maximum(variance - zero_n**2, 0.0)))
         sessions.append(np.full(int(counted.sum()), names.index(recording.metadata.session)))
-        regime.append(regimes(velocities_m_s[place], STANDSTILL_M_S, creep_m_s, reversal_samples)[counted])
+        regime.append(regimes(velocities_m_s[place], standstill_m_s, creep_m_s, reversal_samples)[counted])
     error_n, deviation_n, groups = np.concatenate(errors), np.concatenate(deviations), np.concatenate(regime)
     spread_n = np.zeros(len(REGIMES))
     if offsets is not None:
@@ -144,7 +156,7 @@ def calibrated_bounds(
     further = _further_for_few(error_n, np.concatenate(sessions), probability)
     lower, upper = further * lower, further * upper
     holds: Literal["friction", "label"] = "friction" if stated or offsets is not None else "label"
-    return _bounds(lower, upper, spread_n, creep_m_s, sample_time_s, probability, holds)
+    return _bounds(lower, upper, spread_n, standstill_m_s, creep_m_s, sample_time_s, probability, holds)
 
 
 def _further_for_few(errors_n: Array, sessions: Whole, probability: float) -> float:
@@ -289,6 +301,7 @@ def _bounds(
     lower: Array,
     upper: Array,
     spread: Array,
+    standstill_m_s: float,
     creep_m_s: float,
     sample_time_s: float,
     probability: float,
@@ -298,7 +311,7 @@ def _bounds(
     return Bounds(
         lower_n=(below[0], below[1], below[2], below[3]),
         upper_n=(above[0], above[1], above[2], above[3]),
-        standstill_m_s=STANDSTILL_M_S,
+        standstill_m_s=standstill_m_s,
         creep_m_s=creep_m_s,
         reversal_samples=round(REVERSAL_S / sample_time_s),
         probability=probability,

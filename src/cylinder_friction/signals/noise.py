@@ -26,6 +26,11 @@ def noise_deviation(values: Array) -> float:
     return max(_second_difference_noise(values), BLOCK**0.5 * _second_difference_noise(blocks))
 
 
+def sensor_noise(values: Array) -> float:
+    """Return the standard deviation of a sensor's white noise, no less than that of its converter's rounding."""
+    return max(noise_deviation(values), quantisation_step(values) / 12.0**0.5)
+
+
 def quantisation_step(values: Array) -> float:
     """Return the smallest step between two different values: the converter's least significant bit, or 0."""
     steps = np.diff(np.unique(values))

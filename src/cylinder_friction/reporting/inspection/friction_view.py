@@ -16,7 +16,7 @@ from cylinder_friction.reporting.inspection.filter_costs import pulse_responses
 from cylinder_friction.reporting.inspection.known_curve import known_curve
 from cylinder_friction.reporting.inspection.sensor_offsets import offset_evidence
 from cylinder_friction.signals.motion import noise_rms, standstill_rows
-from cylinder_friction.signals.noise import noise_deviation, quantisation_step
+from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures, smooth_load, smooth_recording
 
 if TYPE_CHECKING:
@@ -113,9 +113,8 @@ def friction_view(
 
 
 def _noise_of_sensor(position_m: Array, sample_time_s: float, method: SignalFilter) -> float:
-    """Return what the position sensor's white noise, no less than its converter's, leaves in the velocity [m/s]."""
-    noise_m = max(noise_deviation(position_m), quantisation_step(position_m) / 12.0**0.5)
-    return noise_m * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
+    """Return what the position sensor's noise leaves in the velocity [m/s]."""
+    return sensor_noise(position_m) * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
 
 
 def with_friction(
