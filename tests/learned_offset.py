@@ -28,11 +28,11 @@ def made_tracker() -> OffsetTracker:
     share = np.abs(areas) / np.abs(areas).sum()
     friction = [4.2e-5, 6e-3, 1350.0, 1.5, 0.2, 2e-2, 3e-2, 0.05, 1e-3, 3e-8, 2e-5, -0.4, 0.02, 3e-3]
     # Slowest speed, settling, block, mass, duration, noise, stroke, walk, common uncertainty, mean and deviation of
-    # speed, first and last position, even part, caution, largest variance
+    # speed, first and last position, even part, caution, largest variance, friction at rest
     settings = [6e-3, 40, 20, 6.0, 0.1, 6.0, 3.0, PRIOR_N**2 * 0.005 / 3600.0, 2.5, 0.05, 0.02, 0.08, 0.17, 0.8]
     return OffsetTracker(
         weights=np.array([areas, share, 1e-3 * areas, 1e-5 * share, areas * (2.2e4 / PRIOR_N) ** 2]),
-        settings=np.array([*settings, -3e-7, 1.6, PRIOR_N**2]),
+        settings=np.array([*settings, -3e-7, 1.6, PRIOR_N**2, 60.0]),
         friction=np.array(friction),
         position=np.array([215.0, 1.0, -2.0, 0.5, 0.8, -0.3, 0.2, 0.6, -0.7, 0.1, 0.4, -0.2, 0.3]),
         ranges=np.array([[-1e6, 0.0, -1e30, -60.0], [6e6, 0.085, 1e30, 60.0]]),
@@ -56,8 +56,9 @@ def learning_hybrid(small_hybrid: HybridEstimator) -> HybridEstimator:
 
 @pytest.fixture(scope="session")
 def offset_samples(labelled_recordings: list[Recording]) -> np.ndarray:
-    """Forty seconds of strokes in both directions, shape ``(8000, 3)``, with some readings that are none."""
+    """Forty seconds of a rest and strokes in both directions, shape ``(8000, 3)``, some readings being none."""
     samples = np.concatenate([recording.samples() for recording in labelled_recordings[:2]])
+    samples[:60, 2] = samples[60, 2]
     samples[:, :2] += ZEROS_PA
     samples[0, 1], samples[900:905, 0], samples[2500, 2], samples[5000:5040] = np.nan, np.inf, -1e9, np.nan
     samples[6000:6200, 1] = samples[6000, 1]

@@ -6,16 +6,20 @@ A task hides columns, adds sensor errors or moves the target; an estimator is gi
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cylinder_friction.recordings.columns import OIL_TEMPERATURE, SAMPLE_COLUMNS
+from cylinder_friction.labelling.uncertainty import sensitivities
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE, PRESSURES, SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import IdentifiedZero, SensorUncertainty
 from cylinder_friction.signals.causal import ExponentialLowPass
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array, Mask
+    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
     from friction_benchmark.results import Reference
 
@@ -131,6 +135,8 @@ def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: in
     pressures_pa = recording.samples(SAMPLE_COLUMNS)[:, :2]
     if task.drifts:
         pressures_pa = pressures_pa + _sensor_errors(recording, seed, draw)
+        stated = dict.fromkeys(PRESSURES, SensorUncertainty(OFFSET_PA / math.sqrt(3.0), 0.0))
+        recording = replace(recording, metadata=replace(recording.metadata, uncertainty=stated))
     known_truth_n = None if truth_n is None else truth_n[ahead]
     if task.reference == "truth" and known_truth_n is None:
         raise ValueError(f"task {task.name}: true friction of recording {recording.name!r} is not known")
@@ -144,6 +150,28 @@ def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: in
         recording.column("velocity_m_s")[ahead],
         recording.column(OIL_TEMPERATURE) if OIL_TEMPERATURE in recording.table.columns else None,
     )
+
+
+def with_known_zeros(recording: Recording, cylinder: Cylinder) -> Recording:
+    """Return a recording that states the zeros of its sensors and their drift, as its label shows them.
+
+    The label is of calibrated sensors beside them, so that a straight line through the force balance less the label
+    is what their zeros add; each sensor has the share of it that its stated zero makes likely.
+    """
+    usable, stated = recording.usable(), recording.metadata.uncertainty
+    areas = sensitivities(recording, cylinder)
+    variance = sum((area * stated[column].zero) ** 2 for column, area in areas.items())
+    share = {column: area * stated[column].zero ** 2 / variance for column, area in areas.items()}
+    since_s = recording.sample_time_s * np.arange(len(recording))
+    added_n = sum(area * recording.column(column) for column, area in areas.items()) - recording.column("friction_n")
+    drift_n_s, offset_n = np.polyfit(since_s[usable], added_n[usable], 1).tolist()
+    left_n = (added_n - offset_n - drift_n_s * since_s)[usable]
+    remains = float(left_n.std()) / math.sqrt(max(len(left_n) * recording.sample_time_s, 1.0) * variance)
+    zeros = {
+        column: IdentifiedZero(offset_n * each, stated[column].zero * remains, drift_n_s * each)
+        for column, each in share.items()
+    }
+    return replace(recording, metadata=replace(recording.metadata, identified_zero=zeros))
 
 
 def shown_inputs(task: Task, recording: Recording) -> tuple[str, ...]:

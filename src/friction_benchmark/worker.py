@@ -18,6 +18,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.evaluation.timing import time_steps
 from cylinder_friction.recordings.files import read_json, write_json
 from friction_benchmark.cache import Estimates, Prediction, mark_used
+from friction_benchmark.cases import with_known_zeros
 from friction_benchmark.conformal import calibrated
 from friction_benchmark.datasets import (
     cases_of,
@@ -132,6 +133,8 @@ def _trained(context: Context, job: TuningJob | PredictionJob, fold: Fold, hyper
         # A model given by equations cannot learn friction ahead: its estimate of now is its forecast.
         cases = training_cases(sources, task, job.seed, of_now=model.family == "analytical")
         recordings = [cases[name].recording for name in fold.train]
+        if model.learns_offset and task.drifts:
+            recordings = [with_known_zeros(each, sources.cylinder) for each in recordings]
     inputs = inputs_of(sources, task, job.seed)
     if model.family == "analytical" and model.supports(POSITION_ALONE):
         inputs = POSITION_ALONE  # it looks at nothing else, and so is identified once for many tasks

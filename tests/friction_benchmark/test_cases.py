@@ -18,16 +18,18 @@ from friction_benchmark.cases import (
     Task,
     evaluation_case,
     shown_inputs,
+    with_known_zeros,
 )
 from friction_benchmark.models.by_direction import ConstantByDirectionEstimator
 from friction_benchmark.tasks import TASKS, task_named
-from friction_benchmark_models import made_recording
+from friction_benchmark_models import CYLINDER, made_recording
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
 CASE = made_recording("2", 1)
 RAW = CASE.recording
+AREAS = np.array([CYLINDER.piston_area_m2, -CYLINDER.annulus_area_m2])
 SECRET = {"true_friction_n", "true_load_n", "load_force_n"}
 
 
@@ -116,6 +118,20 @@ def test_sensors_drift_linearly_from_an_offset_within_the_data_sheet() -> None:
     assert (np.abs(rates[0]) <= DRIFT_PA_S).all()
     np.testing.assert_array_equal(case.recording.column("friction_n"), RAW.column("friction_n"))
     np.testing.assert_array_equal(case.reference_n, CASE.true_friction_n)
+
+
+def test_a_drifting_sensor_is_stated_as_in_its_data_sheet_and_known_from_a_label_that_is_free_of_it() -> None:
+    case = evaluation_case(task_named("sensor_drift"), CASE, 0)
+    known = with_known_zeros(case.recording, CYLINDER)
+    assert case.recording.metadata.uncertainty["pressure_1_pa"].zero == pytest.approx(OFFSET_PA / 3**0.5)
+    assert not case.recording.metadata.identified_zero
+    balances = [each.samples()[:, :2] @ AREAS for each in (known, known.zeroed())]
+    errors = [np.abs((balance - RAW.column("friction_n"))[RAW.usable()]).mean() for balance in balances]
+    assert errors[0] > 50.0
+    offset_n = np.mean(RAW.samples()[:, :2] @ AREAS - RAW.column("friction_n"))
+    assert np.mean(balances[1] - RAW.samples()[:, :2] @ AREAS) == pytest.approx(-offset_n, abs=1.0)
+    assert errors[1] < 20.0
+    assert np.ptp(balances[1] - RAW.samples()[:, :2] @ AREAS) < 3.0, "the drift is taken off too"
 
 
 def test_every_recording_and_seed_has_other_sensors_and_the_same_ones_again() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
 from cylinder_friction.realtime.bounds import causal_velocity
-from cylinder_friction.realtime.sensor_offset import EXTENDED, RETRACTED
+from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, REST, RETRACTED, WALK
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -76,6 +76,45 @@ def test_caution_in_stating_learns_the_same(tracker: OffsetTracker, offset_recor
     assert careful[:, 0].tolist() == calm[:, 0].tolist()
     assert np.all(careful[500:, 1] > calm[500:, 1])
     assert careful[:, 1].max() <= calm[:, 1].max() * (1.0 + 1e-9), "never more than what was stated for the sensors"
+
+
+def test_rest_before_the_first_stroke_shows_an_offset_as_large_as_friction(
+    tracker: OffsetTracker, offset_recordings: list[Recording]
+) -> None:
+    """Friction at rest has an unknown sign, so that a zero far larger than it shows, and one far smaller does not."""
+    resting = offset_recordings[-1]
+    areas = tracker.weights[BALANCE]
+    pressure_1_pa = (30.0 - areas[1] * resting.column("pressure_2_pa")) / areas[0]
+    resting = resting.with_columns(position_m=np.full(len(resting), 0.1), pressure_1_pa=pressure_1_pa)
+    tracker = tracker.careful(resting=20.0 / tracker.settings[REST])
+    for prior_n in (20.0, 0.2):
+        found = learned(replace(tracker, prior=np.append(prior_n, tracker.prior[1:])), resting)
+        share = prior_n**2 / (prior_n**2 + 20.0**2)
+        assert found[:20, 0].tolist() == [0.0] * 20
+        assert found[-1, 0] == pytest.approx(share * 30.0, rel=0.15, abs=0.1)
+        assert found[20, 0] == found[-1, 0], "friction changes while at rest; the offset does not"
+
+
+def test_rest_after_a_stroke_shows_nothing(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
+    recording = offset_recordings[-1]
+    state = tracker.new_state()
+    before = tracker.rows(recording.samples(), causal_velocity(recording), PLACE, state)[-1, 0]
+    resting = np.repeat(recording.samples()[-1:], 400, axis=0)
+    assert set(tracker.rows(resting, np.zeros(400), PLACE, state)[1:, 0]) <= {state[MEANS]}
+    assert state[MEANS] == pytest.approx(before, abs=0.5)
+
+
+def test_zeros_that_drift_are_followed_faster(cylinder: Cylinder, offset_recordings: list[Recording]) -> None:
+    drifting = []
+    for number, recording in enumerate(offset_recordings):
+        drift = 400.0 if number % 2 else -400.0
+        metadata, since_s = recording.metadata, 0.005 * np.arange(len(recording))
+        zero = replace(metadata.identified_zero["pressure_1_pa"], drift=drift)
+        zeros = {**metadata.identified_zero, "pressure_1_pa": zero}
+        shifted = recording.with_columns(pressure_1_pa=recording.column("pressure_1_pa") + drift * since_s)
+        drifting.append(replace(shifted, metadata=replace(metadata, identified_zero=zeros)))
+    calm, faster = (fit_offset_tracker(each, cylinder, SAMPLE_COLUMNS) for each in (offset_recordings, drifting))
+    assert faster.settings[WALK] > calm.settings[WALK]
 
 
 def test_nothing_that_comes_later_counts(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,6 @@ from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.realtime.bounds import causal_velocity
 from cylinder_friction.realtime.sensor_offset import (
     BALANCE,
-    LARGEST,
     LOAD,
     POWERS,
     PRESSURE,
@@ -34,7 +34,13 @@ UNLIMITED = 1e30
 """Limit of a quantity that is no input: JSON and C have no infinity in common."""
 FOLDS = 4
 CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
-"""How many times as far a session may differ from the others as their model states; the likeliest is chosen."""
+CHOICES = {
+    "resting": (32.0, 1.0, 0.5, 0.25, 0.15, 0.1),
+    "drifting": (1.0, 2.0, 4.0),
+    "learning": CAUTION,
+    "stating": CAUTION,
+}
+"""What is tried in ``OffsetTracker.careful``; the first friction at rest is so large that rest shows no offset."""
 MARGIN = 0.5
 """Share of its span by which a quantity may leave the range of training before its blocks no longer count."""
 RANGED_PLACES = (0, 2, 5, 7)
@@ -77,42 +83,49 @@ def fit_offset_tracker(
         model = fit_offset_model([recording.zeroed() for recording in chosen], cylinder, plan, inputs)
         return _tracker(model, recordings[0], inputs, prior_n)
 
-    return fitted(recordings).careful(*_caution(recordings, inputs, fitted))
+    return fitted(recordings).careful(**_chosen(recordings, inputs, fitted))
 
 
-def _caution(
+def _chosen(
     recordings: Sequence[Recording], inputs: Sequence[str], fitted: Callable[[Sequence[Recording]], OffsetTracker]
-) -> tuple[float, float]:
-    """Return how carefully sessions that are not known must be learned, and stated: the likeliest of ``CAUTION``."""
+) -> dict[str, float]:
+    """Return what a tracker must be careful with, each chosen from ``CHOICES`` in turn, where sessions are not known.
+
+    The likeliest uncertainty is chosen; all else by the mean absolute error of the offset.
+    """
     sessions = sorted({recording.metadata.session for recording in recordings})
     folds = []
     for fold in range(min(FOLDS, len(sessions) - 1)):
         own = sessions[fold::FOLDS]
         others = [each for each in recordings if each.metadata.session not in own]
         folds.append((fitted(others), [each for each in recordings if each.metadata.session in own]))
+    chosen: dict[str, float] = {}
 
-    found = []
-    for learning in CAUTION:
-        errors = [
-            _errors(tracker.careful(learning, 1.0), each, inputs) for tracker, held_out in folds for each in held_out
-        ]
-        found += [(sum(_surprise(*each, stating) for each in errors), learning, stating) for stating in CAUTION]
-    return min(found)[1:]
+    def missed(name: str, value: float) -> float:
+        miss, care = _unlikely if name == "stating" else _mean_absolute, {**chosen, name: value}
+        return sum(miss(*_errors(tracker.careful(**care), each, inputs)) for tracker, own in folds for each in own)
+
+    for name, values in CHOICES.items():
+        chosen[name] = min(values, key=partial(missed, name))
+    return chosen
 
 
-def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str]) -> tuple[Array, Array, float]:
-    """Return the offset's error and variance at each sample, without what all sessions share, and its largest."""
+def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str]) -> tuple[Array, Array]:
+    """Return the offset's error and stated variance at each sample, without what all sessions share."""
     samples = recording.samples(inputs)
     place = list(inputs).index("position_m")
     found = tracker.rows(samples, causal_velocity(recording), place, tracker.new_state())
-    true_n = float((samples - recording.zeroed().samples(inputs))[0] @ tracker.weights[BALANCE])
-    return found[:, 0] - true_n, found[:, 1] ** 2 - tracker.common_n**2, float(tracker.settings[LARGEST])
+    true_n = (samples - recording.zeroed().samples(inputs)) @ tracker.weights[BALANCE]
+    return found[:, 0] - true_n, found[:, 1] ** 2 - tracker.common_n**2
 
 
-def _surprise(error_n: Array, variance: Array, largest: float, stating: float) -> float:
+def _mean_absolute(error_n: Array, _: Array) -> float:
+    return float(np.mean(np.abs(error_n)))
+
+
+def _unlikely(error_n: Array, variance: Array) -> float:
     """Return minus the mean log-likelihood of normal errors, but for a constant."""
-    stated = np.minimum(stating**2 * variance, np.maximum(largest, variance))
-    return float(np.mean(np.log(stated) + error_n**2 / stated))
+    return float(np.mean(np.log(variance) + error_n**2 / variance))
 
 
 def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], prior_n: float) -> OffsetTracker:
@@ -134,7 +147,7 @@ def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], pr
         *(plan.slowest_m_s, round(plan.settling_s / step_s), block, model.cylinder.moving_mass_kg, block * step_s),
         *(model.noise_n, model.stroke_n, prior_n**2 * step_s / plan.drift_s, model.common_uncertainty_n),
         *(model.means[speed], model.deviations[speed], *model.position_range_m),
-        *(even_constant - even_pressure * model.means[0], even_pressure, 1.0, prior_n**2),
+        *(even_constant - even_pressure * model.means[0], even_pressure, 1.0, prior_n**2, model.level_n),
     ]
     return OffsetTracker(
         weights=_weights(recording, model.cylinder, inputs, prior_n),

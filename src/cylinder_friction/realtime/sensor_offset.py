@@ -7,9 +7,10 @@ blocks, the force balance is explained by
 
 where g and h are friction and its asymmetry as known from training, and the others what this session has of its own. A
 Kalman filter (Kalman 1960) follows these five after each block; ``stroke`` begins anew with each stroke, and the offset
-drifts as a random walk. A block further from what was expected than ``LARGEST_SURPRISE`` standard deviations, the
-stated zeros' among them, does not count: a saturated sensor or an end stop is no offset. What has been learned corrects
-the next sample, so that nothing looks ahead.
+drifts as a random walk. Before the first stroke a rest's first block counts too: all of its friction is the stroke's
+error then, so that rest shows offsets that are not far smaller than that. A block further from what was expected than
+``LARGEST_SURPRISE`` standard deviations, the stated zeros' among them, does not count: a saturated sensor or an end
+stop is no offset. What has been learned corrects the next sample, so that nothing looks ahead.
 """
 
 from __future__ import annotations
@@ -29,11 +30,13 @@ OWN = 5
 BALANCE, PRESSURE, LOAD, WARM, ZERO = range(5)
 """Rows of ``OffsetTracker.weights``."""
 SLOWEST, SETTLING, BLOCK, MASS, DURATION, NOISE, STROKE, WALK, COMMON, SPEED_MEAN, SPEED_DEVIATION = range(11)
-FIRST_POSITION, LAST_POSITION, EVEN_CONSTANT, EVEN_PRESSURE, CAUTION, LARGEST = range(11, 17)
+FIRST_POSITION, LAST_POSITION, EVEN_CONSTANT, EVEN_PRESSURE, CAUTION, LARGEST, REST = range(11, 18)
 """Places in ``OffsetTracker.settings``."""
 DIRECTION, RUN, COUNT, FIRST_VELOCITY, SUM_VELOCITY, EXTENDED, RETRACTED, LEVEL, OFFSET, DEVIATION = range(10)
 """Places in the state; then come means and covariance of what the session has of its own, room for the filter's gain,
 and sums of the inputs."""
+NOWHERE = 2.0
+"""Direction on invalid samples; 0 at rest."""
 MEANS = 10
 COVARIANCE = MEANS + OWN
 GAIN = COVARIANCE + OWN * OWN
@@ -72,14 +75,19 @@ class OffsetTracker:
         """Return what ``to_dict`` wrote."""
         return cls(**{each.name: np.array(content[each.name], dtype=np.float64) for each in fields(cls)})
 
-    def careful(self, learning: float, stating: float) -> Self:
-        """Return a tracker that learns as if sessions and strokes differed ``learning`` times as much as in training.
+    def careful(self, learning: float = 1.0, stating: float = 1.0, resting: float = 1.0, drifting: float = 1.0) -> Self:
+        """Return a tracker that is more careful.
 
-        It states ``stating`` times the uncertainty that follows, though never more than that of the sensors' zeros.
+        Args:
+            learning: It learns as if sessions and strokes differed so many times as much as in training.
+            stating: It states so many times the uncertainty that follows, though never more than the sensors' zeros'.
+            resting: It takes friction at rest for so many times as large.
+            drifting: It takes zeros to drift so many times as fast.
         """
         prior, settings = self.prior.copy(), self.settings.copy()
         prior[1:] *= learning
-        settings[STROKE] *= learning
+        settings[[STROKE, REST]] *= learning, resting
+        settings[WALK] *= drifting**2
         settings[CAUTION] = stating
         return replace(self, prior=prior, settings=settings)
 
@@ -100,7 +108,7 @@ class OffsetTracker:
             deviations[0] = own_n / float(self.settings[CAUTION])
         state = np.zeros(SUMS + self.weights.shape[1])
         state[EXTENDED] = state[RETRACTED] = float(known)
-        state[MEANS] = offset_n
+        state[DIRECTION], state[MEANS] = NOWHERE, offset_n
         state[COVARIANCE:GAIN] = np.diag(deviations**2).ravel()
         show(self.settings, state)
         return state
@@ -169,7 +177,7 @@ def offset_step(
     ``place`` is that of the position among the inputs.
     """
     state[COVARIANCE] += settings[WALK]
-    direction = 0.0
+    direction = 0.0 if valid else NOWHERE
     if valid and velocity_m_s >= settings[SLOWEST]:
         direction = 1.0
     elif valid and velocity_m_s <= -settings[SLOWEST]:
@@ -177,7 +185,8 @@ def offset_step(
     if direction != state[DIRECTION]:
         _begin_stroke(settings, state, direction)
     state[RUN] += 1.0
-    if direction != 0.0 and state[RUN] > settings[SETTLING]:
+    resting = direction == 0.0 and state[RUN] <= settings[BLOCK]
+    if resting or (abs(direction) == 1.0 and state[RUN] > settings[SETTLING]):
         if state[COUNT] == 0.0:
             state[FIRST_VELOCITY] = velocity_m_s
         state[COUNT] += 1.0
@@ -217,7 +226,8 @@ def _begin_stroke(settings: Array, state: Array, direction: float) -> None:
     for own in range(OWN):
         state[COVARIANCE + 4 * OWN + own] = 0.0
         state[COVARIANCE + own * OWN + 4] = 0.0
-    state[COVARIANCE + 4 * OWN + 4] = settings[STROKE] * settings[STROKE]
+    deviation = settings[REST] if direction == 0.0 else settings[STROKE]
+    state[COVARIANCE + 4 * OWN + 4] = deviation * deviation
     _clear(state)
 
 
@@ -249,10 +259,12 @@ def _take_block(
 ) -> None:
     """Let what the session has of its own explain a block's mean force balance."""
     direction = state[DIRECTION]
+    if direction == 0.0 and state[EXTENDED] + state[RETRACTED] > 0.0:
+        return
     pressure = _mean(weights, PRESSURE, state)
     load = _mean(weights, LOAD, state)
     warm = _mean(weights, WARM, state) - REFERENCE_C
-    speed = direction * state[SUM_VELOCITY] / state[COUNT]
+    speed = direction * state[SUM_VELOCITY] / state[COUNT] if direction != 0.0 else settings[SPEED_MEAN]
     ranged = (pressure, speed, load, warm)
     for each in range(RANGED):
         if ranged[each] < ranges[0, each] or ranged[each] > ranges[1, each]:
@@ -263,7 +275,7 @@ def _take_block(
     known += _along(settings, position, state[SUMS + place] / state[COUNT])
     even = settings[EVEN_CONSTANT] + settings[EVEN_PRESSURE] * pressure
     before = state[EXTENDED], state[RETRACTED], state[LEVEL]
-    level = _level(state, direction, abs(known))
+    level = _level(state, direction, abs(direction * known))
     scaled = direction * level
     slope = scaled * (speed - settings[SPEED_MEAN]) / settings[SPEED_DEVIATION]
     if not _update(settings, state, balance - direction * known - even, (1.0, level, scaled, slope, 1.0)):
@@ -303,7 +315,7 @@ def _level(state: Array, direction: float, level: float) -> float:
     """
     if direction > 0.0:
         state[EXTENDED] = 1.0
-    else:
+    elif direction < 0.0:
         state[RETRACTED] = 1.0
     if state[LEVEL] == 0.0:
         state[LEVEL] = level

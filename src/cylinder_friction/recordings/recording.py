@@ -39,6 +39,7 @@ class IdentifiedZero:
 
     offset: float  # In the column's unit
     uncertainty: float  # Standard uncertainty (k = 1) that remains, in the column's unit
+    drift: float = 0.0  # Of the offset, which is that of the first row, in the column's unit per second
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,8 @@ class Recording:
             uncertainty={**who.uncertainty, **stated},
             identified_zero={},
         )
-        columns = {column: self.column(column) - zero.offset for column, zero in zeros.items()}
+        since_s = self.sample_time_s * np.arange(len(self))
+        columns = {column: self.column(column) - zero.offset - zero.drift * since_s for column, zero in zeros.items()}
         return replace(self.with_columns(**columns), metadata=metadata)
 
     def lagged(self, samples: int) -> Recording:

@@ -33,7 +33,9 @@ MODELS = (
         build=_build,
         space={**SPACE, "trees": Range(16, 32, integer=True), "depth": Range(6, 12, integer=True)},
         defaults={**DEFAULTS, "trees": 24, "depth": 10},
+        learns_offset=True,
         chosen="The LSTM corrects the force balance where there is one; the forest learns the LSTM's residual, from "
-        "its state, its output and the features; leaves of 20 rows or more; mean absolute error, AdamW, cosine.",
+        "its state, its output and the features; leaves of 20 rows or more; mean absolute error, AdamW, cosine. Where "
+        "sensors drift it learns their offset in each recording, as the product does.",
     ),
 )

@@ -32,6 +32,7 @@ MODELS = (
         build=_build,
         space=SPACE,
         defaults=DEFAULTS,
+        learns_offset=True,
         chosen="The hybrid without its forest, with the forest's time spent on epochs.",
     ),
 )

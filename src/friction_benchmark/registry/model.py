@@ -95,6 +95,8 @@ class RegisteredModel:
         defaults: What is tried first: the source's values or our own best guess, one for each name in ``space``.
         supports: Whether it can be built for given inputs.
         trained_on: The task's recordings, or the simulated twin's with their true friction.
+        learns_offset: Whether it learns the sensors' offset while running: its training recordings state their zeros,
+            which the labels show, and it takes them off by itself.
         chosen: What was taken where the source leaves a choice.
     """
 
@@ -107,6 +109,7 @@ class RegisteredModel:
     defaults: Values = field(default_factory=dict)
     supports: Callable[[tuple[str, ...]], bool] = needs_only_position
     trained_on: TrainedOn = "recordings"
+    learns_offset: bool = False
     chosen: str = ""
 
     def __post_init__(self) -> None:

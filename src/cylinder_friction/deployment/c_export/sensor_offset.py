@@ -46,6 +46,7 @@ def offset_values(model: StepModel, bank: FilterBank) -> dict[str, object] | Non
         "duration": settings[at.DURATION],
         "noise_variance": settings[at.NOISE] ** 2,
         "stroke_variance": settings[at.STROKE] ** 2,
+        "rest_variance": settings[at.REST] ** 2,
         "walk": settings[at.WALK],
         "common_variance": settings[at.COMMON] ** 2,
         "speed_mean": settings[at.SPEED_MEAN],

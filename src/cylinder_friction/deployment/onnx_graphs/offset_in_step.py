@@ -29,11 +29,11 @@ STATE = {
     "offset_variance": 1,
     "offset_known": 1,
     "offset_learned": LEARNED,
-    "sliding_before": 2,
+    "sliding_before": 3,
 }
 """Lengths of the parts of the state ``offset``: what was given before the first sample; the offset [N] and its stated
 variance that the next step takes; whether the piston has slid in both directions; what is learned; and for how many
-steps it has slid outwards and inwards."""
+steps it has slid outwards, inwards, and rested."""
 SIZE = [1, sum(STATE.values())]
 MEANING = (
     "what is known of the sensors' offset: offset_out of the step before; at a start zeros, or the offset in friction "
@@ -53,7 +53,7 @@ def begin_offset(graph: Graph, tracker: OffsetTracker) -> None:
     new.add("Add", learned, "walk_too_many", to="learned_before_first")
     variance = stated(new, tracker, variance, "stated_at_first")
     parts = [given, "given_n", variance, "given_number", "learned_before_first"]
-    new.add("Concat", *parts, new.constant([[0.0, 0.0]]), to="offset_at_first", axis=1)
+    new.add("Concat", *parts, new.constant([[0.0, 0.0, 0.0]]), to="offset_at_first", axis=1)
     new.gives("offset_at_first", TensorProto.DOUBLE, SIZE, "state")
     branches = {"then_branch": going.body("going"), "else_branch": new.body("new")}
     graph.add("If", "ready", to="offset_before", **branches)

@@ -51,7 +51,7 @@ class Rows(Protocol):
         """Return whether ``over`` has held at any row since ``fresh`` last did, per column."""
 
     def lasting(self, holds: str) -> str:
-        """Return for how many rows, this one included, something has held, as numbers, per column of two."""
+        """Return for how many rows, this one included, something has held, as numbers, per column of three."""
 
     def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
         """Return the history features of the smoothed positions, shape ``(n, 6)``."""

@@ -86,7 +86,9 @@ def take_off(graph: Graph, model: StepModel, tracker: OffsetTracker) -> None:
 
 
 def block_ends(graph: Graph, tracker: OffsetTracker, rows: Rows, valid: str) -> tuple[str, str]:
-    """Return whether a row is a block's last, ``(n, 1)``, and for how many rows it has slid each way, ``(n, 2)``.
+    """Return whether a row is a block's last, ``(n, 1)``, and for how many rows it has lasted, ``(n, 3)``.
+
+    What lasts is sliding outwards, sliding inwards, and rest, of which the first block alone counts.
 
     Args:
         graph: With ``strokes_m_s``.
@@ -95,10 +97,17 @@ def block_ends(graph: Graph, tracker: OffsetTracker, rows: Rows, valid: str) -> 
         valid: Whether a row counts at all, shape ``(n, 1)``.
     """
     settling, block = settling_rows(tracker), block_rows(tracker)
-    graph.add("GreaterOrEqual", "strokes_m_s", graph.constant(tracker.settings[at.SLOWEST]), to="fast")
-    graph.add("And", "fast", valid, to="sliding")
+    graph.add("ReduceMax", "strokes_m_s", to="stroke_m_s", axes=[1])
+    slowest = graph.constant(tracker.settings[at.SLOWEST])
+    graph.add("GreaterOrEqual", "strokes_m_s", slowest, to="fast")
+    graph.add("Less", "stroke_m_s", slowest, to="slow")
+    graph.add("Concat", "fast", "slow", to="moves", axis=1)
+    graph.add("And", "moves", valid, to="sliding")
     lasted = rows.lasting("sliding")
-    graph.add("ReduceMax", lasted, to="sliding_longest", axes=[1])
+    graph.add("Equal", lasted, graph.constant([[-1.0, -1.0, float(block)]]), to="rest_block")
+    graph.add("Mul", lasted, graph.constant([[1.0, 1.0, 0.0]]), to="slid_rows")
+    graph.add("Where", "rest_block", graph.constant(float(settling + block)), "slid_rows", to="counted_rows")
+    graph.add("ReduceMax", "counted_rows", to="sliding_longest", axes=[1])
     never_ends = graph.constant(settling + 0.5)
     graph.add("Max", "sliding_longest", never_ends, to="sliding_rows")
     graph.add("Mod", "sliding_rows", graph.constant(float(block)), to="block_phase", fmod=1)
@@ -158,11 +167,13 @@ def explained(graph: Graph, tracker: OffsetTracker, averages: str, to: str) -> s
     """Return ``EXPLAINED`` of blocks, shape ``(n, 5)``, from their ``AVERAGES``, shape ``(n, 6)``."""
     settings = tracker.settings
     graph.split(averages, {f"mean_{name}": 1 for name in AVERAGES})
-    graph.add("Abs", "mean_velocity", to="mean_speed")
-    graph.add("Sign", "mean_velocity", to="side")
+    graph.add("Abs", "mean_velocity", to="mean_size")
+    graph.add("Less", "mean_size", graph.constant(settings[at.SLOWEST]), to="rests")
+    graph.add("Where", "rests", graph.constant(settings[at.SPEED_MEAN]), "mean_size", to="mean_speed")
+    graph.add("Where", "rests", graph.constant(0.0), graph.add("Sign", "mean_velocity", to="way"), to="side")
     graph.add("Mul", "side", _friction(graph, tracker), to="directed_n")
     graph.add("Sub", "mean_balance", "directed_n", to="left_n")
-    graph.add("Abs", "known_n", to="size_n")
+    graph.add("Abs", "directed_n", to="size_n")
     graph.add("Sub", "mean_speed", graph.constant(settings[at.SPEED_MEAN]), to="speed_over_mean")
     graph.add("Div", "speed_over_mean", graph.constant(settings[at.SPEED_DEVIATION]), to="standard_speed")
     parts = ["left_n", "size_n", "side", "standard_speed", _in_ranges(graph, tracker)]
@@ -183,11 +194,14 @@ def learn(graph: Graph, tracker: OffsetTracker, block: str, first: str, before: 
     graph.split(block, {f"block_{name}": 1 for name in EXPLAINED})
     graph.split(before, {"own_before": OWN * (OWN + 1), "seen_before": 2, "known_before": 1, "level_before": 1})
     graph.add("Reshape", "own_before", graph.indices(OWN + 1, OWN), to="own_of_last")
-    kept, begun = np.ones((OWN + 1, OWN)), np.zeros((OWN + 1, OWN))
+    kept, begins = np.ones((OWN + 1, OWN)), np.zeros((OWN + 1, OWN))
     kept[OWN, :] = kept[:, OWN - 1] = 0.0
-    begun[OWN, OWN - 1] = tracker.settings[at.STROKE] ** 2
+    begins[OWN, OWN - 1] = 1.0
+    graph.add("Equal", "block_side", graph.constant(0.0), to="rest")
+    stroke, rest = (graph.constant(each**2 * begins) for each in tracker.settings[[at.STROKE, at.REST]])
+    begun = graph.add("Where", "rest", rest, stroke, to="begun")
     graph.add("Mul", "own_of_last", graph.constant(kept), to="own_of_session")
-    graph.add("Add", "own_of_session", graph.constant(begun), to="own_of_next")
+    graph.add("Add", "own_of_session", begun, to="own_of_next")
     graph.add("Where", first, "own_of_next", "own_of_last", to="own")
     _explains(graph)
     _kalman(graph, tracker.settings[at.NOISE], tracker.settings[at.LARGEST])
@@ -197,7 +211,10 @@ def learn(graph: Graph, tracker: OffsetTracker, block: str, first: str, before: 
     graph.add("Reshape", "own_learned", flat, to="own_changed")
     graph.add("Concat", "own_changed", "seen", "seen_both", "first_level", to="newly_learned", axis=1)
     known = graph.cast("block_in_range", "like_training", TensorProto.BOOL)
-    counts = graph.add("And", known, "likely", to="counts")
+    graph.add("ReduceMax", "seen_before", to="seen_any", axes=[1])
+    graph.add("Less", "seen_any", graph.constant(0.5), to="not_slid")
+    graph.add("Or", graph.add("Not", "rest", to="slides"), "not_slid", to="shows")
+    counts = graph.add("And", graph.add("And", known, "likely", to="believed"), "shows", to="counts")
     return graph.add("Where", counts, "newly_learned", "not_learned", to=to)
 
 

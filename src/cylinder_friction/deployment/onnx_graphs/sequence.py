@@ -93,8 +93,8 @@ class SequenceRows:
     def lasting(self, holds: str) -> str:
         graph = self._graph
         graph.add("Not", holds, to=holds + "_not")
-        graph.add("Where", holds + "_not", self.clock, graph.constant([[0.0, 0.0]]), to=holds + "_not_at")
-        last = self._filled(holds, holds + "_not_at", holds + "_not", 2)
+        graph.add("Where", holds + "_not", self.clock, graph.constant([[0.0, 0.0, 0.0]]), to=holds + "_not_at")
+        last = self._filled(holds, holds + "_not_at", holds + "_not", 3)
         return graph.add("Sub", self.clock, last, to=holds + "_rows_each")
 
     def advance_history(self, history: History, smooth_m: str, sample_time_s: float) -> str:
