@@ -27,8 +27,7 @@ COMMANDS = {
 }
 COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
 COMPLETION_HELP = "print the completion script of a shell, to be kept in a file"
-INTERRUPTED = 130
-"""The exit status of what Ctrl-C ended, as shells have it."""
+INTERRUPTED = 130  # The exit status of what Ctrl-C ended, as shells have it
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

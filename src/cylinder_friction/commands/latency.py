@@ -31,8 +31,7 @@ EXPECTED = (NoCompilerError, ValueError)
 LATENCY_FILE = REPORTS_FOLDER / "latency.json"
 RUN_FILE = RUNS_FOLDER / "latency.json"
 FOLDERS = (HYBRID_FOLDER, PAPER_HYBRID_FOLDER, LUGRE_FOLDER / "lugre")
-RECORDINGS = 4
-"""Number of test recordings whose samples are taken."""
+RECORDINGS = 4  # Number of test recordings whose samples are taken
 
 
 def measure_latency(folders: Sequence[Path], effort: Effort) -> str:

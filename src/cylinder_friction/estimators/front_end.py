@@ -34,8 +34,7 @@ Design = Literal["force_balance", "paper", "full"]
 SMOOTHING_LAGS = 16
 CREEP_VELOCITY_M_S = 5e-3
 """Velocity at which the soft limit bends: below it lubrication is mixed and friction falls with velocity."""
-SMOOTH_POSITION = "position_m_20"
-"""The feature that the history of motion follows."""
+SMOOTH_POSITION = "position_m_20"  # The feature that the history of motion follows
 
 
 @dataclass(frozen=True, eq=False)

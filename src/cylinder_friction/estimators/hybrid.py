@@ -39,8 +39,7 @@ from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 
 NETWORK_FILE = "network.onnx"
-KEPT_SESSIONS = 2
-"""Sessions of each condition that must be left to train on, before one of each is held out."""
+KEPT_SESSIONS = 2  # Sessions of each condition that must be left to train on, before one of each is held out
 DEFAULT_FOREST = ForestPlan()
 
 

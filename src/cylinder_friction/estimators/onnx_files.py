@@ -23,8 +23,7 @@ Single = NDArray[np.float32]
 
 OPSET = 17
 OPSETS = {"": OPSET, "ai.onnx.ml": 3}
-IR_VERSION = 8
-"""With these operator sets, what ONNX Runtime 1.14 (2023) already reads."""
+IR_VERSION = 8  # With these operator sets, what ONNX Runtime 1.14 (2023) already reads
 
 
 def write_onnx(model: onnx.ModelProto, path: Path) -> None:

@@ -33,18 +33,15 @@ Whole = NDArray[np.int64]
 
 REGIMES = ("standstill", "creep", "sliding", "reversal")
 STANDSTILL, CREEP, SLIDING, REVERSAL = range(4)
-CREEP_SHARE = 0.4
-"""Creep is this share of a cylinder's motion, the slowest, where friction still falls with velocity."""
+CREEP_SHARE = 0.4  # Creep is this share of a cylinder's motion, the slowest, where friction still falls with velocity
 REVERSAL_S = 0.1
 PROBABILITY = 0.9
 VELOCITY_WINDOW = 21
 VELOCITY_ORDER = 2
-SMALLEST_DEVIATION_N = 1e-3
-"""Of a label whose uncertainty is stated as zero."""
+SMALLEST_DEVIATION_N = 1e-3  # Of a label whose uncertainty is stated as zero
 LEAST_OWN_SHARE = 0.25
 """Of the squared errors: what an estimator's own errors are taken to be at least, beside those of the offset."""
-UNKNOWN_N = 1e9
-"""Offset of bounds that were never calibrated: so wide that they state nothing."""
+UNKNOWN_N = 1e9  # Offset of bounds that were never calibrated: so wide that they state nothing
 
 
 @dataclass(frozen=True, eq=False)

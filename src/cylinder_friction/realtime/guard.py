@@ -22,8 +22,7 @@ FREEZE_TRAVEL_M = 5e-3
 FREEZE_TIME_S = 2.0
 FREEZE_FORCE_RATIO = 2.0
 """A piston that resists more than this many times the largest friction of training is not at rest by friction."""
-UNKNOWN_FORCE_N = 1e9
-"""Larger than any cylinder's force: stands where the largest friction of training is not known."""
+UNKNOWN_FORCE_N = 1e9  # Larger than any cylinder's force: stands where the largest friction of training is not known
 WARM_UP_S = 3.0
 RECOVERY_S = 3.0
 """After NaN, out-of-range and frozen stretches of 1 to 1000 samples the default hybrid is back within 0.5 N of the

@@ -12,8 +12,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
 
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
-BACKLASH, MOVES, DWELL, TRAVEL_SHORT, TRAVEL_LONG, MOVING = range(6)
-"""Places in ``History.settings``."""
+BACKLASH, MOVES, DWELL, TRAVEL_SHORT, TRAVEL_LONG, MOVING = range(6)  # Places in ``History.settings``
 TOLERANCE_M = 1e-7
 """Less beyond the backlash is rounding, single precision included, and no push: a moving average of values that repeat
 differs in its last digit by the order of its sum."""

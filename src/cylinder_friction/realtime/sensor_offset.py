@@ -25,10 +25,8 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 
-OWN = 5
-"""What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]."""
-BALANCE, PRESSURE, LOAD, WARM, ZERO = range(5)
-"""Rows of ``OffsetTracker.weights``."""
+OWN = 5  # What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]
+BALANCE, PRESSURE, LOAD, WARM, ZERO = range(5)  # Rows of ``OffsetTracker.weights``
 SLOWEST, SETTLING, BLOCK, MASS, DURATION, NOISE, STROKE, WALK, COMMON, SPEED_MEAN, SPEED_DEVIATION = range(11)
 FIRST_POSITION, LAST_POSITION, EVEN_CONSTANT, EVEN_PRESSURE, CAUTION, LARGEST, REST = range(11, 18)
 """Places in ``OffsetTracker.settings``."""
@@ -41,16 +39,13 @@ MEANS = 10
 COVARIANCE = MEANS + OWN
 GAIN = COVARIANCE + OWN * OWN
 SUMS = GAIN + OWN
-REFERENCE_C = 40.0
-"""Temperatures count from here [°C]."""
+REFERENCE_C = 40.0  # Temperatures count from here [°C]
 QUANTITIES = 14
 """What friction depends on: pressure p, √p, speed, its logarithm l, l², load, |load|, and temperature w, w², w·p, w·√p,
 w·speed, w·l, w·l²."""
-POWERS = 13
-"""Of the polynomial in position, constant included."""
+POWERS = 13  # Of the polynomial in position, constant included
 LARGEST_SURPRISE = 5.0
-RANGED = 4
-"""Quantities whose range is checked: pressure, speed, load and temperature."""
+RANGED = 4  # Quantities whose range is checked: pressure, speed, load and temperature
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection
 
 TIME = "time_s"
-PRESSURE_1 = "pressure_1_pa"
-"""Piston side, gauge [Pa]."""
-PRESSURE_2 = "pressure_2_pa"
-"""Rod side, gauge [Pa]."""
-POSITION = "position_m"
-"""Extension positive [m]."""
-LOAD_FORCE = "load_force_n"
-"""Positive when it resists extension [N]."""
+PRESSURE_1 = "pressure_1_pa"  # Piston side, gauge [Pa]
+PRESSURE_2 = "pressure_2_pa"  # Rod side, gauge [Pa]
+POSITION = "position_m"  # Extension positive [m]
+LOAD_FORCE = "load_force_n"  # Positive when it resists extension [N]
 OIL_TEMPERATURE = "oil_temperature_c"
 DRIVE_FORCE = "drive_force_n"
 """Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a

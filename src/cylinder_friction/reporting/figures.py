@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-PANEL = (4.8, 3.3)
-"""Width and height of one panel [in]; so wide, letters stay legible on a screen of 400 pixels."""
-
+PANEL = (4.8, 3.3)  # Width and height of one panel [in]; so wide, letters stay legible on a screen of 400 pixels
 LINE_TITLES = {"label": "label", "truth": "true friction"}
 LINE_WIDTHS = {"label": 3.0, "truth": 0.9}
 ESTIMATE_WIDTH = 1.1

@@ -10,8 +10,7 @@ PERCENT_BY_TEST = {
 }
 """Table II: mean absolute error [%] by test; the paper does not state what 100 % is."""
 
-STEP_SECONDS = {"lugre": 8.71e-5, "hybrid": 1.51e-3}
-"""Table III: seconds an estimate takes."""
+STEP_SECONDS = {"lugre": 8.71e-5, "hybrid": 1.51e-3}  # Table III: seconds an estimate takes
 
 HYPERPARAMETERS = {
     "layers": ("3, 4, 5", "4"),

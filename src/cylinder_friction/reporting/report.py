@@ -39,8 +39,7 @@ SECTIONS = {
     "audit": "Label audit",
     "reading": "How to read the numbers",
 }
-ALL_CONDITIONS = "all"
-"""In the label audit: all conditions together."""
+ALL_CONDITIONS = "all"  # In the label audit: all conditions together
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,7 @@ LOADS = {
 }
 EXTERNAL_LOADS = ("none", "varied")
 SPECIMENS = {"default": draw_rig, "wide": draw_wide_rig}
-MAKEUP_GAIN = 2e-6
-"""Gain of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]."""
+MAKEUP_GAIN = 2e-6  # Gain of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]
 WITH_EXTERNAL_LOAD = "; an external load that varies, measured by a load cell"
 LOAD_SEED = 1
 """Last word of the seed of the load's random numbers, so that a campaign with a load has the same hand and noise."""

@@ -11,8 +11,7 @@ from cylinder_friction.rig.lever import APPROACH, MOVE, RAMP, SINE, DutyCycle, h
 from cylinder_friction.rig.parameters import RigParameters
 
 Row = tuple[float, ...]
-EXPECTED_FRICTION_N = 350.0
-"""Friction that the operator allows for when choosing the lever."""
+EXPECTED_FRICTION_N = 350.0  # Friction that the operator allows for when choosing the lever
 
 
 def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:

@@ -20,17 +20,12 @@ from numpy.random import Generator
 from cylinder_friction.arrays import Array
 from cylinder_friction.rig.lever import TICK_S, ornstein_uhlenbeck
 
-PLACES = 65
-"""Positions at which a position-dependent load is given, equidistant from 0 to the stroke."""
-
-LARGEST_N = 3000.0
-"""Greatest sum of all parts."""
-
+PLACES = 65  # Positions at which a position-dependent load is given, equidistant from 0 to the stroke
+LARGEST_N = 3000.0  # Greatest sum of all parts
 GRAVITY_M_S2 = 9.81
 FRAME_M, BOOM_M, CLOSED_M = 0.55, 0.35, 0.45
 """From the boom's pivot to the cylinder's foot and to its rod eye, and the cylinder's length with the rod in."""
-REACH_M = 1.0
-"""From the boom's pivot to its weight."""
+REACH_M = 1.0  # From the boom's pivot to its weight
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ from cylinder_friction.rig.hydraulics import bulk_modulus, makeup_flow, port_a, 
 from cylinder_friction.rig.lever import hand_step, new_hand
 from cylinder_friction.rig.parameters import ELEMENTS
 
-DRIFT_STEP_S = 1.0
-"""Between two values of the slow factor on Coulomb friction."""
+DRIFT_STEP_S = 1.0  # Between two values of the slow factor on Coulomb friction
 
 
 def compiled_run() -> Any:

@@ -18,8 +18,7 @@ from scipy import signal
 
 from cylinder_friction.arrays import Array
 
-TICK_S = 0.001
-"""Sample time of the hand [s]; between two ticks the lever moves linearly."""
+TICK_S = 0.001  # Sample time of the hand [s]; between two ticks the lever moves linearly
 
 KIND, TARGET, MOVE_S, HOLD_S, FREQUENCY_HZ, LOW_M, HIGH_M, REACTION_S, CHAINED, SHAKE = range(10)
 """Columns of the table of actions; ``SHAKE`` is 1 for a free hand, less for one that rests on a stop."""
@@ -32,8 +31,7 @@ ROW, TIME_S, START, BASE, SIGN, NOTICED_S = range(6)
 """Entries of the hand's state: the row it carries out and since when, lever at its start and now, its sign, and for
 how long it has noticed that the piston is where it shall reverse (below 0: not yet)."""
 
-RELEASED = 0.02
-"""Below this the hand lets go and the spring centres the lever: no tremor."""
+RELEASED = 0.02  # Below this the hand lets go and the spring centres the lever: no tremor
 
 
 @dataclass(frozen=True)

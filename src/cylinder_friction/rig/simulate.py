@@ -15,8 +15,7 @@ from cylinder_friction.rig.lever import TICK_S, DutyCycle
 from cylinder_friction.rig.parameters import RigParameters, friction_constants, hydraulic_constants
 
 DEFAULT_STEP_S = 5e-5
-LEAST_START_PA = 2e5
-"""On the piston side when a load pulls the rod out."""
+LEAST_START_PA = 2e5  # On the piston side when a load pulls the rod out
 TRACE_COLUMNS = (
     "time_s",
     "pressure_1_pa",

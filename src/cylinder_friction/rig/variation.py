@@ -25,8 +25,7 @@ from cylinder_friction.rig.parameters import (
     SensorParameters,
 )
 
-PAUSE_S = 300.0
-"""Between two recordings of a session."""
+PAUSE_S = 300.0  # Between two recordings of a session
 
 CALM_DAMPING = 1.3
 """Greatest presliding damping over viscous damping; the default rig has 1.33. With more, the viscous damping of warm

@@ -7,8 +7,7 @@ from typing import Any, Literal, Self
 
 from cylinder_friction.tracking.versions import Origin
 
-Errors = dict[str, float]
-"""Error by condition [percent of mean |friction|], against the candidate's ``reference``."""
+Errors = dict[str, float]  # Error by condition [percent of mean |friction|], against the candidate's ``reference``
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,7 @@ from cylinder_friction.tracking.repository import Commit, commit_of
 from cylinder_friction.tracking.resources import resource_metrics
 from cylinder_friction.tracking.store import Store, open_store
 
-KEY_TAG = "record_key"
-"""Content key of a top-level run's record: how a run is recognised."""
-
+KEY_TAG = "record_key"  # Content key of a top-level run's record: how a run is recognised
 _METRICS_A_REQUEST = 1000
 _PARAMS_A_REQUEST = 100
 _LONGEST_PARAM = 6000

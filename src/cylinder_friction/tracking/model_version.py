@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 MODEL_KEY = "model_key"
 """Tag of a version and of its logged model: the hash of the candidate's folder, by which it is recognised."""
 
-TRAINING_STAGES = ("train", "baselines")
-"""The stages that make what can be registered."""
+TRAINING_STAGES = ("train", "baselines")  # The stages that make what can be registered
 
 
 def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersion:

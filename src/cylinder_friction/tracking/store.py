@@ -20,9 +20,7 @@ from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.repository import repository_root
 
 EXPERIMENT = "cylinder-friction"
-LOCAL_FOLDER = ".cylinder-friction"
-"""What belongs to this machine and is neither versioned nor shared."""
-
+LOCAL_FOLDER = ".cylinder-friction"  # What belongs to this machine and is neither versioned nor shared
 _NOTE = "One run per stage of the pipeline; the trials of the search lie below its run."
 _CONNECT_TIMEOUT_S = 3.0
 

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
 
 Value = int | float
-Cost = Callable[[dict[str, Value]], int]
-"""Takes hyperparameters, returns the multiply-adds of one step."""
+Cost = Callable[[dict[str, Value]], int]  # Takes hyperparameters, returns the multiply-adds of one step
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ Report = Callable[[float], None]
 Objective = Callable[[Values, Report], float]
 """Takes proposed values, calls back with intermediate errors, returns the final error; smaller is better."""
 
-REASON = "reason"
-"""User attribute of a trial without a value: why."""
+REASON = "reason"  # User attribute of a trial without a value: why
 
 
 class DiscardedTrial(Exception):  # noqa: N818 - not an error: it ends a trial that is not worth going on with

@@ -14,8 +14,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.model import StepModel
 
-ROUNDING = 1e-9
-"""Taps with a smaller sum give nothing for a constant: derivatives."""
+ROUNDING = 1e-9  # Taps with a smaller sum give nothing for a constant: derivatives
 
 
 @dataclass(frozen=True)

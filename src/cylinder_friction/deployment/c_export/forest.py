@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from cylinder_friction.realtime.forest import Forest
 
 SIDE_BY_SIDE = 8
-LARGEST_STEP = 65_535
-"""The way to a child is a 16-bit number."""
+LARGEST_STEP = 65_535  # The way to a child is a 16-bit number
 
 
 @dataclass(frozen=True)

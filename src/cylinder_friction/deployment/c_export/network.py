@@ -15,12 +15,9 @@ from numpy.typing import NDArray
 from cylinder_friction.realtime.activation import TANH_DENOMINATOR, TANH_LIMIT, TANH_NUMERATOR
 from cylinder_friction.realtime.lstm import TINY, LstmWeights
 
-AT_ONCE = 8
-"""Sources added in one pass."""
-ACROSS = 16
-"""Gates in a tile: what every vector unit's width divides."""
-ACTIVATION_OPERATIONS = 14
-"""Of one sigmoid or hyperbolic tangent, the division counted as one."""
+AT_ONCE = 8  # Sources added in one pass
+ACROSS = 16  # Gates in a tile: what every vector unit's width divides
+ACTIVATION_OPERATIONS = 14  # Of one sigmoid or hyperbolic tangent, the division counted as one
 
 
 def network_operations(weights: LstmWeights, head: bool) -> int:

@@ -10,8 +10,7 @@ from cylinder_friction.realtime.guard import UNKNOWN_FORCE_N
 from cylinder_friction.realtime.model import StepModel
 
 HOUR_S = 3600.0
-BLOCK_OPERATIONS = 150
-"""Of the step that ends a block, beside those that count once per input and row."""
+BLOCK_OPERATIONS = 150  # Of the step that ends a block, beside those that count once per input and row
 
 
 def offset_operations(bank: FilterBank, inputs: int) -> int:

@@ -41,8 +41,7 @@ SYSTEMS = {
     "Darwin": ("darwin", "darwin64", ".dylib"),
     "Windows": ("windows", "win64", ".dll"),
 }
-EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""Time of every file in the archive, so that the same content gives the same bytes."""
+EARLIEST = (1980, 1, 1, 0, 0, 0)  # Time of every file in the archive, so that the same content gives the same bytes
 UNIX, READABLE = 3, 0o100644
 
 

@@ -14,8 +14,7 @@ from typing import Any
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, find_compiler
 
-QUIET_SHARE = 0.02
-"""Where others had more of the core than this, the figures are marked as those of a busy machine."""
+QUIET_SHARE = 0.02  # Where others had more of the core than this, the figures are marked as those of a busy machine
 
 
 @contextmanager

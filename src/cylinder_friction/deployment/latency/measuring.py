@@ -22,8 +22,7 @@ Times = NDArray[np.int64]
 
 Peers = Callable[[FrictionEstimator, CompiledRuntime, Array, Path], Sequence[Runtime]]
 
-COMPARED_STEPS = 200
-"""First steps, in which all are checked to estimate the same; they compile and warm up what runs."""
+COMPARED_STEPS = 200  # First steps, in which all are checked to estimate the same; they compile and warm up what runs
 LEAD_IN_STEPS = 20
 """Steps of each turn that are not timed, after the first: they fetch what the others drove out of the caches."""
 

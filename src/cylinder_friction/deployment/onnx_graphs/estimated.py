@@ -15,8 +15,7 @@ from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import TINY, LstmWeights
 from cylinder_friction.realtime.model import StepModel
 
-NO_SPREAD_N = 1e20
-"""Stands for a spread of 0: beside so large a one no offset moves the bounds."""
+NO_SPREAD_N = 1e20  # Stands for a spread of 0: beside so large a one no offset moves the bounds
 
 
 def lags_of(model: StepModel) -> int:

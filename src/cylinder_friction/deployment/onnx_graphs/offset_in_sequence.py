@@ -26,8 +26,7 @@ from cylinder_friction.deployment.onnx_graphs.sensor_offset import (
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
-PADDING = "padding"
-"""Rows that come before the first valid sample, and the last one, cut off."""
+PADDING = "padding"  # Rows that come before the first valid sample, and the last one, cut off
 
 
 def learn_offset(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: Rows, constant: str) -> None:

@@ -10,17 +10,14 @@ from typing import Protocol
 
 from cylinder_friction.realtime.history import History
 
-LONG_AGO = -1e30
-"""Clock of something that never happened."""
-FAR = 1e30
-"""Place from which everything has moved: keeps a frozen channel frozen until it changes."""
+LONG_AGO = -1e30  # Clock of something that never happened
+FAR = 1e30  # Place from which everything has moved: keeps a frozen channel frozen until it changes
 
 CHANGED_AT = "changed_at"
 """Position at which each pressure, and clock at which the position, last changed, shape ``(n, pressures + 1)``."""
 HAPPENED_AT = "happened_at"
 """Clock of the last bad sample, of the last reversal or start of motion, and of the reset, shape ``(n, 3)``."""
-DIRECTION = "direction"
-"""Of motion, -1, 0 or 1, shape ``(n, 1)``."""
+DIRECTION = "direction"  # Of motion, -1, 0 or 1, shape ``(n, 1)``
 
 
 class Rows(Protocol):

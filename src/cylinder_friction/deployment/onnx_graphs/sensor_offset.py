@@ -18,14 +18,11 @@ from cylinder_friction.realtime import sensor_offset as at
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OWN, OffsetTracker
 
-GIVEN = 2
-"""Numbers that may be given before the first sample: the offset and its standard uncertainty [N]."""
+GIVEN = 2  # Numbers that may be given before the first sample: the offset and its standard uncertainty [N]
 VARIANCE = OWN
 """Place of the offset's variance [N²] in what is learned, see ``new_learned``; that of the offset [N] is 0."""
-KNOWN = OWN + OWN * OWN + 2
-"""Place of whether the piston has slid in both directions."""
-LEARNED = KNOWN + 2
-"""How many numbers are learned."""
+KNOWN = OWN + OWN * OWN + 2  # Place of whether the piston has slid in both directions
+LEARNED = KNOWN + 2  # How many numbers are learned
 AVERAGES = ("balance", "pressure", "velocity", "load", "warm", "along")
 """Of a block: force balance less inertia and asymmetry [N], pressure [Pa], velocity [m/s], load [N], temperature over
 the reference [°C], and position over half its range."""

@@ -17,9 +17,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 
-HELD_S = 0.1
-"""A position that does not change for this long is at rest, or held by a logger that got no new sample."""
-
+HELD_S = 0.1  # A position that does not change for this long is at rest, or held by a logger that got no new sample
 HELD_JUMP = 10.0  # a held position that continues with a step this many times the usual ones was not at rest
 PLACES = 8192  # steps at most from which the usual one is estimated
 

@@ -20,8 +20,7 @@ from cylinder_friction.recordings.mapping.sensor import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.signal import Signal
 
-OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4
-"""What a sample is marked as; 0 is valid."""
+OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4  # What a sample is marked as; 0 is valid
 
 REMEDIES = {
     OUT_OF_RANGE: "check wire, range and unit of the sensor in the mapping",
@@ -33,12 +32,8 @@ REMEDIES = {
 BESIDE = 5
 """Samples on either side of a sample that it is compared with; a spike is the odd one out among all of them."""
 
-MOST_ODD = 3
-"""Of those 11 samples, this many may be odd: the longest spike. Four in a row are an event, not a spike."""
-
-QUIET = 0.1
-"""The others lie within this share of a spike's height; after a pressure surge they settle elsewhere."""
-
+MOST_ODD = 3  # Of those 11 samples, this many may be odd: the longest spike. Four in a row are an event, not a spike
+QUIET = 0.1  # The others lie within this share of a spike's height; after a pressure surge they settle elsewhere
 PLACES = 4096  # samples at most from which a signal's own scale is estimated
 
 

@@ -13,8 +13,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
 from cylinder_friction.recordings.timeline.timestamps import BLOCK, WHOLE_HERTZ, TimeRules, whole_hertz
 
-CUT_OFF = 0.45
-"""Where the windowed sinc lets half of the amplitude through, as a share of the lower of the two rates."""
+CUT_OFF = 0.45  # Where the windowed sinc lets half of the amplitude through, as a share of the lower of the two rates
 
 STOP_BAND_DB = 70.0
 """Attenuation the window is made for; the table between two entries and short sums leave more than 60 dB of it."""
@@ -22,8 +21,7 @@ STOP_BAND_DB = 70.0
 HALF_WIDTH = 22.0
 """Support of the kernel to either side, in samples of the lower rate: the transition band is 0.1 of that rate wide."""
 
-ENTRIES = 512
-"""Entries of the kernel's table per sample of the lower rate; linear interpolation is good to 1e-6."""
+ENTRIES = 512  # Entries of the kernel's table per sample of the lower rate; linear interpolation is good to 1e-6
 
 ON_THE_LINE = 1e-3
 """A segment whose stamps follow one straight line this closely, as a share of a step, is read off that line."""

@@ -16,8 +16,7 @@ from cylinder_friction.recordings.recording import RecordingError
 
 Indices = NDArray[np.int64]
 
-BLOCK = 1024
-"""Samples over which a clock must follow a straight line; drift over more than that changes its rate."""
+BLOCK = 1024  # Samples over which a clock must follow a straight line; drift over more than that changes its rate
 
 RATE_DRIFT = 1e-3
 """How far the rate of a block may be from the rate of the whole: a velocity would be wrong by as much."""
