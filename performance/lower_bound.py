@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.deployment.c_export.compiled import compile_shared, find_compiler
-from cylinder_friction.deployment.c_export.literals import number
+from cylinder_friction.deployment.rendering import number
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mlflow import MlflowClient
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.candidate import Candidate
+from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.versions import origin_of
 

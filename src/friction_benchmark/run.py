@@ -12,9 +12,8 @@ from cylinder_friction.import_graph import SOURCE, code_key, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import artifacts, cylinder_from, flat
-from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
-from cylinder_friction.tracking.repository import repository_root
+from cylinder_friction.tracking.repository import TrackingError, repository_root
 from cylinder_friction.tracking.resources import sampled_resources
 from friction_benchmark.cache import Cache
 from friction_benchmark.conclusions import findings_of

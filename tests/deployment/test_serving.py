@@ -19,8 +19,8 @@ import pytest
 from cylinder_friction.deployment.serve import CHAMPION, curl, free_port, run_server, served_model
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import example_rows
+from cylinder_friction.tracking.repository import TrackingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

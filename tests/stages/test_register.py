@@ -18,7 +18,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.params.learning import RegisterParams
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import register
-from cylinder_friction.tracking.errors import LineageError, TrackingError
+from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 
 if TYPE_CHECKING:

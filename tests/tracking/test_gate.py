@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import asdict
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.tracking.gate import decide
+from cylinder_friction.tracking.gate import Candidate, Incumbent, Registered, decide
+from cylinder_friction.tracking.versions import Origin
 
+CANDIDATE = Candidate(
+    "friction-estimator",
+    "models/hybrid",
+    "ab" * 32,
+    {"1": 2.0, "2": 1.5},
+    "cd" * 16,
+    Origin({"data/raw/rig": "ef.dir"}, "data/raw/rig", {"train": {"layers": 2}}),
+    {"pressure_1_pa": [1e6], "pressure_2_pa": [9e5], "position_m": [0.12]},
+)
 ERROR = st.floats(0.0, 1e3)
 FIGURES = st.dictionaries(st.sampled_from(["1", "2", "3", "4"]), ERROR, min_size=1)
 
@@ -73,3 +85,9 @@ def test_one_impossible_figure_refuses_whatever_the_rest(
     condition = data.draw(st.sampled_from(sorted(figures)))
     assert not decide({**figures, condition: impossible}, None, 0.0).promote
     assert not decide({**figures, condition: impossible}, figures, 1e6).promote
+
+
+@pytest.mark.parametrize("incumbent", [None, Incumbent("12" * 32, {"1": 2.5, "2": 1.5})])
+def test_a_registration_comes_back_from_its_file(incumbent: Incumbent | None) -> None:
+    registered = Registered(CANDIDATE, "champion", True, "promoted: better", 0.1, incumbent)
+    assert Registered.from_dict(json.loads(json.dumps(asdict(registered)))) == registered

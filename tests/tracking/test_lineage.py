@@ -13,10 +13,10 @@ import yaml
 from mlflow import MlflowClient
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.candidate import Candidate
-from cylinder_friction.tracking.errors import LineageError
+from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.lineage import Lineage, lineage
 from cylinder_friction.tracking.registry import register
+from cylinder_friction.tracking.repository import LineageError
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.versions import dvc_hash, locked_hashes, origin_of
 

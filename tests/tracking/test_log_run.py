@@ -15,8 +15,8 @@ from mlflow import MlflowClient
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.tracking import log_run as module
-from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
+from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.resources import RESOURCES_FOLDER, sampled_resources
 from cylinder_friction.tracking.store import EXPERIMENT, experiment_name, tracking_uri
 

@@ -11,8 +11,8 @@ import pytest
 
 from candidates import candidate_in, never, other_model, record_model
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.registry import register
+from cylinder_friction.tracking.repository import TrackingError
 from learned_offset import learning_hybrid, offset_samples
 
 if TYPE_CHECKING:

@@ -11,16 +11,16 @@ import pytest
 from mlflow import MlflowClient
 
 from candidates import candidate_in, champion, never, other_model, record_model, versions
-from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.replay import replay
+from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from cylinder_friction.tracking.candidate import Registered
+    from cylinder_friction.tracking.gate import Registered
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pytest
 
 from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.candidate import Candidate
+from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.replay import replay

@@ -97,7 +97,7 @@ def refusals() -> tuple[type[Exception], ...]:
     """Return the errors whose message is all that the user of any command needs."""
     from cylinder_friction.params.checking import ParamsError
     from cylinder_friction.recordings.recording import RecordingError
-    from cylinder_friction.tracking.errors import TrackingError
+    from cylinder_friction.tracking.repository import TrackingError
 
     return ParamsError, RecordingError, TrackingError, FileNotFoundError, FileExistsError
 

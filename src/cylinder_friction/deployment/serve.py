@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.repository import TrackingError
 
 CHAMPION = "models:/friction-estimator@champion"
 _HOST = "127.0.0.1"

@@ -65,11 +65,7 @@ def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: S
 
 
 def refuse_missing_inputs(inputs: Sequence[str]) -> None:
-    """Refuse inputs without both raw pressures and the position.
-
-    Raises:
-        ValueError: One of them is missing.
-    """
+    """Refuse inputs without both raw pressures and the position; raises ``ValueError`` if one of them is missing."""
     if not set(SAMPLE_COLUMNS) <= set(inputs):
         raise ValueError(f"expected {', '.join(SAMPLE_COLUMNS)} among the inputs, but got {tuple(inputs)}")
 

@@ -19,8 +19,7 @@ from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from cylinder_friction.recordings.signal import Piece
+from cylinder_friction.recordings.recording import Piece, Recording, RecordingMetadata
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 

@@ -15,8 +15,7 @@ from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
-from cylinder_friction.recordings.signal import Piece
+from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
 
 

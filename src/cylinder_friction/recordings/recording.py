@@ -200,3 +200,27 @@ def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPL
             f"{where}: {columns[column]} is {samples[row, column]} at row {row} "
             f"({int(bad.sum())} such values in all); expected finite numbers; repair or cut them before estimating"
         )
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Values of one column, each with the logger's time stamp.
+
+    Columns of one logged table share their ``time_s`` array (the same object), so that what is done to time is done
+    once.
+    """
+
+    # Time stamps as logged, shape ``(n,)`` [s]: perhaps uneven, doubled, backward or not finite
+    time_s: Array
+    # In the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN where a sample is missing
+    values: Array
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An unbroken stretch of a file at one constant rate."""
+
+    table: pd.DataFrame  # ``time_s`` and one column a signal, without NaN
+    sample_time_s: float  # Constant time between two rows [s]
+    # What was done to get there, one sentence each with its numbers; empty if nothing was
+    repairs: tuple[str, ...] = ()

@@ -30,11 +30,7 @@ REACH_M = 1.0  # From the boom's pivot to its weight
 
 @dataclass(frozen=True)
 class ExternalLoad:
-    """A load as the simulation takes it.
-
-    Raises:
-        ValueError: The shapes do not fit, or a value is not finite.
-    """
+    """A load as the simulation takes it; raises ``ValueError`` if the shapes do not fit, or a value is not finite."""
 
     force_n: Array  # Depends on time alone, one value each millisecond, shape ``(ticks,)`` [N]
     share: Array  # How much of ``along_n`` works, one value each millisecond, shape ``(ticks,)``

@@ -26,7 +26,7 @@ from cylinder_friction.stages._stage import (
     artifacts,
     flat,
 )
-from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def run(params: Params) -> RunRecord:
         TrackingError: The registry cannot be reached: without it nobody knows the incumbent, so nothing is decided.
         LineageError: ``dvc.lock`` does not state which data the candidate was made from.
     """
-    from cylinder_friction.tracking.candidate import Candidate
+    from cylinder_friction.tracking.gate import Candidate
     from cylinder_friction.tracking.registry import register
 
     settings = params.register_

@@ -13,7 +13,6 @@ import yaml
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.model_folder import (
     ESTIMATOR_ARTIFACT,
     LINEAGE_ARTIFACT,
@@ -21,7 +20,7 @@ from cylinder_friction.tracking.model_folder import (
     download_model,
     version_of,
 )
-from cylinder_friction.tracking.repository import git, repository_root
+from cylinder_friction.tracking.repository import TrackingError, git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction.tracking.versions import (
     LOCK_FILE,

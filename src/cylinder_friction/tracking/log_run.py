@@ -26,8 +26,7 @@ from mlflow.utils.mlflow_tags import (
 
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.tracking.errors import TrackingError
-from cylinder_friction.tracking.repository import Commit, commit_of
+from cylinder_friction.tracking.repository import Commit, TrackingError, commit_of
 from cylinder_friction.tracking.resources import resource_metrics
 from cylinder_friction.tracking.store import Store, open_store
 

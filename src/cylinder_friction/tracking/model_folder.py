@@ -16,7 +16,7 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
-from cylinder_friction.tracking.errors import LineageError, TrackingError
+from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
 if TYPE_CHECKING:

@@ -17,11 +17,10 @@ from mlflow.models import Model
 
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.tracking.candidate import Candidate
-from cylinder_friction.tracking.errors import TrackingError
+from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.model_folder import save_model_folder
-from cylinder_friction.tracking.repository import commit_of
+from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from mlflow.exceptions import MlflowException
 
-from cylinder_friction.tracking.candidate import Candidate, Errors, Incumbent, Registered
-from cylinder_friction.tracking.gate import Decision, decide
+from cylinder_friction.tracking.gate import Candidate, Decision, Errors, Incumbent, Registered, decide
 from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, artifact_path, download_model
 from cylinder_friction.tracking.model_version import MODEL_KEY, ensure_version
 from cylinder_friction.tracking.store import Store, open_store

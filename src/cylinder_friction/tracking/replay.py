@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cylinder_friction.run_record import STAGES, RunRecord
-from cylinder_friction.tracking.errors import TrackingError
 from cylinder_friction.tracking.log_run import find_run, log_in
 from cylinder_friction.tracking.registry import register_again
+from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import open_store
 
 RUNS_FOLDER = "reports/runs"

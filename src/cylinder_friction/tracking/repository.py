@@ -1,10 +1,19 @@
-"""Where the repository lies and which commit it is at."""
+"""Where the repository lies and which commit it is at, and the errors of tracking."""
 
 from __future__ import annotations
 
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
+
+
+class TrackingError(RuntimeError):
+    """The tracking store could not be reached, or what is to be logged is not what was recorded."""
+
+
+class LineageError(TrackingError):
+    """The way back from a model cannot be written down or followed; the message names what is missing."""
+
 
 RESULT_SHAPING_PATHS = (":/src", "conf", "params.yaml", "dvc.yaml", ":/pyproject.toml")
 """What decides a result besides the data: the code, from the repository's root, and the configuration of a pipeline.

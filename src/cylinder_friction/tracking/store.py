@@ -16,8 +16,7 @@ import mlflow
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 
-from cylinder_friction.tracking.errors import TrackingError
-from cylinder_friction.tracking.repository import repository_root
+from cylinder_friction.tracking.repository import TrackingError, repository_root
 
 EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"  # What belongs to this machine and is neither versioned nor shared

@@ -19,7 +19,7 @@ from dvc_data.hashfile.tree import Tree
 from dvc_objects.errors import ObjectFormatError
 from dvc_objects.fs.local import LocalFileSystem
 
-from cylinder_friction.tracking.errors import LineageError
+from cylinder_friction.tracking.repository import LineageError
 
 LOCK_FILE = "dvc.lock"
 PARAMS_FILE = "params.yaml"

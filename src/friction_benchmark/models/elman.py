@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numba
 import numpy as np
 
-from cylinder_friction.realtime.activation import tanh
+from cylinder_friction.realtime.lstm import tanh
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import LearnedEstimator
 from friction_benchmark.models.related_work import (

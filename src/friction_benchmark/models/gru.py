@@ -20,8 +20,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from cylinder_friction.estimators.onnx_files import IR_VERSION, OPSET
 from cylinder_friction.estimators.training_plan import Architecture
-from cylinder_friction.realtime.activation import sigmoid, tanh
-from cylinder_friction.realtime.lstm import TINY, ZERO, add_product, head_of
+from cylinder_friction.realtime.lstm import TINY, ZERO, add_product, head_of, sigmoid, tanh
 from friction_benchmark.models.sequence_estimator import SequenceEstimator, plain
 
 if TYPE_CHECKING:

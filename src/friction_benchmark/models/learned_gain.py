@@ -25,8 +25,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.estimators.onnx_files import read_network, write_network
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData
-from cylinder_friction.realtime.activation import sigmoid
-from cylinder_friction.realtime.lstm import Lstm, LstmState, head_of
+from cylinder_friction.realtime.lstm import Lstm, LstmState, head_of, sigmoid
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import NETWORK_FILE
 from friction_benchmark.models.tracking_features import TrackingFeatures, TrackingState

@@ -19,7 +19,7 @@ import onnx.parser
 from onnx import numpy_helper
 
 from cylinder_friction.estimators.onnx_files import IR_VERSION, OPSET, write_onnx
-from cylinder_friction.realtime.activation import tanh
+from cylinder_friction.realtime.lstm import tanh
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import NETWORK_FILE, LearnedEstimator
 

@@ -14,8 +14,7 @@ import pytest
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
 from cylinder_friction.deployment.c_export.export import export_c, export_model, part_of
 from cylinder_friction.deployment.c_export.forest import ordered
-from cylinder_friction.deployment.c_export.literals import number
-from cylinder_friction.deployment.rendering import model_hash, render
+from cylinder_friction.deployment.rendering import model_hash, number, render
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
 from deployment.c_export.conftest import COMPILERS, SHAPES

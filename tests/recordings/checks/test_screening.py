@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.mapping.sensor import SensorLimits
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.signal import Signal
+from cylinder_friction.recordings.recording import RecordingError, Signal
 
 if TYPE_CHECKING:
     import pandas as pd

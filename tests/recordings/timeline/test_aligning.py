@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.signal import Piece, Signal
+from cylinder_friction.recordings.recording import Piece, RecordingError, Signal
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 

@@ -27,11 +27,7 @@ class NoCompilerError(RuntimeError):
 
 
 def find_compiler(names: Sequence[str] = COMPILERS) -> str:
-    """Return the path of the first compiler on the PATH.
-
-    Raises:
-        NoCompilerError: There is none.
-    """
+    """Return the path of the first compiler on the PATH; raises ``NoCompilerError`` if there is none."""
     for name in names:
         found = shutil.which(name)
         if found is not None:

@@ -13,12 +13,11 @@ import numpy as np
 
 from cylinder_friction.deployment.c_export.filters import FilterBank
 from cylinder_friction.deployment.c_export.forest import SIDE_BY_SIDE, flatten
-from cylinder_friction.deployment.c_export.literals import Type, number
 from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_model, lugre_values
 from cylinder_friction.deployment.c_export.network import network_operations, network_values
 from cylinder_friction.deployment.c_export.sensor_offset import offset_operations, offset_values
 from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
-from cylinder_friction.deployment.rendering import model_hash, render
+from cylinder_friction.deployment.rendering import Type, model_hash, number, render
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS

@@ -51,11 +51,7 @@ def ordered(values: NDArray[np.float32]) -> NDArray[np.int32]:
 
 
 def flatten(forest: Forest) -> FlatForest:
-    """Return a forest laid out for the walk.
-
-    Raises:
-        ValueError: A tree is too large for 16-bit ways.
-    """
+    """Return a forest laid out for the walk; raises ``ValueError`` if a tree is too large for 16-bit ways."""
     trees = sorted((_flat_tree(forest, int(root)) for root in forest.roots), key=lambda tree: -tree[3])
     nothing = (np.zeros(1, dtype=np.int32), np.zeros(1, dtype=np.int64), np.full(1, forest.inputs), 0)
     trees += [nothing] * (-len(trees) % SIDE_BY_SIDE)

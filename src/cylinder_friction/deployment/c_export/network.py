@@ -12,8 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.realtime.activation import TANH_DENOMINATOR, TANH_LIMIT, TANH_NUMERATOR
-from cylinder_friction.realtime.lstm import TINY, LstmWeights
+from cylinder_friction.realtime.lstm import TANH_DENOMINATOR, TANH_LIMIT, TANH_NUMERATOR, TINY, LstmWeights
 
 AT_ONCE = 8  # Sources added in one pass
 ACROSS = 16  # Gates in a tile: what every vector unit's width divides

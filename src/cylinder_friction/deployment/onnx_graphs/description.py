@@ -63,11 +63,7 @@ def described(model: StepModel) -> dict[str, str]:
 
 
 def session_options(metadata: Mapping[str, str]) -> onnxruntime.SessionOptions:
-    """Return the options that a graph's metadata names.
-
-    Raises:
-        KeyError: The metadata names none.
-    """
+    """Return the options that a graph's metadata names; raises ``KeyError`` if the metadata names none."""
     stored = json.loads(metadata[ORT_CONFIG])["session_options"]
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = stored["intra_op_num_threads"]

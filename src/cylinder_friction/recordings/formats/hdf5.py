@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.channels import (
+from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
+from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
+    LoggedTable,
     column_arrays,
     numeric,
     table_of,
     tables_by_length,
 )
-from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 

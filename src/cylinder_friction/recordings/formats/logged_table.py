@@ -1,13 +1,16 @@
-"""What a logger's file holds, before it is given a meaning."""
+"""What a logger's file holds, before it is given a meaning: tables, or channels that are put together by length."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+
+from cylinder_friction.recordings.recording import RecordingError
 
 
 @dataclass(frozen=True)
@@ -29,3 +32,98 @@ def named_columns(columns: Sequence[tuple[str, NDArray[Any]]], kind: Any = None)
     table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
     table.columns = pd.Index([name for name, _ in columns], dtype=kind)
     return table
+
+
+TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel, by its path within the file, that is read when it is asked for: values of shape ``(length,)``.
+
+    ``sample_time_s`` is what the file states in place of a time channel [s].
+    """
+
+    name: str
+    length: int
+    read: Callable[[], NDArray[Any]]
+    unit: str = ""
+    sample_time_s: float | None = None
+
+
+@dataclass
+class Found:
+    """What a walk through a file comes upon: channels, and names of what is none (single values, text, objects)."""
+
+    channels: list[Channel] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)
+
+
+def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any]]:
+    """Return the channels that an array of this shape holds: name, length, and index of the channel's values in it.
+
+    A vector, standing or lying, is one channel. A matrix is one per column, name_1, name_2, ...; its longer side is
+    time. What has fewer than two values or more than two axes is none.
+    """
+    if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
+        return [(name, max(shape), ())] if max(shape) > 1 else []
+    if len(shape) != 2 or 0 in shape:
+        return []
+    every = slice(None)
+    across = shape[0] >= shape[1]
+    return [
+        (f"{name}_{index + 1}", max(shape), (every, index) if across else (index, every)) for index in range(min(shape))
+    ]
+
+
+def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
+    """Return one table for all channels of a length (and of a stated sample time), in the order of the file.
+
+    Where there are several, a table is named by the group its channels share, otherwise by its length.
+    """
+    if not found.channels and wanted is not None and found.others:
+        return [LoggedTable(pd.DataFrame(), unread=tuple(found.others))]
+    if not found.channels:
+        got = f"; got {', '.join(found.others[:20])}" if found.others else ""
+        raise RecordingError(
+            f"holds no channels{got}; expected vectors of numbers (save MATLAB's timeseries and table objects as "
+            "plain arrays)"
+        )
+    timed = {each.length for each in found.channels if each.name.rsplit(separator, 1)[-1].casefold() in TIME_NAMES}
+    groups: dict[tuple[int, float | None], list[Channel]] = {}
+    for channel in found.channels:
+        step = None if channel.length in timed else channel.sample_time_s
+        groups.setdefault((channel.length, step), []).append(channel)
+    tables: list[LoggedTable] = []
+    for (length, sample_time_s), channels in groups.items():
+        shared = {channel.name.rpartition(separator)[0] for channel in channels}
+        name = "" if len(groups) == 1 else (len(shared) == 1 and shared.pop()) or f"{length} rows"
+        tables.append(table_of(channels, wanted, name, sample_time_s, () if tables else found.others))
+    return tables
+
+
+def table_of(
+    channels: Sequence[Channel],
+    wanted: Collection[str] | None,
+    name: str,
+    sample_time_s: float | None = None,
+    others: Sequence[str] = (),
+) -> LoggedTable:
+    """Return channels of one length as a table, with a channel ``time`` [s] first if a sample time is given."""
+    if sample_time_s is not None:
+        length, step = channels[0].length, sample_time_s
+        channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
+    loaded = [channel for channel in channels if wanted is None or channel.name in wanted]
+    unread = [channel.name for channel in channels if wanted is not None and channel.name not in wanted]
+    table = named_columns([(channel.name, channel.read()) for channel in loaded], object)
+    units = {channel.name: channel.unit for channel in channels if channel.unit}
+    return LoggedTable(table, units, name, (*unread, *others))
+
+
+def numeric(values: NDArray[Any]) -> NDArray[Any]:
+    """Return numbers in the machine's own byte order; true and false as 1 and 0; half precision as single."""
+    if values.dtype.kind == "b":
+        return values.astype(np.uint8)
+    if values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):
+        return values.astype(np.float32 if values.dtype.itemsize == 2 else np.float64)
+    return values.astype(values.dtype.newbyteorder("="), copy=False)

@@ -10,10 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
 from cylinder_friction.recordings.formats.hdf5 import refuse_absurd_size
 from cylinder_friction.recordings.formats.libraries import optional_library
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import (
+    Channel,
+    Found,
+    LoggedTable,
+    column_arrays,
+    numeric,
+    tables_by_length,
+)
 from cylinder_friction.recordings.formats.source import FileSource
 
 _DEEPEST = 20

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.channels import numeric
 from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns, numeric
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of
 from cylinder_friction.recordings.formats.libraries import optional_library
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTable, numeric, table_of
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 

@@ -22,8 +22,7 @@ from cylinder_friction.recordings.mapping.units import (
     to_column_unit,
     units_agree,
 )
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.signal import Signal
+from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 
 MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands

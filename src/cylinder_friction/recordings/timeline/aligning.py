@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.signal import Piece, Signal
+from cylinder_friction.recordings.recording import Piece, RecordingError, Signal
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
 from cylinder_friction.recordings.timeline.stamp_repair import counted

@@ -10,8 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.signal import Signal
+from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
 from cylinder_friction.recordings.timeline.timestamps import (
     Indices,

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.recordings.conversion import Recipe
-    from cylinder_friction.recordings.recording import RecordingMetadata
-    from cylinder_friction.recordings.signal import Piece
+    from cylinder_friction.recordings.recording import Piece, RecordingMetadata
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:

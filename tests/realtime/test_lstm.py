@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from cylinder_friction.realtime.activation import sigmoid, tanh
+from cylinder_friction.realtime.lstm import sigmoid, tanh
 
 
 @numba.njit
