@@ -1,6 +1,6 @@
 """The comparison for several campaign seeds: each is recorded, searched, trained and compared from scratch.
 
-    python performance/campaign_seeds.py 1 2 3
+    python performance/campaign_seeds.py 1 2 3 [--keep=FOLDER] [OVERRIDE ...]
 
 Prints, for each seed and condition, the default hybrid's error beside the estimators it has to beat, in percent of mean
 |friction|, against the label and against true friction, whether it beats them, and the figures of ``true_friction.py``.
@@ -40,13 +40,14 @@ def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[st
 
 
 def main(arguments: list[str]) -> int:
-    """Print the table; returns 1 if any claim fails. Arguments are seeds, and Hydra overrides for all of them."""
+    """Print the table; returns 1 if any claim fails. Arguments: seeds, Hydra overrides, where to keep the campaigns."""
     seeds = [int(argument) for argument in arguments if argument.isdecimal()] or [1, 2, 3]
-    overrides = [argument for argument in arguments if not argument.isdecimal()]
+    kept = [argument.removeprefix("--keep=") for argument in arguments if argument.startswith("--keep=")]
+    overrides = [argument for argument in arguments if not argument.isdecimal() and not argument.startswith("--keep=")]
     failed = []
     lines = []
     for seed in seeds:
-        with tempfile.TemporaryDirectory() as folder:
+        with contextlib.nullcontext(f"{kept[0]}/seed_{seed}") if kept else tempfile.TemporaryDirectory() as folder:
             metrics = campaign(seed, overrides, Path(folder))
             sys.stdout.write(f"seed {seed} {' '.join(overrides)}\n{report(Path(folder))}\n\n")
         for against, rivals, bound in (

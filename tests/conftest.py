@@ -31,12 +31,20 @@ if TYPE_CHECKING:
 
 SAMPLE_TIME_S = 0.005
 PIPELINE = "tests/pipeline/"
+LONGEST = (PIPELINE, "tests/friction_benchmark/test_pipeline.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest: given out last, it would keep one worker busy long after the others."""
+    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Give each file to one worker, and all files of the pipeline to the same: they share one finished pipeline."""
     from xdist.scheduler import LoadFileScheduling
+
+    config.option.loadscopereorder = False  # by the number of tests, which says little of their time
 
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:

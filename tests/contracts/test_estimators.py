@@ -31,7 +31,7 @@ PLAN = TrainingPlan(epochs=1, patience=1, sequence_length=200, burn_in=20, batch
 FOREST = ForestPlan(trees=4, depth=4, rows=2000, leaf=5)
 SMALL, DEEP = Architecture(1, 8, 0.0, 3e-3), Architecture(2, 8, 0.1, 3e-3)
 EFFORT = 0.01
-ROWS = 1200
+ROWS = 800
 
 
 PRODUCT: dict[str, Callable[[Cylinder], FrictionEstimator]] = {

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline_workspace import new_repository, run
+from pipeline_workspace import MAKE, new_repository, run
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,5 +16,5 @@ if TYPE_CHECKING:
 def finished_pipeline(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The root of a repository in which the smoke recipe has run to the end; do not change it, copy it."""
     folder = new_repository(tmp_path_factory.mktemp("smoke"))
-    run(folder, "dvc", "repro")
+    assert "figures" in run(folder, *MAKE, "reproduce").stdout
     return folder

@@ -1,4 +1,4 @@
-"""``kill -9`` in the middle of a stage, then ``dvc repro``: the result equals the undisturbed one."""
+"""``kill -9`` in the middle of stages, then ``dvc repro``: the result equals the undisturbed one."""
 
 from __future__ import annotations
 
@@ -31,14 +31,16 @@ RESULTS = {
 }
 
 
-def without_results_of(folder: Path, stage: str) -> None:
-    """Make a stage new again: its lock entry, the run cache and what it could go on from are gone."""
+def without_results_of_what_is_killed(folder: Path, empty_store: Path) -> None:
+    """Make the stages new again: their lock entries, runs, the run cache and what they could go on from are gone."""
     lock = folder / "dvc.lock"
     content = yaml.safe_load(lock.read_text(encoding="utf-8"))
-    del content["stages"][stage]
+    for stage in RESULTS:
+        del content["stages"][stage]
     lock.write_text(yaml.safe_dump(content), encoding="utf-8")
-    for gone in (".dvc/cache/runs", ".cylinder-friction/resume"):
+    for gone in (".dvc/cache/runs", ".cylinder-friction/resume", "mlartifacts"):
         shutil.rmtree(folder / gone, ignore_errors=True)
+    shutil.copy(empty_store, folder / "mlflow.db")
 
 
 def one_trial_is_finished(folder: Path) -> bool:
@@ -68,6 +70,15 @@ def the_store_has(table: str) -> Callable[[Path], bool]:
     return told
 
 
+MOMENTS: tuple[tuple[str, Callable[[Path], bool]], ...] = (
+    ("search", one_trial_is_finished),
+    ("train", one_epoch_is_finished),
+    ("register", the_store_has("logged_models")),
+    ("register", the_store_has("model_versions")),
+)
+"""Where each ``dvc repro`` is killed; it first finishes what the one before it has left."""
+
+
 def kill_when(folder: Path, stage: str, is_time: Callable[[Path], bool]) -> None:
     """Start ``dvc repro``, waits for the moment, and kills it and everything it started."""
     process = subprocess.Popen(
@@ -87,27 +98,16 @@ def kill_when(folder: Path, stage: str, is_time: Callable[[Path], bool]) -> None
     process.wait()
 
 
-@pytest.mark.parametrize(
-    ("stage", "is_time"),
-    [
-        pytest.param("search", one_trial_is_finished, id="search"),
-        pytest.param("train", one_epoch_is_finished, id="train"),
-        pytest.param("register", the_store_has("logged_models"), id="register-while-logging-the-model"),
-        pytest.param("register", the_store_has("model_versions"), id="register-before-the-alias"),
-    ],
-)
-def test_after_kill_9_a_repro_ends_as_if_nothing_had_been(
-    finished_pipeline: Path, empty_store: Path, tmp_path: Path, stage: str, is_time: Callable[[Path], bool]
+def test_after_kill_9_in_stage_after_stage_a_repro_ends_as_if_nothing_had_been(
+    finished_pipeline: Path, empty_store: Path, tmp_path: Path
 ) -> None:
     folder = copy_of(finished_pipeline, tmp_path)
-    without_results_of(folder, stage)
-    if stage == "register":
-        shutil.rmtree(folder / "mlartifacts")
-        shutil.copy(empty_store, folder / "mlflow.db")
-    kill_when(folder, stage, is_time)
+    without_results_of_what_is_killed(folder, empty_store)
+    for stage, is_time in MOMENTS:
+        kill_when(folder, stage, is_time)
     done = run(folder, "dvc", "repro")
-    assert re.findall(r"Running stage '(\w+)'", done.stdout) == [stage]
-    for result in RESULTS[stage]:
+    assert re.findall(r"Running stage '(\w+)'", done.stdout) == [MOMENTS[-1][0]]
+    for result in [result for results in RESULTS.values() for result in results]:
         assert hash_of(folder / result) == hash_of(finished_pipeline / result), result
     client = mlflow.MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
     versions = client.search_model_versions("name='friction-estimator'")

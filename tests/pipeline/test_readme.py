@@ -12,18 +12,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline_workspace import BIN, PROJECT, copy_of, environment, run
+from pipeline_workspace import MAKE, PROJECT, copy_of, environment, run, run_here
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = [pytest.mark.slow]
 
-MAKE = ("make", f"VENV={BIN.parent}", "-o", f"{BIN.parent}/.installed", "-o", f"{BIN.parent}/.installed-dev")
-"""Make with the environment that the tests run in, so that nothing is installed."""
-
 RUN_IN_A_FINISHED_PIPELINE = {
-    "make reproduce": "figures",
     "make readme": "",
     "cylinder-friction ingest init data/raw/rig/condition1_session01_recording01.csv": 'channel: "P1 [bar]", unit: bar',
     "cylinder-friction inspect data/raw/rig/condition1_session01_recording01.csv": "1 file: 1 ok",
@@ -41,12 +37,13 @@ RUN_IN_A_FINISHED_PIPELINE = {
 }
 RUN_ELSEWHERE = {
     "make test": "is what runs this",
+    "make reproduce": "tests/pipeline/conftest.py",
     "make ui": "test_the_servers_answer",
     "make serve": "test_the_servers_answer",
-    "dvc repro": "every test of this folder",
+    "dvc repro": "tests/pipeline/test_kill.py",
     "make benchmark": "tests/friction_benchmark/test_pipeline.py",
     "cylinder-friction latency": "tests/commands/test_latency.py",
-    'make seeds ARGS="1 2 3"': "test_seeds_prints_its_table",
+    'make seeds ARGS="1 2 3"': "tests/pipeline/test_smoke_pipeline.py",
     "dvc exp run -S experiment=smoke -S register.tolerance_percent=0.2": "test_an_experiment_composes",
 }
 
@@ -62,11 +59,11 @@ def test_every_command_is_run_by_a_test() -> None:
 
 @pytest.mark.parametrize("command", sorted(RUN_IN_A_FINISHED_PIPELINE))
 def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path, command: str) -> None:
-    folder = finished_pipeline if command.startswith("cylinder") else copy_of(finished_pipeline, tmp_path)
     words = shlex.split(command)
-    if words[0] == "make":
-        words = [*MAKE, *words[1:]]
-    done = run(folder, *words)
+    if words[0] == "cylinder-friction":
+        done = run_here(finished_pipeline, *words)
+    else:
+        done = run(copy_of(finished_pipeline, tmp_path), *(MAKE if words[0] == "make" else words[:1]), *words[1:])
     assert RUN_IN_A_FINISHED_PIPELINE[command] in done.stdout
 
 
@@ -109,15 +106,3 @@ def test_an_experiment_composes(finished_pipeline: Path, tmp_path: Path) -> None
     assert "Running stage 'register'" in done.stdout
     assert "Running stage 'compare'" not in done.stdout
     assert "tolerance_percent: 0.2" in (folder / "params.yaml").read_text()
-
-
-def test_seeds_prints_its_table(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*MAKE, "seeds", "ARGS=5 experiment=smoke"],
-        cwd=PROJECT,
-        env={**environment(), "TMPDIR": str(tmp_path)},
-        capture_output=True,
-        text=True,
-    )
-    assert "of 8 claims hold" in done.stdout, done.stderr
-    assert "seed 5  label  1  hybrid" in done.stdout

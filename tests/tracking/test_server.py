@@ -39,7 +39,8 @@ def server(pipeline: Path, tmp_path: Path, empty_store: Path, monkeypatch: pytes
     command = [sys.executable, "-m", "mlflow", "server", *arguments, "--port", str(port), "--workers", "1"]
     url = f"http://127.0.0.1:{port}"
     with (where / "log").open("wb") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
+        environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment, start_new_session=True)
         try:
             _wait(url, process)
             monkeypatch.setenv("MLFLOW_TRACKING_URI", url)

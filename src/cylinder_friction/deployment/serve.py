@@ -22,6 +22,8 @@ from cylinder_friction.tracking.repository import TrackingError
 CHAMPION = "models:/friction-estimator@champion"
 _HOST = "127.0.0.1"
 _START_TIMEOUT_S = 120.0
+_WITHOUT_JOBS = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+"""Spares the UI half a dozen processes that wait for evaluation jobs of language models."""
 
 
 def run_server(model: str, root: Path) -> int:
@@ -114,7 +116,7 @@ def _mlflow(arguments: Sequence[str], root: Path, url: str, health: str) -> Iter
     from cylinder_friction.tracking.store import LOCAL_FOLDER, tracking_uri
 
     uri = tracking_uri(root)
-    environment = {**os.environ, "MLFLOW_TRACKING_URI": uri, "MLFLOW_REGISTRY_URI": uri}
+    environment = {**_WITHOUT_JOBS, **os.environ, "MLFLOW_TRACKING_URI": uri, "MLFLOW_REGISTRY_URI": uri}
     environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment.get('PATH', '')}"
     log_path = repository_root(root) / LOCAL_FOLDER / f"{arguments[0]}-{url.rpartition(':')[2]}.log"
     log_path.parent.mkdir(parents=True, exist_ok=True)

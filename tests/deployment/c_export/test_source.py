@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING
 
 import jinja2
@@ -61,11 +63,11 @@ def compiler(name: str) -> str:
     return found
 
 
-def sanitizing_compiler(name: str, folder: Path) -> str:
+@cache
+def sanitizing_compiler(name: str) -> str:
     """Return the compiler; skip where its sanitizers' run-time library, a package of its own, is not installed."""
-    (folder / "probe.c").write_text("int main(void) { return 0; }\n", encoding="utf-8")
-    command = [compiler(name), *SANITIZED.split(), str(folder / "probe.c"), "-o", str(folder / "probe")]
-    if subprocess.run(command, capture_output=True, check=False).returncode != 0:
+    command = [compiler(name), *SANITIZED.split(), "-x", "c", "-", "-o", "/dev/null"]
+    if subprocess.run(command, input=b"int main(void) { return 0; }\n", capture_output=True, check=False).returncode:
         pytest.skip(f"the sanitizers' run-time library of {name} is not installed")
     return command[0]
 
@@ -163,7 +165,7 @@ def test_it_is_clean_under_sanitizers(
     np.concatenate([trajectories["bad_samples"], trajectories["frozen"]]).tofile(tmp_path / "samples")
     program = tmp_path / "main"
     run(
-        sanitizing_compiler(name, tmp_path),
+        sanitizing_compiler(name),
         *SANITIZED.split(),
         tmp_path / "main.c",
         exported.source,
@@ -199,29 +201,35 @@ def test_cppcheck_finds_nothing(shape: str, precision: str, golden_model: StepMo
     assert told == ""
 
 
+Printed = Callable[[str, str, str], str]
+
+
+@pytest.fixture(scope="module")
+def printed_by(
+    golden_model: StepModel, trajectories: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory
+) -> Printed:
+    """Return what a compiler's program prints for a shape; each is compiled and run once."""
+
+    @cache
+    def printed(name: str, options: str, shape: str) -> str:
+        folder = tmp_path_factory.mktemp("printed")
+        exported = export_model(SHAPES[shape](golden_model), folder)
+        (folder / "main.c").write_text(HOST, encoding="utf-8")
+        trajectories["bad_samples" if shape == "learning" else "stick_slip_reversals"][:300].tofile(folder / "samples")
+        sources = (folder / "main.c", exported.source)
+        run(compiler(name), "-std=c99", *options.split(), *sources, "-o", folder / "main", "-lm")
+        return run(folder / "main", folder / "samples")
+
+    return printed
+
+
 @pytest.mark.parametrize("shape", ["whole", "learning"])
 @pytest.mark.parametrize("options", ["-O0", "-O2", "-O3 -march=native -ffp-contract=off"])
 @pytest.mark.parametrize("name", COMPILERS)
 def test_every_compiler_and_level_gives_the_same_numbers(
-    name: str, options: str, shape: str, golden_model: StepModel, trajectories: dict[str, np.ndarray], tmp_path: Path
+    name: str, options: str, shape: str, printed_by: Printed
 ) -> None:
-    exported = export_model(SHAPES[shape](golden_model), tmp_path)
-    (tmp_path / "main.c").write_text(HOST, encoding="utf-8")
-    trajectories["bad_samples" if shape == "learning" else "stick_slip_reversals"][:300].tofile(tmp_path / "samples")
-    told = []
-    for each, level in (("gcc", "-O1"), (name, options)):
-        run(
-            compiler(each),
-            "-std=c99",
-            *level.split(),
-            tmp_path / "main.c",
-            exported.source,
-            "-o",
-            tmp_path / "m",
-            "-lm",
-        )
-        told.append(run(tmp_path / "m", tmp_path / "samples"))
-    assert told[0] == told[1]
+    assert printed_by(name, options, shape) == printed_by("gcc", "-O1", shape)
 
 
 def test_fast_math_is_refused(golden_model: StepModel, tmp_path: Path) -> None:

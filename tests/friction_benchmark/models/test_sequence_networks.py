@@ -149,7 +149,7 @@ def tcn_of(inputs: int) -> torch.nn.Module:
 @pytest.mark.parametrize("make", [gru_of, tcn_of])
 @pytest.mark.parametrize("stride", [1, 2])
 def test_it_learns_what_needs_memory(make: Callable[[int], torch.nn.Module], stride: int) -> None:
-    plan = TrainingPlan(30, 30, 30, 0, 4, warm_up=0.05, weight_decay=1e-3)
+    plan = TrainingPlan(15, 15, 30, 0, 4, warm_up=0.05, weight_decay=1e-3)
     train, validation = delayed_sequences(8, 0), delayed_sequences(2, 1)
     _, curve = train_network(make, 1e-2, plan, train, validation, seed=3, stride=stride)
     assert min(curve.validation_mae) < 0.5 * curve.validation_mae[0]

@@ -167,16 +167,7 @@ def page(results: BenchmarkResults) -> str:
     return page_of(results)
 
 
-def test_the_page_is_written_whole_and_equal_results_are_equal_bytes(page: str, tmp_path: Path) -> None:
-    path = tmp_path / "reports/benchmark.html"
-    write_report(random_results(3), CONCLUSIONS, path)
-    written = path.read_bytes()
-    assert written == page.encode()
-    assert written.startswith(b"<!DOCTYPE html>")
-    assert len(written) < 3e6
-
-
-def test_results_read_back_from_json_make_the_same_page(results: BenchmarkResults, page: str) -> None:
+def test_results_read_back_from_json_are_written_whole_and_as_the_same_bytes(page: str, tmp_path: Path) -> None:
     def reordered(content: object) -> object:
         """Return what JSON with sorted keys makes of it."""
         if is_dataclass(content) and not isinstance(content, type):
@@ -185,10 +176,16 @@ def test_results_read_back_from_json_make_the_same_page(results: BenchmarkResult
             return {key: reordered(content[key]) for key in sorted(content)}
         return tuple(map(reordered, content)) if isinstance(content, tuple) else content
 
+    results = random_results(3)
     again = reordered(results)
     assert isinstance(again, BenchmarkResults)
     assert list(again.tasks[0].entries[0].tuning) != list(results.tasks[0].entries[0].tuning)
-    assert page_of(again) == page
+    path = tmp_path / "reports/benchmark.html"
+    write_report(again, CONCLUSIONS, path)
+    written = path.read_bytes()
+    assert written == page.encode()
+    assert written.startswith(b"<!DOCTYPE html>")
+    assert len(written) < 3e6
 
 
 def test_the_page_loads_nothing_from_outside(page: str) -> None:
@@ -314,7 +311,8 @@ def test_no_number_however_odd_spoils_a_drawing(seed: int, percent: float, lag_s
         trust=Trust({"": percent, "1": percent}, percent, percent, percent, percent),
         multiply_adds=0,
     )
-    text = page_of(replace(results, tasks=(replace(result, entries=(*result.entries[:-1], odd)),)))
+    few = [entry for entry in result.entries[:-1] if entry.model in (result.baseline, "lugre", "ridge")]
+    text = page_of(replace(results, tasks=(replace(result, entries=(*few, odd)),)))
     assert not re.search(r"\b(nan|inf)\b", re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL))
 
 
