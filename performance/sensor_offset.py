@@ -15,7 +15,6 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from unittest.mock import patch
 
 import numpy as np
 
@@ -28,7 +27,6 @@ from cylinder_friction.recordings.storage import read_metadata, read_recordings,
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import DECIMALS
-from cylinder_friction.rig.variation import Session, draw_session
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -131,16 +129,8 @@ def finished_run(data: Path) -> tuple[list[Recording], dict[str, Array], dict[st
 def uneven_campaign(ratio_sd: float) -> tuple[list[Recording], dict[str, Array], dict[str, set[str]]]:
     """Return the same of a campaign whose ratio of friction, retracting over extending, varies with the session."""
 
-    def uneven(*given: Any, **named: Any) -> Session:
-        session = draw_session(*given, **named)
-        friction = session.rig.friction
-        seed = int(abs(session.rig.sensors.pressure_offset_pa[0]) * 1e6)
-        other = 0.5 * (1.0 - friction.asymmetry) ** 2 * ratio_sd * np.random.default_rng(seed).standard_normal()
-        friction = replace(friction, asymmetry=friction.asymmetry + float(other))
-        return replace(session, rig=replace(session.rig, friction=friction))
-
-    with patch("cylinder_friction.rig.campaign.draw_session", uneven):
-        recorded = list(campaign(CYLINDER, CampaignPlan(sessions_per_condition=SESSIONS)))
+    plan = CampaignPlan(sessions_per_condition=SESSIONS, asymmetry_sd=ratio_sd)
+    recorded = list(campaign(CYLINDER, plan))
     labelled = label([logged(each.logger, each.metadata) for each in recorded], CYLINDER)
     truth_n = {each.metadata.name: each.truth["friction_n"].to_numpy(dtype=np.float64) for each in recorded}
     names = split_sessions([each.metadata for each in labelled], 2, 1, seed=1)

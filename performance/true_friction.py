@@ -64,14 +64,21 @@ def report(run: Path) -> str:
     lines = ["mean absolute error [% of mean |true friction| of the condition]", header(sorted(rows["label"]))]
     lines += [line(words, rows[words]) for words in sorted(rows)]
     lines.append(f"near events, hybrid cold: {np.concatenate(events).mean():.1f} N; mean offset left: {mean_n:.2f} N")
-    for each in read_json(run / "reports/coverage.json"):
-        if (each["reference"], each["condition"]) == ("truth", "all"):
-            lines.append(
-                f"bounds hold {each['held_percent']:.1f} % of true friction, near events "
-                f"{each['held_near_events_percent']:.1f} %, worst session {each['worst_session_percent']:.1f} %, mean "
-                f"width {each['mean_width_n']:.1f} N"
-            )
-    return "\n".join(lines)
+    return "\n".join([*lines, bounds_line(run)])
+
+
+def bounds_line(run: Path) -> str:
+    """Return what the bounds of a finished run hold of true friction and how wide they are, as text."""
+    (held,) = (
+        each
+        for each in read_json(run / "reports/coverage.json")
+        if (each["reference"], each["condition"]) == ("truth", "all")
+    )
+    return (
+        f"bounds hold {held['held_percent']:.1f} % of true friction, near events "
+        f"{held['held_near_events_percent']:.1f} %, worst session {held['worst_session_percent']:.1f} %, mean width "
+        f"{held['mean_width_n']:.1f} N"
+    )
 
 
 def mean_offset_n(recordings: list[Recording], truth_n: dict[str, Array]) -> float:

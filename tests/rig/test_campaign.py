@@ -10,7 +10,7 @@ import pytest
 from cylinder_friction.rig.campaign import TRUTH_COLUMNS, CampaignPlan, RigRecording, campaign
 from cylinder_friction.rig.parameters import default_rig
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
-from cylinder_friction.rig.variation import draw_rig, draw_session
+from cylinder_friction.rig.variation import Session, draw_rig, draw_session
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -85,6 +85,26 @@ def test_sessions_differ_and_their_recordings_share_the_calibration(cylinder: Cy
     assert np.abs(drift - 1.0).max() <= 0.08 + 1e-9
     loose = draw_session(rig, np.random.default_rng(0), 600.0, zeroed=False, residual_offset_pa=5e3)
     assert np.abs(loose.rig.sensors.pressure_offset_pa).max() > 5e3
+
+
+def test_asymmetry_varies_between_sessions_by_as_much_as_is_asked_for_and_changes_nothing_else(
+    cylinder: Cylinder,
+) -> None:
+    rig = default_rig(cylinder)
+
+    def drawn(seed: int, sd: float) -> Session:
+        generator = np.random.default_rng(seed)
+        return draw_session(rig, generator, 60.0, zeroed=True, residual_offset_pa=5e3, asymmetry_sd=sd)
+
+    uneven = [drawn(seed, 0.01) for seed in range(400)]
+    asymmetry = np.array([session.rig.friction.asymmetry for session in uneven])
+    ratios = (1.0 + asymmetry) / (1.0 - asymmetry)
+    assert ratios.std() == pytest.approx(0.01, rel=0.15)
+    assert ratios.mean() == pytest.approx(290.0 / 240.0, abs=2e-3)
+    even = drawn(7, 0.0)
+    assert even.rig.friction == rig.friction
+    assert even.rig.sensors == uneven[7].rig.sensors
+    np.testing.assert_array_equal(even.drift, uneven[7].drift)
 
 
 def test_specimens_differ_within_their_tolerances(cylinder: Cylinder) -> None:

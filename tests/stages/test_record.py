@@ -28,6 +28,7 @@ SETTINGS: dict[str, Any] = {
     "supply": "industrial",
     "zeroed": True,
     "residual_offset_bar": 0.05,
+    "asymmetry_sd": 0.0,
     "fault": "none",
     "external_load": "none",
     "specimen": "default",

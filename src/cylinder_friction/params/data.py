@@ -33,6 +33,7 @@ class RecordParams(Section):
     supply: Literal["didactic", "industrial"]
     zeroed: bool
     residual_offset_bar: NotNegative
+    asymmetry_sd: NotNegative
     fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
     external_load: Literal["none", "varied"]
     specimen: Literal["default", "wide"]

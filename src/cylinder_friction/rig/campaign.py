@@ -70,6 +70,8 @@ class CampaignPlan:
     supply: str = "industrial"  # ``"didactic"`` or ``"industrial"``
     zeroed: bool = True  # Whether the pressure transmitters were zeroed before each session
     residual_offset_bar: float = 0.05  # Largest offset that zeroing leaves [bar]
+    # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
+    asymmetry_sd: float = 0.0
     fault: str = "none"  # One of ``faults.FAULTS``
     # ``"none"``, or ``"varied"``: a load cell and forces on the rod that change within a recording
     external_load: Literal["none", "varied"] = "none"
@@ -106,6 +108,7 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
                 plan.recordings_per_session * (plan.duration_s + PAUSE_S),
                 zeroed=plan.zeroed,
                 residual_offset_pa=plan.residual_offset_bar * BAR_PA,
+                asymmetry_sd=plan.asymmetry_sd,
             )
             yield from _session(plan, session, condition, number)
 

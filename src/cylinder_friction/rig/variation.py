@@ -77,13 +77,20 @@ def draw_rig(rig: RigParameters, generator: Generator) -> RigParameters:
 
 
 def draw_session(
-    rig: RigParameters, generator: Generator, duration_s: float, *, zeroed: bool, residual_offset_pa: float
+    rig: RigParameters,
+    generator: Generator,
+    duration_s: float,
+    *,
+    zeroed: bool,
+    residual_offset_pa: float,
+    asymmetry_sd: float = 0.0,
 ) -> Session:
     """Return one session on this rig.
 
     Friction keeps within about ±5 % from run to run: a level for the day and a slow wander about it. Zeroing the
     transmitters on vented chambers leaves at most the residual offset; without it, their data sheet's ±0.5 % of the
-    span stays in the offset and ±0.3 % in the gain.
+    span stays in the offset and ±0.3 % in the gain. Friction retracting over friction extending varies from session to
+    session with the standard deviation ``asymmetry_sd``.
     """
     day = float(np.clip(generator.normal(1.0, 0.03), 0.95, 1.05))
     count = math.ceil(duration_s / DRIFT_STEP_S) + 4
@@ -92,7 +99,12 @@ def draw_session(
     temperature_c = float(generator.uniform(24.0, 46.0))
     load_offset_n, load_gain = generator.uniform(-1.0, 1.0, 2)
     sensors = replace(sensors, load_offset_n=7.0 * float(load_offset_n), load_gain=1.0 + 0.001 * float(load_gain))
-    return Session(replace(rig, sensors=sensors), temperature_c, np.asarray(day + wander))
+    asymmetry = rig.friction.asymmetry
+    ratio = (1.0 + asymmetry) / (1.0 - asymmetry) + asymmetry_sd * float(generator.standard_normal())
+    if asymmetry_sd:
+        asymmetry = (ratio - 1.0) / (ratio + 1.0)
+    rig = replace(rig, sensors=sensors, friction=replace(rig.friction, asymmetry=asymmetry))
+    return Session(rig, temperature_c, np.asarray(day + wander))
 
 
 def _calibrated(
