@@ -51,7 +51,7 @@ def main() -> int:
     parser.add_argument("--asymmetry-sd", type=float, help="print how asymmetry that varies widens uncertainty instead")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep the campaigns there")
     parser.add_argument("arguments", nargs="*", help="seeds, and Hydra overrides for all of them")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     seeds = [int(argument) for argument in given.arguments if argument.isdecimal()] or [1, 2, 3]
     overrides = [argument for argument in given.arguments if not argument.isdecimal()]
     if given.asymmetry_sd is None:

@@ -38,7 +38,7 @@ SEED = 0
 
 
 class ContractError(AssertionError):
-    """An estimator breaks a promise; the message states which, where, what it gave and what was expected."""
+    """A promise is broken; the message states by what, which, where, what was given and what was expected."""
 
 
 @dataclass(frozen=True)

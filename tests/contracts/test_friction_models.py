@@ -1,0 +1,123 @@
+"""Every friction model of the catalogue keeps the contract, and each way of breaking it is noticed."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.friction_models.catalogue import MODELS
+from cylinder_friction.friction_models.film_lugre import FilmLugreParameters
+from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.testing.estimator_contract import ContractError
+from cylinder_friction.testing.friction_model_contract import CHECKS, Case, check_friction_model
+from friction_samples import ODD
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.friction_models.parameters import ModelParameters
+
+
+def on_full_film(numbers: FilmLugreParameters, speed_m_s: float) -> float:
+    """Return dry friction of steady sliding on the film that the speed builds [N]."""
+    full = 1.0 - numbers.coulomb_n / numbers.static_n
+    film = full * min(speed_m_s / numbers.film_velocity_m_s, 1.0) ** (2.0 / 3.0)
+    fall = np.exp(-((speed_m_s / numbers.stribeck_velocity_m_s) ** numbers.stribeck_exponent))
+    return float(numbers.coulomb_n + ((1.0 - film) * numbers.static_n - numbers.coulomb_n) * fall)
+
+
+def case_of(name: str) -> Case:
+    numbers = ODD[name]
+    steady_n = partial(on_full_film, numbers) if isinstance(numbers, FilmLugreParameters) else None
+    return Case(type(MODELS[name]), numbers, steady_n)
+
+
+def test_every_model_of_the_catalogue_is_under_contract() -> None:
+    assert set(MODELS) == {*ODD, *(f"pressure_{name}" for name in ODD)}
+    assert all(MODELS[name].name == name for name in MODELS)
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+@pytest.mark.parametrize("name", sorted(ODD))
+def test_contract(name: str, check: Callable[[Case], None]) -> None:
+    check(case_of(name))
+
+
+class Broken(LuGre):
+    """LuGre whose output is changed by ``change``."""
+
+    def simulate(
+        self, values: Array, velocity_m_s: Array, sample_time_s: float, state: Array, pressure_pa: Array | None = None
+    ) -> Array:
+        friction_n = super().simulate(values, velocity_m_s, sample_time_s, state, pressure_pa)
+        return self.change(friction_n, np.asarray(velocity_m_s), state, pressure_pa)
+
+    def change(self, friction_n: Array, velocity_m_s: Array, state: Array, pressure_pa: Array | None) -> Array:
+        raise NotImplementedError
+
+
+class Lopsided(Broken):
+    def change(self, friction_n: Array, velocity_m_s: Array, state: Array, pressure_pa: Array | None) -> Array:
+        return friction_n + 1.0
+
+
+class Forgetful(Broken):
+    def change(self, friction_n: Array, velocity_m_s: Array, state: Array, pressure_pa: Array | None) -> Array:
+        state[:] = 0.0
+        return friction_n
+
+
+class Driving(Broken):
+    def change(self, friction_n: Array, velocity_m_s: Array, state: Array, pressure_pa: Array | None) -> Array:
+        return -friction_n
+
+
+class Strong(Broken):
+    def change(self, friction_n: Array, velocity_m_s: Array, state: Array, pressure_pa: Array | None) -> Array:
+        return 1.5 * friction_n
+
+
+class Relaxing(Broken):
+    def change(self, friction_n: Array, velocity_m_s: Array, state: Array, pressure_pa: Array | None) -> Array:
+        return np.where(velocity_m_s == 0.0, 0.99 ** np.arange(len(friction_n)) * friction_n, friction_n)
+
+
+class Relieved(Broken):
+    def change(self, friction_n: Array, velocity_m_s: Array, state: Array, pressure_pa: Array | None) -> Array:
+        assert pressure_pa is not None
+        return friction_n * np.where(pressure_pa < 0.0, 0.9, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "check", "message"),
+    [
+        (Lopsided, "without_direction_friction_is_odd", "lugre: friction of the opposite motion is not the opposite"),
+        (Forgetful, "cutting_the_samples_changes_no_bit", "lugre: friction differs when samples are cut at"),
+        (Driving, "a_closed_loop_of_travel_takes_energy", "J, but friction can only take energy"),
+        (Driving, "steady_sliding_ends_on_the_curve", r"steady friction is -\S+ N at 0.02 m/s and 0 Pa, but expected"),
+        (Strong, "dry_friction_never_exceeds_breakaway", r"dry friction reaches 6\d\d\S* N, above 432 N of breakaway"),
+        (Relaxing, "at_standstill_friction_stays", r"friction changes by \S+ N at rest"),
+        (Relieved, "below_zero_gauge_pressure_relieves_the_seal_no_further", "at a pressure below zero is not that"),
+    ],
+)
+def test_a_broken_promise_is_noticed(kind: type[Broken], check: str, message: str) -> None:
+    case = Case(kind, ODD["lugre"])
+    (chosen,) = (each for each in CHECKS if each.__name__ == check)
+    with pytest.raises(ContractError, match=message):
+        chosen(case)
+    with pytest.raises(ContractError):
+        check_friction_model(kind, ODD["lugre"])
+
+
+def test_wrong_numbers_are_noticed() -> None:
+    numbers: ModelParameters = ODD["dahl"]
+    with pytest.raises(ContractError, match=r"lugre: fields are .* but specs name"):
+        check_friction_model(LuGre, numbers)
+
+
+def test_a_model_that_keeps_all_promises_passes() -> None:
+    check_friction_model(LuGre, ODD["lugre"])
