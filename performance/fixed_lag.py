@@ -51,7 +51,7 @@ def main() -> None:
             "force_balance",
             Architecture(chosen["layers"], chosen["nodes"], chosen["dropout"], chosen["learning_rate"]),
             TrainingPlan(arguments.epochs, patience=12, schedule="cosine"),
-            ForestPlan(chosen["forest_trees"], chosen["forest_depth"], 60_000, 20),
+            ForestPlan(chosen["forest_trees"], chosen["forest_depth"], 15_000, 10),
             seed=1,
             tracker=tracker,
             lag_s=lag_s,

@@ -20,10 +20,10 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import known_truth
-from cylinder_friction.signals.motion import event_masks
+from cylinder_friction.signals.motion import near_events
 
 if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array, Mask
+    from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
 
 ROLES = ("train", "validation", "calibration", "test")
@@ -60,7 +60,8 @@ def report(run: Path) -> str:
                 error_n = np.abs(values_n - taken_n - true_n)[usable]
                 by_condition = rows.setdefault(words, {})
                 by_condition.setdefault(recording.metadata.condition, []).append((error_n, np.abs(true_n)[usable]))
-        events.append(np.abs(estimates["hybrid, cold"] - true_n)[near_events(recording)])
+        near = near_events(recording.column("velocity_m_s"), round(EVENT_WINDOW_S / recording.sample_time_s))
+        events.append(np.abs(estimates["hybrid, cold"] - true_n)[near & recording.usable()])
     lines = ["mean absolute error [% of mean |true friction| of the condition]", header(sorted(rows["label"]))]
     lines += [line(words, rows[words]) for words in sorted(rows)]
     lines.append(f"near events, hybrid cold: {np.concatenate(events).mean():.1f} N; mean offset left: {mean_n:.2f} N")
@@ -88,12 +89,6 @@ def mean_offset_n(recordings: list[Recording], truth_n: dict[str, Array]) -> flo
         error_n = (recording.column("friction_n") - truth_n[recording.name])[recording.usable()]
         sessions.setdefault(recording.metadata.session, []).append(error_n)
     return float(np.mean([np.concatenate(parts).mean() for parts in sessions.values()]))
-
-
-def near_events(recording: Recording) -> Mask:
-    """Return the usable rows near a start, stop or reversal, shape ``(n,)``."""
-    masks = event_masks(recording.column("velocity_m_s"), round(EVENT_WINDOW_S / recording.sample_time_s))
-    return np.asarray(np.logical_or.reduce(list(masks.values())) & recording.usable())
 
 
 def header(conditions: list[str]) -> str:

@@ -61,7 +61,7 @@ def rivals(cylinder: Cylinder, effort: float) -> dict[str, FrictionEstimator]:
             "force_balance",
             Architecture(1, 48, 0.0, 5e-3),
             TrainingPlan(max(2, round(40 * effort)), 12, 200, 100, 16),
-            ForestPlan(64, 10, 60_000, 20),
+            ForestPlan(64, 10, 15_000, 10),
             seed=1,
         ),
     }

@@ -27,15 +27,15 @@ FOREST_FILE = "forest.onnx"
 
 @dataclass(frozen=True)
 class ForestPlan:
-    """The forest: trees and their greatest depth (the paper's Table I), rows it is fitted on, fewest rows in a leaf.
+    """The forest: trees and their greatest depth (the paper's Table I), rows of each tree, fewest rows in a leaf.
 
     The defaults of trees and depth are those that the default search finds on the rig's campaign.
     """
 
     trees: int = 22
     depth: int = 6
-    rows: int = 60_000
-    leaf: int = 20
+    rows: int = 15_000
+    leaf: int = 10
 
 
 class ForestEstimator(FrictionEstimator):
@@ -44,7 +44,7 @@ class ForestEstimator(FrictionEstimator):
     Args:
         cylinder: Its areas; needed for ``fit`` alone.
         plan: Trees, depth, rows and leaf.
-        seed: Seeds the choice of rows and the bootstrap.
+        seed: Seeds the rows of each tree and the features tried at each split.
         inputs: Columns of a sample; both raw pressures and the position must be among them.
     """
 
@@ -62,7 +62,7 @@ class ForestEstimator(FrictionEstimator):
         self.cylinder, self.plan, self.seed = cylinder, plan or ForestPlan(), seed
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Learn from ``plan.rows`` usable rows."""
+        """Learn from the usable rows."""
         if self.cylinder is None:
             raise ValueError("a forest needs a cylinder to be fitted; got a loaded one without")
         recordings = self._begin_fit(recordings)
@@ -110,7 +110,7 @@ class ForestEstimator(FrictionEstimator):
 
 
 def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan: ForestPlan, seed: int) -> Forest:
-    """Fit a random forest (Breiman 2001) on rows drawn at random, and return it as plain arrays.
+    """Fit a random forest (Breiman 2001), each tree on rows drawn from all of them, and return it as plain arrays.
 
     scikit-learn compares with thresholds in double precision, ONNX and every runtime in single. Features are single
     precision on both sides, so the greatest single-precision number that is not above a threshold separates them alike.
@@ -118,21 +118,20 @@ def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan:
     Args:
         features: Shape ``(n, k)``, float32, as at run time.
         target: Shape ``(n,)``.
-        plan: Trees, depth and leaf; more rows than it allows are thinned out at random.
-        seed: Seeds the rows, the bootstrap and the features tried at each split (a third of them).
+        plan: Trees, depth, leaf and the rows each tree draws; no more than there are.
+        seed: Seeds those rows and the features tried at each split (a third of them).
     """
     from sklearn.ensemble import RandomForestRegressor  # training alone needs scikit-learn
 
-    count = min(plan.rows, len(features))
-    chosen = np.sort(np.random.default_rng(seed).choice(len(features), count, replace=False))
     fitted = RandomForestRegressor(
         n_estimators=plan.trees,
         max_depth=plan.depth,
         min_samples_leaf=plan.leaf,
         max_features=1 / 3,
+        max_samples=min(plan.rows, len(features)),
         random_state=seed,
         n_jobs=2,
-    ).fit(features[chosen], target[chosen])
+    ).fit(features, target)
     trees = [each.tree_ for each in fitted.estimators_]
     starts = np.cumsum([0, *(tree.node_count for tree in trees[:-1])])
     leaf = np.concatenate([tree.children_left < 0 for tree in trees])

@@ -84,7 +84,7 @@ def train_network(
     Raises:
         FloatingPointError: The error is no longer a number.
     """
-    with reproducible(seed):
+    with reproducible(seed, device):
         network = make_network(train[0].features.shape[1]).to(device)
         training = _Training(network, learning_rate, plan, train, validation, seed, device, checkpoint, report, stride)
         return network.eval(), training.run()
@@ -269,17 +269,19 @@ def _tensors(stored: dict[str, NDArray[Any]], prefix: str) -> dict[str, torch.Te
 
 
 @contextmanager
-def reproducible(seed: int) -> Iterator[None]:
+def reproducible(seed: int, device: str = "cpu") -> Iterator[None]:
     """Seed PyTorch and keep it to one thread and to deterministic kernels inside the block."""
     threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     torch.set_num_threads(TORCH_THREADS)
-    torch.use_deterministic_algorithms(True, warn_only=True)
+    if device != "cpu":  # on one thread of a processor all that is used here is, and asking imports PyTorch's compiler
+        torch.use_deterministic_algorithms(True, warn_only=True)
     torch.manual_seed(seed)
     try:
         yield
     finally:
         torch.set_num_threads(threads)
-        torch.use_deterministic_algorithms(deterministic)
+        if device != "cpu":
+            torch.use_deterministic_algorithms(deterministic)
 
 
 def weights_of(network: FrictionNetwork) -> LstmWeights:

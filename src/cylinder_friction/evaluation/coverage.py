@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.signals.motion import event_masks
+from cylinder_friction.recordings.columns import ALL_CONDITIONS
+from cylinder_friction.signals.motion import near_events
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.recordings.recording import Recording
-
-ALL_CONDITIONS = "all"
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,7 @@ def coverage(
         usable = recording.usable()
         if not usable.any():
             continue
-        events = event_masks(recording.column("velocity_m_s"), round(event_window_s / recording.sample_time_s))
-        near = np.logical_or.reduce(list(events.values()))
+        near = near_events(recording.column("velocity_m_s"), round(event_window_s / recording.sample_time_s))
         known = {"label": recording.column("friction_n"), "truth": truth_n.get(recording.name)}
         for reference, values_n in known.items():
             if values_n is not None:

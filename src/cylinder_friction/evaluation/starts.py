@@ -42,16 +42,15 @@ def starts(estimator: FrictionEstimator, recordings: Sequence[Recording], truth_
     reference = "truth" if all(recording.name in truth_n for recording in recordings) else "label"
     found: dict[str, list[tuple[Array, Array, Array]]] = {}
     learned: dict[str, tuple[float, float]] = {}
+    stream = estimator.real_time()
     for recording in sorted(recordings, key=lambda each: each.name):
         session, usable = recording.metadata.session, recording.usable()
         known_n = truth_n[recording.name] if reference == "truth" else recording.column("friction_n")
-        if session in learned:
-            cold_n, warm_n = estimator.estimate(recording), estimator.estimate(recording, *learned[session])
-            rows = (known_n[usable], cold_n[usable], warm_n[usable])
-            found.setdefault(recording.metadata.condition, []).append(rows)
-        stream = estimator.real_time()
         stream.reset(*learned.get(session, ()))
-        stream.run(recording.samples(estimator.inputs))
+        warm_n = estimator.aligned(stream.run(recording.samples(estimator.inputs))[0])[:, 0]
+        if session in learned:
+            rows = (known_n[usable], estimator.estimate(recording)[usable], warm_n[usable])
+            found.setdefault(recording.metadata.condition, []).append(rows)
         learned[session] = stream.offset
     return [_starts(condition, reference, found[condition]) for condition in sorted(found)]
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.signals.motion import EVENTS, event_masks
+from cylinder_friction.recordings.columns import ALL_CONDITIONS
+from cylinder_friction.signals.motion import EVENTS, event_masks, near_events
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cylinder_friction.arrays import Array, Mask
 
-ALL_CONDITIONS = "all"
 STRATA = ("all", "steady", "events", *EVENTS)
 """All usable rows; those away from and those near starts, stops and reversals; and each kind of event."""
 
@@ -70,9 +70,9 @@ class Audit:
 
         ``usable`` are the rows usable for every filter, so that all are compared on the same rows.
         """
-        masks = event_masks(true_velocity_m_s, round(self.event_window_s / sample_time_s))
-        near = np.logical_or.reduce(list(masks.values()))
-        strata = {"all": np.ones_like(near), "steady": ~near, "events": near, **masks}
+        window = round(self.event_window_s / sample_time_s)
+        near = near_events(true_velocity_m_s, window)
+        strata = {"all": np.ones_like(near), "steady": ~near, "events": near, **event_masks(true_velocity_m_s, window)}
         for name, label in labels_n.items():
             error = label - true_friction_n
             for stratum, mask in strata.items():

@@ -19,6 +19,9 @@ UNCERTAINTY_COLUMN = "friction_uncertainty_n"
 COVERAGE_FACTOR = 2.0
 """From standard to expanded uncertainty, for a level of confidence of about 95 % (JCGM 100:2008, 6.3.3)."""
 
+ALL_CONDITIONS = "all"
+"""Beside the names of operating conditions: all of them together."""
+
 PRESSURES = (PRESSURE_1, PRESSURE_2)
 SAMPLE_COLUMNS = (*PRESSURES, POSITION)
 """The raw sample that every estimator sees, in this order: piston side, rod side, position."""

@@ -12,6 +12,7 @@ from cylinder_friction.evaluation.coverage import Coverage
 from cylinder_friction.evaluation.starts import Starts
 from cylinder_friction.evaluation.timing import StepTime
 from cylinder_friction.evaluation.views import Excerpt
+from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.reporting import comparison_tables as tables
 from cylinder_friction.reporting import figures
 from cylinder_friction.reporting.estimator_titles import phrase
@@ -39,7 +40,6 @@ SECTIONS = {
     "audit": "Label audit",
     "reading": "How to read the numbers",
 }
-ALL_CONDITIONS = "all"  # In the label audit: all conditions together
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,11 @@ def noise_rms(values: Array, rest: Mask) -> float:
     return float(np.sqrt(np.mean((values[rows] - means[stretch]) ** 2)))
 
 
+def near_events(velocity_m_s: Array, window: int) -> Mask:
+    """Return the rows within ``window`` rows of a start, stop or reversal, shape ``(n,)``; see ``event_masks``."""
+    return np.asarray(np.logical_or.reduce(list(event_masks(velocity_m_s, window).values())))
+
+
 def event_masks(velocity_m_s: Array, window: int) -> dict[str, Mask]:
     """Return the rows within ``window`` rows of each kind of event, each mask of shape ``(n,)``.
 

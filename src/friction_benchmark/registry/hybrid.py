@@ -18,7 +18,7 @@ def _build(build: BuildConfiguration) -> HybridEstimator:
         build.cylinder,
         architecture=architecture(build),
         plan=training_plan(build, epochs=40, steps=200, slower=PRESSURE_FREE_EPOCHS),
-        forest_plan=ForestPlan(build.whole("trees"), build.whole("depth"), build.share(60_000, 1000), leaf=20),
+        forest_plan=ForestPlan(build.whole("trees"), build.whole("depth"), build.share(15_000, 1000), leaf=10),
         seed=build.seed,
         inputs=build.inputs,
     )

@@ -25,7 +25,7 @@ def _build(build: BuildConfiguration) -> HybridEstimator:
         "paper",
         architecture(build),
         TrainingPlan(epochs, 8, 200, 100, 16, "constant"),
-        ForestPlan(build.whole("trees"), build.whole("depth"), build.share(40_000, 1000), 5),
+        ForestPlan(build.whole("trees"), build.whole("depth"), build.share(10_000, 1000), 5),
         build.seed,
     )
 
