@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from true_friction import header, line, near_events
+from true_friction import EVENT_WINDOW_S, header, line
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
@@ -23,6 +23,7 @@ from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import known_truth
+from cylinder_friction.signals.motion import near_events
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
@@ -62,7 +63,8 @@ def main() -> None:
             usable, true_n = recording.usable(), truth_n[recording.name]
             error_n = np.abs(hybrid.estimate(recording) - true_n)
             rows.setdefault(recording.metadata.condition, []).append((error_n[usable], np.abs(true_n)[usable]))
-            events.append(error_n[near_events(recording)])
+            near = near_events(recording.column("velocity_m_s"), round(EVENT_WINDOW_S / recording.sample_time_s))
+            events.append(error_n[near & usable])
         print(f"{line(f'lag of {1e3 * lag_s:g} ms', rows)}{np.concatenate(events).mean():9.1f}", flush=True)
 
 
