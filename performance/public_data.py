@@ -10,7 +10,6 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import InertiaMode, Labeller
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.screening import ScreenRules
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.ingesting import Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
@@ -90,7 +89,6 @@ def recipe_of(rig: str) -> Recipe:
         channels={column: ChannelMapping.from_dict(entry) for column, entry in MAPPINGS[rig].items()},
         cylinder=cylinder.name,
         limits=CheckLimits(cylinder.stroke_m, *areas, LOADS[rig]),
-        screen=ScreenRules(stroke_m=cylinder.stroke_m),
         time=TimeRules(),
     )
 

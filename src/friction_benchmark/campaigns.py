@@ -158,7 +158,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     """Yield a log's recordings: one, unless samples that cannot be bridged part it."""
     file = f"{logged.metadata.name}.csv"
     mapped = map_signals([LoggedTable(as_written(logged.logger))], recipe.channels)
-    signals, _ = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
+    signals, _ = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m)
     pieces = align(signals, recipe.time)
     truth, signal_filter = logged.truth, default_filter(labeller.cylinder)
     for number, piece in enumerate(pieces, start=1):

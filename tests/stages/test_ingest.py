@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import pytest
-from pydantic import ValidationError
 
 from cylinder_friction.commands.params import compose_params
-from cylinder_friction.params.checking import Params, check_params
+from cylinder_friction.params.checking import Params, ParamsError, check_params, checked
 from cylinder_friction.params.ingest import IngestParams
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -108,12 +107,16 @@ def test_own_logs_as_the_example_says(
         ({"name_pattern": "(?P<condition>.)"}, "has no group 'session'"),
         ({"name_pattern": None}, "name_pattern or name_table must be set, and the other null"),
         ({"format": "xlsx"}, "Input should be 'auto', 'csv', 'matlab'"),
-        ({"csv": {"delimiter": ";;", "decimal": ".", "encoding": "utf-8", "header": "auto"}}, "one character"),
+        ({"csv": {"delimiter": ";;"}}, "csv: delimiter: expected one character, 'whitespace' or 'auto', but got ';;'"),
+        ({"time": {"rate": 100.0}}, r"time\.rate: unknown key; check its spelling against conf/"),
+        ({"time": {"rate_hz": "fast"}}, r"time\.rate_hz: Input should be a valid number, but got 'fast'"),
+        ({"checks": {"least_travel": 2.0}}, "checks: least_travel: expected at least 0 and less than 1, but got 2.0"),
+        ({"zero": {"method": "window"}}, "zero: zero: window_s goes with method window and with no other"),
     ],
 )
 def test_impossible_settings_are_refused(change: dict[str, object], message: str) -> None:
-    with pytest.raises(ValidationError, match=message):
-        IngestParams.model_validate(shipped("rig") | change)
+    with pytest.raises(ParamsError, match=message):
+        checked(IngestParams, shipped("rig") | change, "conf")
 
 
 def test_unknown_unit_is_refused() -> None:
@@ -121,8 +124,8 @@ def test_unknown_unit_is_refused() -> None:
     channels = content["channels"]
     assert isinstance(channels, dict)
     channels["position_m"]["unit"] = "parsnips"
-    with pytest.raises(ValidationError, match="unit 'parsnips' is not known; expected one of m, mm, in"):
-        IngestParams.model_validate(content)
+    with pytest.raises(ParamsError, match="unit 'parsnips' is not known; expected one of m, mm, in"):
+        checked(IngestParams, content, "conf")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -79,7 +80,8 @@ def checked(kind: type[Kind], content: Any, where: str) -> Kind:
         ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
     """
     try:
-        return kind.model_validate(content)
+        # As JSON, so that in strict mode a mapping may be a dataclass, and a list a pair.
+        return kind.model_validate_json(json.dumps(content, default=str))
     except ValidationError as error:
         lines = [_explain(dict(problem)) for problem in error.errors()]
         raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
@@ -94,9 +96,9 @@ def load_params(path: Path = PARAMS_FILE) -> Params:
 
 def _explain(problem: dict[str, Any]) -> str:
     key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
-    if problem["type"] == "extra_forbidden":
+    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{key}: unknown key; check its spelling against conf/"
     if problem["type"] == "missing":
         return f"{key}: missing; run `make params` to compose it from conf/"
-    got = "" if problem["type"] == "value_error" and not problem["loc"] else f", but got {problem['input']!r}"
+    got = "" if isinstance(problem["input"], dict) else f", but got {problem['input']!r}"
     return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"

@@ -61,7 +61,7 @@ class Recipe:
             limits=CheckLimits(cylinder.stroke_m, *areas_m2, load, **settings.get("checks", {})),
             file_format=settings.get("format", "auto"),
             csv=CsvOptions(**settings.get("csv", {})),
-            screen=ScreenRules(**settings.get("screen", {}), stroke_m=cylinder.stroke_m),
+            screen=ScreenRules(**settings.get("screen", {})),
             time=TimeRules(**settings.get("time", {})),
             zero=ZeroRules(**settings.get("zero", {})),
         )
@@ -71,7 +71,9 @@ def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
     """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired."""
     tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
     mapped = map_signals(tables, recipe.channels)
-    signals, screened = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen)
+    signals, screened = screen_signals(
+        mapped.signals, sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m
+    )
     before = (*mapped.notes, *screened)
     return [replace(piece, repairs=(*before, *piece.repairs)) for piece in align(signals, recipe.time)]
 

@@ -233,6 +233,9 @@ def test_what_is_noted_goes_with_the_recording() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
+        ({"minimum_rate_hz": 0.0}, "minimum_rate_hz: expected a positive number, but got 0.0"),
+        ({"stuck_travel": 1.0}, "stuck_travel: expected at least 0 and less than 1, but got 1.0"),
+        ({"least_force_span_n": float("nan")}, "least_force_span_n: expected zero or a positive number, but got nan"),
         ({"stroke_m": 0.0}, "stroke_m: expected a positive number, but got 0.0"),
         ({"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
         ({"piston_area_m2": 1e-3}, "expected both or neither"),

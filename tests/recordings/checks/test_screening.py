@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 ROWS = 6000
 TIME_S = 0.005 * np.arange(ROWS)
-RULES = ScreenRules(stroke_m=0.25)
+RULES, STROKE_M = ScreenRules(), 0.25
 LIMITS = {
     "pressure_1_pa": SensorLimits(0.0, 250e5, 250e5 / 4096, "0 to 250 bar (4 to 20 mA)"),
     "position_m": SensorLimits(0.0, 0.25, 0.25 / 4096, "0 to 250 mm (0 to 10 V)"),
@@ -35,7 +35,9 @@ def pressure() -> Array:
 
 
 def screen(values: Array, column: str = "pressure_1_pa", known: bool = True) -> tuple[Array, tuple[str, ...]]:
-    signals, repairs = screen_signals({column: Signal(TIME_S[: len(values)], values)}, LIMITS if known else {}, RULES)
+    signals, repairs = screen_signals(
+        {column: Signal(TIME_S[: len(values)], values)}, LIMITS if known else {}, RULES, STROKE_M
+    )
     return signals[column].values, repairs
 
 
@@ -47,7 +49,7 @@ def with_values(rows: slice | list[int], value: float | Array) -> Array:
 
 def test_sound_signals_are_the_same_objects() -> None:
     signals = {"pressure_1_pa": Signal(TIME_S, pressure()), "position_m": Signal(TIME_S, 0.1 + 0.05 * np.sin(TIME_S))}
-    screened, repairs = screen_signals(signals, LIMITS, RULES)
+    screened, repairs = screen_signals(signals, LIMITS, RULES, STROKE_M)
     assert repairs == ()
     assert all(screened[column] is signals[column] for column in signals)
 
@@ -168,8 +170,8 @@ def test_a_position_sensor_shorter_than_the_stroke_saturates() -> None:
     with pytest.raises(
         RecordingError, match=r"position_m is 0.2 m in row .* the end of its sensor's range of 0 to 200 mm"
     ):
-        screen_signals({"position_m": Signal(TIME_S, values)}, short, RULES)
-    signals, _ = screen_signals({"position_m": Signal(TIME_S, values)}, short, ScreenRules())
+        screen_signals({"position_m": Signal(TIME_S, values)}, short, RULES, STROKE_M)
+    signals, _ = screen_signals({"position_m": Signal(TIME_S, values)}, short, RULES)
     assert signals["position_m"].values is values  # nobody said where the stroke ends
 
 
@@ -179,7 +181,7 @@ def test_short_signals_pass() -> None:
         assert screen(values, known=False)[0] is values
 
 
-@pytest.mark.parametrize("rule", [{"most_bad": -1.0}, {"spike_noise": 0.0}, {"stroke_m": 0.0}, {"overrange": np.nan}])
+@pytest.mark.parametrize("rule", [{"most_bad": -1.0}, {"spike_noise": 0.0}, {"overrange": np.nan}])
 def test_impossible_rules_are_refused(rule: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(rule))}: expected a .* but got"):
         ScreenRules(**rule)  # type: ignore[arg-type]
@@ -193,20 +195,20 @@ def test_nothing_is_found_in_the_rigs_recordings(rig_tables: dict[str, pd.DataFr
             signals = {
                 column: Signal(TIME_S, np.ascontiguousarray(table[column].to_numpy()[::stride])) for column in columns
             }
-            assert screen_signals(signals, limits, RULES)[1] == ()
+            assert screen_signals(signals, limits, RULES, STROKE_M)[1] == ()
 
 
 def test_nothing_is_found_in_a_real_crane(crane_tables: dict[str, pd.DataFrame]) -> None:
     for table in crane_tables.values():
         signals = {str(column): Signal(TIME_S, table[column].to_numpy()) for column in table.columns}
-        assert screen_signals(signals, {}, RULES)[1] == ()
+        assert screen_signals(signals, {}, RULES, STROKE_M)[1] == ()
 
 
 def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> None:
     time_s = 0.0005 * np.arange(10 * ROWS)
     values = np.full(len(time_s), np.nan)
     values[7::10] = with_values([3000], 60e5)
-    signals, (said,) = screen_signals({"pressure_1_pa": Signal(time_s, values)}, LIMITS, RULES)
+    signals, (said,) = screen_signals({"pressure_1_pa": Signal(time_s, values)}, LIMITS, RULES, STROKE_M)
     assert "pressure_1_pa is 60 bar in row 30008 (1 such rows in all), a spike" in said
     screened = signals["pressure_1_pa"].values
     assert np.flatnonzero(np.isnan(screened) & ~np.isnan(values)).tolist() == [30007]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -10,15 +11,10 @@ LoadMode = Literal["none", "measured", "position"]
 """What the cylinder carries: nothing, what ``load_force_n`` measures, or a load that position decides."""
 
 
-@dataclass(frozen=True)
-class CheckLimits:
-    """What is plausible for a cylinder."""
+@dataclass(frozen=True, kw_only=True)
+class CheckRules:
+    """What is plausible for any cylinder."""
 
-    stroke_m: float  # Length of travel [m]
-    # piston_area_m2, annulus_area_m2: A1 and A2; without them the force balance is not checked [m²]
-    piston_area_m2: float | None = None
-    annulus_area_m2: float | None = None
-    load: LoadMode = "none"  # What the cylinder carries, see ``LoadMode``
     minimum_duration_s: float = 5.0  # A shorter recording is refused [s]
     # A slower one is refused: velocity and its reversals come out of the filters too late [Hz]
     minimum_rate_hz: float = 50.0
@@ -35,6 +31,45 @@ class CheckLimits:
     stuck_travel: float = 0.25  # A pressure that stays exactly constant over this share of the stroke is stuck
 
     def __post_init__(self) -> None:
+        for names, least, most, expected in _RANGES:
+            for name in names:
+                value = getattr(self, name)
+                if not least <= value < most:
+                    raise ValueError(f"{name}: expected {expected}, but got {value!r}")
+
+
+_TINY = sys.float_info.min
+_RANGES = (
+    (
+        ("minimum_duration_s", "minimum_rate_hz", "highest_pressure_pa"),
+        sys.float_info.min,
+        math.inf,
+        "a positive number",
+    ),
+    (("lowest_pressure_pa",), -sys.float_info.max, math.inf, "a finite number"),
+    (
+        ("least_pressure_span_pa", "least_peak_pressure_pa", "least_force_span_n", "position_slack"),
+        0.0,
+        math.inf,
+        "zero or a positive number",
+    ),
+    (("least_travel", "stuck_travel"), 0.0, 1.0, "at least 0 and less than 1"),
+)
+"""Names, least value, what they are below, and that in words."""
+
+
+@dataclass(frozen=True)
+class CheckLimits(CheckRules):
+    """What is plausible for one cylinder."""
+
+    stroke_m: float  # Length of travel [m]
+    # piston_area_m2, annulus_area_m2: A1 and A2; without them the force balance is not checked [m²]
+    piston_area_m2: float | None = None
+    annulus_area_m2: float | None = None
+    load: LoadMode = "none"  # What the cylinder carries, see ``LoadMode``
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         if not (math.isfinite(self.stroke_m) and self.stroke_m > 0.0):
             raise ValueError(f"stroke_m: expected a positive number, but got {self.stroke_m!r}")
         if self.load not in get_args(LoadMode):

@@ -49,9 +49,6 @@ class ScreenRules:
     spike_noise: float = 12.0  # A spike is this many times the ordinary excursion of a sample from its neighbours
     spike_range: float = 0.03  # And this share of the range over which the signal moves
     spike_steps: float = 5.0  # And this many steps of the converter
-    # Length of travel: a position sensor may rest at the end of its range if that is the end of the stroke. None if not
-    # known; then no position is called saturated [m].
-    stroke_m: float | None = None
 
     def __post_init__(self) -> None:
         for field in ("overrange", "most_bad", "few_rows", "longest_bad"):
@@ -60,17 +57,16 @@ class ScreenRules:
         for field in ("spike_noise", "spike_range", "spike_steps"):
             if not getattr(self, field) > 0.0:
                 raise ValueError(f"{field}: expected a positive number, but got {getattr(self, field)!r}")
-        if self.stroke_m is not None and not self.stroke_m > 0.0:
-            raise ValueError(f"stroke_m: expected a positive number or None, but got {self.stroke_m!r}")
 
 
 def screen_signals(
-    signals: dict[str, Signal], limits: Mapping[str, SensorLimits], rules: ScreenRules
+    signals: dict[str, Signal], limits: Mapping[str, SensorLimits], rules: ScreenRules, stroke_m: float | None = None
 ) -> tuple[dict[str, Signal], tuple[str, ...]]:
     """Return the signals with their bad samples missing, and a sentence for each kind of bad sample in each.
 
     A signal without a bad sample is returned as it came, the same object. Samples that are missing already stay so.
-    Of a sensor without ``limits`` only spikes and infinities show.
+    Of a sensor without ``limits`` only spikes and infinities show. A position sensor may rest at the end of its range
+    if that is the end of the stroke; where ``stroke_m`` is not known, no position is called saturated.
 
     Raises:
         RecordingError: A sensor reads what it cannot, or rests at the end of its range, or jumps, for too many rows or
@@ -79,13 +75,15 @@ def screen_signals(
     screened: dict[str, Signal] = {}
     repairs: list[str] = []
     for column, signal in signals.items():
-        values, notes = _screened(column, signal.values, limits.get(column), rules)
+        values, notes = _screened(column, signal.values, limits.get(column), rules, stroke_m)
         screened[column] = signal if values is signal.values else replace(signal, values=values)
         repairs += notes
     return screened, tuple(repairs)
 
 
-def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[Array, list[str]]:
+def _screened(
+    column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules, stroke_m: float | None
+) -> tuple[Array, list[str]]:
     """Return values without bad samples; the missing ones of a channel slower than its table are not looked at."""
     rows = np.flatnonzero(~np.isnan(values))
     logged = values if len(rows) == len(values) else values[rows]
@@ -95,7 +93,7 @@ def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: Sc
         low, high = sensor.low - beyond, sensor.high + beyond
     height = _spike_height(logged, low, high, sensor.step if sensor else None, rules)
     marks = np.zeros(len(logged), dtype=np.uint8)
-    counts, longest, first = _mark(logged, low, high, *_ends(column, sensor, rules), height, marks)
+    counts, longest, first = _mark(logged, low, high, *_ends(column, sensor, stroke_m), height, marks)
     if not counts[1:].any():
         return values, []
     few = max(rules.few_rows, math.floor(rules.most_bad * len(logged)))
@@ -116,20 +114,20 @@ def _screened(column: str, values: Array, sensor: SensorLimits | None, rules: Sc
     return screened, notes
 
 
-def _ends(column: str, sensor: SensorLimits | None, rules: ScreenRules) -> tuple[float, float]:
+def _ends(column: str, sensor: SensorLimits | None, stroke_m: float | None) -> tuple[float, float]:
     """Return the bounds between which a sensor is not at an end of its range.
 
     The low end of a sensor that starts at zero is no saturation: a vented chamber reads it. Nor is the end of a
     position sensor that reaches the end of the stroke.
     """
-    if sensor is None or (column == "position_m" and rules.stroke_m is None):
+    if sensor is None or (column == "position_m" and stroke_m is None):
         return -math.inf, math.inf
     span = sensor.high - sensor.low
     near = max(0.5 * (sensor.step or 0.0), 5e-4 * span)
     has_low, has_high = sensor.low < -0.01 * span, True
-    if column == "position_m" and rules.stroke_m is not None:
-        slack_m = 0.01 * rules.stroke_m
-        has_low, has_high = sensor.low > slack_m, sensor.high < rules.stroke_m - slack_m
+    if column == "position_m" and stroke_m is not None:
+        slack_m = 0.01 * stroke_m
+        has_low, has_high = sensor.low > slack_m, sensor.high < stroke_m - slack_m
     return sensor.low + near if has_low else -math.inf, sensor.high - near if has_high else math.inf
 
 
