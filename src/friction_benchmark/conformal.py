@@ -18,7 +18,15 @@ from typing import TYPE_CHECKING
 import numba
 import numpy as np
 
-from cylinder_friction.realtime.bounds import PROBABILITY, REGIMES, conformal_offsets, regimes_of, standstill_below_m_s
+from cylinder_friction.realtime.bounds import (
+    PROBABILITY,
+    REGIMES,
+    causal_velocity,
+    conformal_offsets,
+    creep_below_m_s,
+    regimes_of,
+    standstill_below_m_s,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,8 +41,6 @@ if TYPE_CHECKING:
 SIZES, LEVELS = 2, 3
 LEVEL_TIME_S = 2.0
 """Over which the size of estimates is averaged to separate loads."""
-CREEP_M_S = 16e-3
-"""Slower motion is creep, whatever the rig."""
 BINS = len(REGIMES) * SIZES * LEVELS
 FEWEST_ROWS = 100
 """A bin with fewer calibrating rows takes the interval of all rows together."""
@@ -53,6 +59,7 @@ class ErrorBounds:
         edges_n: Where a large estimate begins, absolute [N], shape ``(SIZES - 1,)``.
         level_edges_n: Where its middling and its large running mean begin [N], shape ``(LEVELS - 1,)``.
         factor: By which intervals between sessions are wider than within.
+        slow_m_s: Below which the piston stands still, and below which it creeps [m/s].
     """
 
     lower_n: Array
@@ -60,10 +67,11 @@ class ErrorBounds:
     edges_n: Array
     level_edges_n: Array
     factor: float
+    slow_m_s: tuple[float, float]
 
     def around(self, recording: Recording, estimate_n: Array) -> tuple[Array, Array]:
         """Return lower and upper bound [N] of an estimate, shape ``(n,)`` each."""
-        bins = _bins(_known(recording, estimate_n), self.edges_n, self.level_edges_n)
+        bins = _bins(_known(recording, estimate_n, self.slow_m_s), self.edges_n, self.level_edges_n)
         return estimate_n + self.lower_n[bins], estimate_n + self.upper_n[bins]
 
 
@@ -97,7 +105,9 @@ def calibrated(
         raise ValueError(f"none of {len(recordings)} validation recordings has a usable row; expected at least one")
     pairs = list(zip(recordings, estimates_n, rows, strict=True))
     errors = np.concatenate([(each.column("friction_n") - estimate_n)[chosen] for each, estimate_n, chosen in pairs])
-    parts = [_known(each, estimate_n).at(chosen) for each, estimate_n, chosen in pairs]
+    standstill_m_s = standstill_below_m_s(recordings)
+    slow_m_s = (standstill_m_s, creep_below_m_s([causal_velocity(each) for each in recordings], standstill_m_s))
+    parts = [_known(each, estimate_n, slow_m_s).at(chosen) for each, estimate_n, chosen in pairs]
     known = _Known(
         np.concatenate([part.regime for part in parts]),
         np.concatenate([part.size_n for part in parts]),
@@ -110,7 +120,7 @@ def calibrated(
     factor = _factor(errors, bins, group, probability)
     lower, upper = conformal_offsets(errors, bins, BINS, probability, FEWEST_ROWS)
     centre, half = 0.5 * (lower + upper), 0.5 * factor * (upper - lower)
-    return ErrorBounds(centre - half, centre + half, edges_n, level_edges_n, factor)
+    return ErrorBounds(centre - half, centre + half, edges_n, level_edges_n, factor, slow_m_s)
 
 
 def _factor(errors: Array, bins: Bins, group: Bins, probability: float) -> float:
@@ -136,12 +146,10 @@ def _groups(recordings: Sequence[Recording]) -> Bins:
     return np.array([group[recording.metadata.session] for recording in recordings], dtype=np.int64)
 
 
-def _known(recording: Recording, estimate_n: Array) -> _Known:
+def _known(recording: Recording, estimate_n: Array, slow_m_s: tuple[float, float]) -> _Known:
     size_n = np.abs(estimate_n)
     return _Known(
-        regimes_of(recording, standstill_below_m_s([recording]), CREEP_M_S),
-        size_n,
-        _running_mean(size_n, recording.sample_time_s / LEVEL_TIME_S),
+        regimes_of(recording, *slow_m_s), size_n, _running_mean(size_n, recording.sample_time_s / LEVEL_TIME_S)
     )
 
 
