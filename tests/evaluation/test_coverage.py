@@ -21,6 +21,7 @@ def wide(hybrid: HybridEstimator, half_width_n: float) -> HybridEstimator:
     return other
 
 
+@pytest.mark.slow
 def test_shares_are_counted_by_condition_and_session(
     small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
 ) -> None:
@@ -47,6 +48,7 @@ def test_shares_are_counted_by_condition_and_session(
     assert metrics["bounds.condition_1.truth_worst_session_percent"] == truth.worst_session_percent
 
 
+@pytest.mark.slow
 def test_without_bounds_there_is_nothing_to_count(
     small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
 ) -> None:

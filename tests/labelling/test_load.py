@@ -33,6 +33,7 @@ def test_load_and_friction_of_a_boom_are_found() -> None:
     assert min(found.strokes_extend, found.strokes_retract) >= 7
 
 
+@pytest.mark.slow
 def test_scatter_covers_the_error_as_often_as_it_says() -> None:
     """Without asymmetry the error of the load is what strokes scatter: about 95 % within two standard deviations."""
     inside = []
