@@ -1,7 +1,5 @@
 """The command ``check``: check ``params.yaml``."""
 
-from __future__ import annotations
-
 import argparse
 
 from cylinder_friction.params.checking import load_params

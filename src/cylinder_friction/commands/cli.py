@@ -1,7 +1,5 @@
 """The command line: ``cylinder-friction COMMAND``, one module of this package per command."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import sys

@@ -1,7 +1,5 @@
 """The command ``export``: write a trained estimator as ONNX, C or an FMU."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

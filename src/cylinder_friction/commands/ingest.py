@@ -1,7 +1,5 @@
 """The command ``ingest init``: write a first mapping for a logger's file."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

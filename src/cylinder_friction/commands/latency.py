@@ -1,7 +1,5 @@
 """The command ``latency``: measure the cost of one estimate in every runtime on this machine."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

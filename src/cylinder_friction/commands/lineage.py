@@ -1,7 +1,5 @@
 """The command ``lineage``: print and check the way back from a registered model to its data."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

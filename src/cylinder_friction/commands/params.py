@@ -1,7 +1,5 @@
 """The command ``params``: compose ``conf/`` by Hydra into ``params.yaml``, checked before it is written."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command ``readme``: put the pipeline's latest table and picture into ``README.md``."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command ``serve``: serve a registered model and print a curl to try."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

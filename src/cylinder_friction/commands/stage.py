@@ -1,7 +1,5 @@
 """The command ``stage``: run one stage of the pipeline."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command ``summary``: print the comparison table and where things lie."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

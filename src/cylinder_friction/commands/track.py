@@ -1,7 +1,5 @@
 """The command ``track``: log every finished stage to MLflow, without duplicates."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

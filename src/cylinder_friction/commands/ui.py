@@ -1,7 +1,5 @@
 """The command ``ui``: open the MLflow UI on the runs."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

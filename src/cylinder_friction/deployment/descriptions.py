@@ -1,7 +1,5 @@
 """Meaning of inputs, outputs and flags of an exported estimator: one list for C, FMU and ONNX."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The student is one LSTM layer on the original's own front end, trained on the or
 they carry the same knowledge without the labels' noise. Its cost is measured on recordings of other sessions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

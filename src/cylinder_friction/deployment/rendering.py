@@ -1,7 +1,5 @@
 """Text that is exported, from the templates in ``templates/``; every number in C reads back to the very same value."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass

@@ -1,7 +1,5 @@
 """What the served model does with a table of raw samples: one estimate per row, and clear refusals."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The served model, logged as code: MLflow copies this file beside the estimator's folder and runs it, no pickle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The registered model behind HTTP, and the MLflow UI: MLflow's own servers, on a free port, on this repository."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

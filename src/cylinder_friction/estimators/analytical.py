@@ -1,7 +1,5 @@
 """Any analytical friction model as an estimator: causal velocity from raw position, then the model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

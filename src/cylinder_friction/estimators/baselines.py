@@ -1,7 +1,5 @@
 """The baselines that every learned estimator has to beat, by name."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from cylinder_friction.cylinder import Cylinder

@@ -1,7 +1,5 @@
 """The random forest: fitted by scikit-learn, and alone as the paper's second half on the paper's filtered signals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ All but the history is one bank of finite-impulse-response filters on the raw in
 state, and is stored as plain numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol, Self

@@ -3,8 +3,6 @@
 They are the baseline of every learned estimator: pressures times areas already are the label, but for noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property

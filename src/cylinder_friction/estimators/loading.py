@@ -1,7 +1,5 @@
 """Loading of a saved estimator of whichever kind."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator

@@ -1,7 +1,5 @@
 """LuGre as published comparisons use it: identified in one condition alone; pressures only scale it, if at all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self

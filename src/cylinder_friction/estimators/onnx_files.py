@@ -6,8 +6,6 @@ linear head's output; ``hidden_out`` and ``cell_out``, the state to carry on. Ti
 sequence. The forest's takes ``features`` (rows, features) and gives ``output`` (rows, 1).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the training of a network takes and gives, free of PyTorch, which training alone needs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -11,8 +11,6 @@ the finite-sample guarantee, which needs exchangeable errors, does not hold to t
 test recordings instead.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

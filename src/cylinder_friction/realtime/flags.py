@@ -1,7 +1,5 @@
 """Output of a real-time step: one estimate with its bounds, and flags on how far to trust it."""
 
-from __future__ import annotations
-
 from enum import IntFlag
 from typing import NamedTuple
 

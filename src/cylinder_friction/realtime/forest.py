@@ -1,7 +1,5 @@
 """A forest of regression trees as plain arrays, evaluated one row after the other."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Self
 

@@ -1,7 +1,5 @@
 """What a sample must be: the range that an estimator was trained on, and the limits that follow from it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Self

@@ -1,7 +1,5 @@
 """The memory of motion that friction has and a filter has not: dwell, travel and time since the last reversal."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 

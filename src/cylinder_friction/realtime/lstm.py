@@ -15,8 +15,6 @@ best fit of degree 4 in x² by relative error (linear programming on 4001 Chebys
 settled); the error is 3.6e-8 in exact arithmetic and below 4e-7 in single precision.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numba

@@ -5,8 +5,6 @@ precision, LSTM and forest in single; every sum adds in the order in which the e
 valid samples the two agree bit for bit.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import isfinite
 

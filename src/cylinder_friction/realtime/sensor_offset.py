@@ -13,8 +13,6 @@ error then, so that rest shows offsets that are not far smaller than that. A blo
 stop is no offset. What has been learned corrects the next sample, so that nothing looks ahead.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace

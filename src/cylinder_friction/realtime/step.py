@@ -1,7 +1,5 @@
 """The compiled step: that of the reference, bit for bit, in one function without allocation and of constant time."""
 
-from __future__ import annotations
-
 from math import isfinite
 
 import numba

@@ -1,7 +1,5 @@
 """Running estimates in Python: any estimator's, those of the compiled step, and the guarded one for real time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial

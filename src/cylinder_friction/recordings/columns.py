@@ -1,7 +1,5 @@
 """The schema of a recording: every measured column, what it measures and its unit."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 TIME = "time_s"

@@ -1,7 +1,5 @@
 """Output that appears whole or not at all, and content hashes of what lies on disk."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

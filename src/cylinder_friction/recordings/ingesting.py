@@ -1,7 +1,5 @@
 """A folder of logged files becomes a folder of recordings; what is unusable is set aside with the reason."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress

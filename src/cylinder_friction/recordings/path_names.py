@@ -1,7 +1,5 @@
 """A recording's name, condition, session and load, from its file's path or from a table beside the files."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Logger files read into memory, for notebooks and scripts, by the same steps as the stage ``ingest``."""
 
-from __future__ import annotations
-
 import glob
 import os
 import warnings

@@ -1,7 +1,5 @@
 """Which sessions are for training, validation and test: whole sessions, in every condition, drawn by a hash."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Sequence

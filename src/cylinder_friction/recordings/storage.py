@@ -1,7 +1,5 @@
 """Recordings on disk: one Parquet file each, with the metadata inside it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """True friction beside a recording, where a simulated rig knows it. Only audit, comparison and gate read it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

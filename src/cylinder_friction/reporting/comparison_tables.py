@@ -1,7 +1,5 @@
 """Tables of a comparison: one content for Markdown and for the report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

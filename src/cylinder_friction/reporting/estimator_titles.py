@@ -1,7 +1,5 @@
 """Titles of the estimators in tables, figures and sentences, and the colours of their families."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from cylinder_friction.reporting.style import BLACK, BLUE, GREEN, ORANGE, PALE, PINK, QUIET

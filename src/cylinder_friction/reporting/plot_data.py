@@ -1,7 +1,5 @@
 """The data of ``dvc plots``: small CSV files."""
 
-from __future__ import annotations
-
 import math
 import re
 

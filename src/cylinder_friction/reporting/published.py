@@ -1,7 +1,5 @@
 """The published figures of the hybrid this project implements, to stand beside its own; they come from other data."""
 
-from __future__ import annotations
-
 PERCENT_BY_TEST = {
     "1": {"lugre": 9.04, "hybrid": 5.76},
     "2": {"lugre": 11.86, "hybrid": 6.35},

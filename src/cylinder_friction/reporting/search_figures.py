@@ -1,7 +1,5 @@
 """The hyperparameter search as a page: history, importance of each hyperparameter, error against each of them."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from pathlib import Path

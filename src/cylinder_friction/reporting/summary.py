@@ -1,7 +1,5 @@
 """The result in three sentences, written from the numbers alone, and what counts as a clear difference."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, points_ahead

@@ -1,7 +1,5 @@
 """Interactive panels of signals over time, one below the other, their time axes linked."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A measuring campaign on the rig: four load conditions, several sessions each, several recordings per session."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal

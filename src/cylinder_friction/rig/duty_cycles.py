@@ -1,7 +1,5 @@
 """Duty cycles of an operator at the hand lever: mostly free work, and between it sines, staircases and ramps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

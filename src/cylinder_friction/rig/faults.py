@@ -1,7 +1,5 @@
 """What goes wrong with cylinders, as changes to the rig, for demonstrations of condition monitoring."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

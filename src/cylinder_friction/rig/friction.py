@@ -7,8 +7,6 @@ nonlinear law of both chamber pressures (seals are pressed on by the oil), direc
 Friction is positive when it opposes positive velocity. ``f`` is ``FrictionConstants`` throughout.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

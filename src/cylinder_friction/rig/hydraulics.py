@@ -3,8 +3,6 @@
 Flows are positive into the chamber. ``y`` is ``HydraulicConstants`` throughout.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ stiff in it (presliding springs, damping, end stops) taken at the new velocity, 
 position; the pressures with their orifices' slopes implicit; then friction elements, film, spool and oil.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 import sys

@@ -5,8 +5,6 @@ inside the simulation, because a person reverses when the piston nears an end, a
 the loop on the position. The lever runs from -1 (retract) to 1 (extend).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Sensors and logger: anti-alias filter, offset, gain, drift, noise, linearity, backlash and a 12-bit converter."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numba

@@ -1,7 +1,5 @@
 """The simulation: parameters, lever and load in, a trace out. ``integration`` has the equations."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple, dataclass
 

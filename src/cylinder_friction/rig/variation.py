@@ -6,8 +6,6 @@ breakaway of 0.5 to 3 bar on the piston, Stribeck velocities of 2 to 30 mm/s, pr
 damping ratios of 0.3 to 1. Cylinder, stroke and moving mass stay.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The promotion gate: may a candidate take the incumbent's place? A pure function of their figures, and its record."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

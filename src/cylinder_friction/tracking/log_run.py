@@ -1,7 +1,5 @@
 """One run record becomes one MLflow run, however often it is logged."""
 
-from __future__ import annotations
-
 import getpass
 import json
 import logging

@@ -1,7 +1,5 @@
 """Runs again from files: whatever store is in use, ``track`` fills it from what the pipeline wrote."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

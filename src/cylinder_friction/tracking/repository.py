@@ -1,7 +1,5 @@
 """Where the repository lies and which commit it is at, and the errors of tracking."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a stage cost the machine: processor and memory, sampled while it runs, for MLflow's system metrics."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time

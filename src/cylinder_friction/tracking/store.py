@@ -1,7 +1,5 @@
 """Where runs and models are kept: SQLite in the repository, or any server that ``MLFLOW_TRACKING_URI`` names."""
 
-from __future__ import annotations
-
 import fcntl
 import logging
 import os

@@ -1,7 +1,5 @@
 """What data and parameters a model came from: ``dvc.lock``'s hashes, the parameters' hash, and where the data lies."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Where the search for the hybrid's hyperparameters looks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 RANGES = ("learning_rate", "forest_trees", "forest_depth")

@@ -1,7 +1,5 @@
 """An estimator as one C99 source and one header."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ precision each row filters differences from the newest sample, which are exact w
 velocity does not drown in the rounding of a position. Equal rows are computed once, zeros at a row's ends not at all.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ own first child, holds its value in place of a threshold, and compares it with a
 has arrived stays. There is no branch to predict, and a step takes the same instructions whatever the sample.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

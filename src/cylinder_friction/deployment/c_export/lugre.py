@@ -1,7 +1,5 @@
 """LuGre in C: velocity from position through the backlash, then the exact step of ``friction_models.lugre``."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ registers; each still adds bias, inputs, recurrent inputs one after the other, a
 same activations. Without fused multiply-add the result is the same to the last bit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The offset of the sensors' zeros in C: the numbers of ``realtime.sensor_offset`` by name."""
 
-from __future__ import annotations
-
 import math
 
 from cylinder_friction.deployment.c_export.filters import FilterBank

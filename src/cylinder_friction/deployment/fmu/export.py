@@ -1,7 +1,5 @@
 """An estimator as an FMU for co-simulation: FMI 2.0 and 3.0 around the exported C, in one file with its sources."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import platform

@@ -1,7 +1,5 @@
 """The variables of the FMU: one list, from which modelDescription.xml and the C sources' value references are made."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """The machine of a measurement, and how quiet it was."""
 
-from __future__ import annotations
-
 import os
 import platform
 import resource

@@ -1,7 +1,5 @@
 """A run as text, as JSON and as metrics: ratios first, then microseconds."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The runtimes that are compared: each takes raw samples one at a time and times every step."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Guard and bounds in ONNX: the flags of a sample, and its regime of motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

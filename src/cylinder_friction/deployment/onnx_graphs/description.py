@@ -1,7 +1,5 @@
 """Metadata of an exported graph: meaning, units, ranges, and the session options it is made for."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 

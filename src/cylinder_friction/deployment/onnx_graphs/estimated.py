@@ -1,7 +1,5 @@
 """Filters, history, network, forest and their sum in ONNX: from a window of samples to newtons with bounds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A fitted estimator as two ONNX files: one for a sample at a time, one for a recording at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An ONNX graph written node by node."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

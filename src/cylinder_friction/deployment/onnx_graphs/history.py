@@ -1,7 +1,5 @@
 """Features of the motion so far in ONNX: one step of ``realtime.history``, on a state that goes in and out."""
 
-from __future__ import annotations
-
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.graph import Graph

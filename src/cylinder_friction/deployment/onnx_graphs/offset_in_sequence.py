@@ -1,7 +1,5 @@
 """The sequence graph learns the offset of the sensors' zeros: in a loop over blocks, all else over all rows."""
 
-from __future__ import annotations
-
 import numpy as np
 from onnx import TensorProto
 

@@ -1,7 +1,5 @@
 """The step graph learns the offset of the sensors' zeros: at the end of a block, in a state that goes in and out."""
 
-from __future__ import annotations
-
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.graph import Graph

@@ -4,8 +4,6 @@ The guard is written once (``checks.py``), on tensors of ``n`` rows: one row in 
 sound sample on in the sequence graph.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from cylinder_friction.realtime.history import History

@@ -4,8 +4,6 @@ What is averaged over a block is linear in its samples, so that the step graph n
 as a block stand in for them, and run at its end alone.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

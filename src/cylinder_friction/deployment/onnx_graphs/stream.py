@@ -1,7 +1,5 @@
 """Exported graphs run by ONNX Runtime: sample by sample, or a recording at once."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

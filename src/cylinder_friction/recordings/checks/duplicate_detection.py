@@ -6,8 +6,6 @@ hash happens to end in zeros are kept, so that both recordings keep the same one
 Schleimer, Wilkerson and Aiken 2003, SIGMOD, and its simpler forerunner, hashes 0 mod p).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

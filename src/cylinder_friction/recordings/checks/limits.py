@@ -1,7 +1,5 @@
 """What is plausible for a cylinder, in numbers."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import dataclass

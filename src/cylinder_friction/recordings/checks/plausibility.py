@@ -10,8 +10,6 @@ pressure sensors have and whatever load position alone decides. It must be posit
 pressures stand at their sides: P1 and P2 rise and fall together, and only weighted with their own areas they cancel.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

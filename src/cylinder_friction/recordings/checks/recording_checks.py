@@ -1,7 +1,5 @@
 """What a uniformly sampled table must be before it counts as a recording: nothing unusable passes as good."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ Works on signals as they were logged, before any resampling: a filter would smea
 What is bad for a few rows becomes NaN, a missing sample, and is reported; for many it makes the file unusable.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What a single cell of a text table is: a number, a date, missing, or words."""
 
-from __future__ import annotations
-
 import csv
 import re
 

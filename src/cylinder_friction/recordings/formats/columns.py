@@ -1,7 +1,5 @@
 """From Arrow's columns to a logged table's: numbers, dates as loggers write them, or text where a cell is neither."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

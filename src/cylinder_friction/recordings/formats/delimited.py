@@ -1,7 +1,5 @@
 """Text tables: comma, semicolon, tab or blank separated, with whatever a logger writes above them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from typing import Any

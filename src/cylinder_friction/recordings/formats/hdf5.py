@@ -1,7 +1,5 @@
 """HDF5: datasets by their path, compound datasets as tables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from functools import partial

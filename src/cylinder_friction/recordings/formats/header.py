@@ -1,7 +1,5 @@
 """What stands above a text table's rows: names and units (``P1 [bar]``, ``P1 / bar``, or a line of their own)."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

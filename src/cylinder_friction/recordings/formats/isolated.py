@@ -6,8 +6,6 @@ hangs and fills the memory too. TDMS (npTDMS) and Parquet (Arrow) did none of it
 few bytes changed at random. TDMS is read here all the same; Parquet, for its speed, and text in the caller's process.
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 import os

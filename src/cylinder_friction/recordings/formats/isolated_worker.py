@@ -1,7 +1,5 @@
 """The process in which binary files are read: a library that crashes or hangs over damage takes nothing else along."""
 
-from __future__ import annotations
-
 import faulthandler
 import os
 import signal

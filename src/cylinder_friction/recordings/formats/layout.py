@@ -1,7 +1,5 @@
 """How a text table is laid out: what separates its cells, where its names stand, where its rows begin."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from functools import cache

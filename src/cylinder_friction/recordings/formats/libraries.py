@@ -1,7 +1,5 @@
 """How the libraries behind the readers are called: optional ones asked for, their complaints made ours."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 import warnings

@@ -1,7 +1,5 @@
 """What a logger's file holds, before it is given a meaning: tables, or channels that are put together by length."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """MDF 3 and 4 (CANape, INCA, vector loggers) through asammdf."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Collection
 from typing import Any

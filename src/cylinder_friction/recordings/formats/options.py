@@ -1,7 +1,5 @@
 """What a user may state about a text file; by default everything is detected."""
 
-from __future__ import annotations
-
 import codecs
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Parquet, as data loggers in the cloud and pandas write it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A file's bytes, unpacked if they are gzipped."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import zlib

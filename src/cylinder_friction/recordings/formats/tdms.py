@@ -1,7 +1,5 @@
 """TDMS (LabVIEW, DIAdem) through npTDMS."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Characters of a text file, whatever their encoding, and where its last whole line ends."""
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ friction, so a zero taken there would hide up to that much force, and friction i
 the position sensor's zero follow from anything here; its mapping's ``offset`` states it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Where each column of a recording comes from: a logger's channel, its unit, its sensor, and which way it counts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A first mapping of a file that nobody has described yet: guesses from names, units and values, with their reasons."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A first mapping as YAML, every guess marked by a comment."""
 
-from __future__ import annotations
-
 import glob
 import re
 

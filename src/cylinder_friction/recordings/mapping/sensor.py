@@ -1,7 +1,5 @@
 """The sensor behind a channel: what it can read, how fine, how sure, and what its electrical signal means."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Units as loggers write them (``[Bar]``, ``degC``, ``kp/cm²``, ``barg``), converted to SI, gauge pressure and °C."""
 
-from __future__ import annotations
-
 import math
 import re
 import unicodedata

@@ -1,7 +1,5 @@
 """From columns as they were sampled to pieces at one constant rate; whatever is bridged or moved is reported."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

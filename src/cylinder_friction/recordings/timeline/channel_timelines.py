@@ -1,7 +1,5 @@
 """The timeline of each channel: its valid samples in order, each with its stamp and its number on a sample grid."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

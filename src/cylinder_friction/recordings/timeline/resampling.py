@@ -1,7 +1,5 @@
 """From one sampling to another: uniform segments of a channel, and their values at other instants."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Rows in the order in which they were sampled: damaged stamps, restarts of the clock, duplicate and coarse stamps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
