@@ -26,7 +26,9 @@ _WITHOUT_JOBS = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
 
 def run_server(model: str, root: Path) -> int:
     """Serve a registered model until interrupted; print how to request friction from it."""
-    example = _example_of(model, root)
+    from cylinder_friction.tracking.model_folder import example_rows
+
+    example = example_rows(model, root)  # real rows of a held-out recording
     _end_on_a_polite_kill()
     with served_model(model, root) as url:
         sys.stdout.write(
@@ -99,13 +101,6 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind((_HOST, 0))
         return int(probe.getsockname()[1])
-
-
-def _example_of(model: str, root: Path) -> dict[str, Any]:
-    """Return the example that the model carries: real rows of a held-out recording."""
-    from cylinder_friction.tracking.model_folder import example_rows
-
-    return example_rows(model, root)
 
 
 @contextmanager

@@ -67,11 +67,7 @@ class LugreEstimator(AnalyticalEstimator):
         )
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Identify the model on the recordings of its condition; the others are not looked at.
-
-        Raises:
-            RecordingError: There is no recording of that condition.
-        """
+        """Choose the condition where none is stated, then identify as ``AnalyticalEstimator.fit`` does."""
         if self.condition is None and recordings:
             self.condition = condition_of_smallest_friction(recordings)
         return super().fit(recordings)

@@ -44,7 +44,8 @@ def split_sessions(
                 "training; record more sessions, lower "
                 "split.test_sessions, or make ingest.name_pattern distinguish sessions"
             )
-        drawn = sorted(names, key=lambda session: (_draw(seed, condition, session), session))
+        hashes = {name: hashlib.sha256(f"{seed}/{condition}/{name}".encode()).digest() for name in names}
+        drawn = sorted(names, key=lambda name: (hashes[name], name))
         held_out = ["test"] * test_sessions + ["validation"] * validation_sessions
         kinds = [*held_out, *["calibration"] * calibration_sessions, *["train"] * len(drawn)]
         roles |= zip(drawn, kinds, strict=False)
@@ -81,7 +82,3 @@ def _sessions_by_condition(metadata: Sequence[RecordingMetadata]) -> dict[str, s
             )
         sessions.setdefault(entry.condition, set()).add(entry.session)
     return dict(sorted(sessions.items()))
-
-
-def _draw(seed: int, condition: str, session: str) -> bytes:
-    return hashlib.sha256(f"{seed}/{condition}/{session}".encode()).digest()

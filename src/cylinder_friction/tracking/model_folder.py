@@ -16,6 +16,7 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
@@ -33,21 +34,16 @@ _URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+
 SIGNATURE = ModelSignature(
     inputs=Schema(
         [
-            ColSpec(DataType.double, "pressure_1_pa"),
-            ColSpec(DataType.double, "pressure_2_pa"),
-            ColSpec(DataType.double, "position_m"),
+            *(ColSpec(DataType.double, name) for name in SAMPLE_COLUMNS),
             ColSpec(DataType.string, "recording", required=False),
         ]
     ),
     outputs=Schema(
         [
-            ColSpec(DataType.double, "friction_n"),
-            ColSpec(DataType.double, "lower_n"),
-            ColSpec(DataType.double, "upper_n"),
+            *(ColSpec(DataType.double, name) for name in ("friction_n", "lower_n", "upper_n")),
             ColSpec(DataType.long, "flags"),
             ColSpec(DataType.boolean, "in_training_range"),
-            ColSpec(DataType.double, "offset_n", required=False),
-            ColSpec(DataType.double, "offset_uncertainty_n", required=False),
+            *(ColSpec(DataType.double, name, required=False) for name in ("offset_n", "offset_uncertainty_n")),
         ]
     ),
 )

@@ -35,26 +35,10 @@ HISTORY_OPERATIONS = 60
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
 
 
-@dataclass(frozen=True)
-class GeneratedC:
-    """Both files as text; attributes as in ``ExportedC``."""
+@dataclass(frozen=True, kw_only=True)
+class DescribedC:
+    """What header and source hold."""
 
-    header: str
-    source: str
-    model: str
-    inputs: tuple[str, ...]
-    state_bytes: int
-    operations: int
-    learns_offset: bool
-
-
-@dataclass(frozen=True)
-class ExportedC:
-    """Both files as written."""
-
-    # Their paths
-    header: Path
-    source: Path
     name: str  # Prefix of every public name
     model: str  # SHA-256 of every number that a step uses
     inputs: tuple[str, ...]  # Columns that a step takes, in order
@@ -62,6 +46,22 @@ class ExportedC:
     state_bytes: int  # Size of an instance
     operations: int  # Multiply-adds, comparisons and the like of one step, at worst
     learns_offset: bool  # Whether it learns the offset of the sensors' zeros
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneratedC(DescribedC):
+    """Both files as text."""
+
+    header: str
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedC(DescribedC):
+    """The paths of both files as written."""
+
+    header: Path
+    source: Path
 
 
 def export_c(
@@ -102,17 +102,7 @@ def export_model(
     folder.mkdir(parents=True, exist_ok=True)
     write_text(header, generated.header)
     write_text(source, generated.source)
-    return ExportedC(
-        header,
-        source,
-        name,
-        generated.model,
-        generated.inputs,
-        precision,
-        generated.state_bytes,
-        generated.operations,
-        generated.learns_offset,
-    )
+    return ExportedC(**vars(generated) | {"header": header, "source": source})
 
 
 def c_model(estimator: FrictionEstimator) -> StepModel | LugreModel:
@@ -212,6 +202,8 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
     return GeneratedC(
         header=render("estimator.h.j2", precision, **values),
         source=render("estimator.c.j2", precision, **values),
+        name=name,
+        real=precision,
         model=str(values["model_hash"]),
         inputs=columns,
         state_bytes=sum(field.bytes for field in fields),

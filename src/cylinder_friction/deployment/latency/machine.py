@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, find_compiler
 
 QUIET_SHARE = 0.02  # Where others had more of the core than this, the figures are marked as those of a busy machine
@@ -102,15 +104,10 @@ def machine() -> dict[str, Any]:
 
 def _busy_seconds() -> dict[int, tuple[float, float]]:
     """Return busy and total seconds of each core since the start of the system."""
-    clock = Path("/proc/stat")
-    if not clock.is_file():
-        return {}
-    ticks, result = os.sysconf("SC_CLK_TCK"), {}
-    for line in clock.read_text(encoding="utf-8").splitlines():
-        name, *columns = line.split()
-        if name.startswith("cpu") and name != "cpu":
-            values = [int(column) / ticks for column in columns[:8]]
-            result[int(name[3:])] = (sum(values) - values[3] - values[4], sum(values))
+    result = {}
+    for core, times in enumerate(psutil.cpu_times(percpu=True)):
+        total = sum(times[:8])  # those of guests are among those of users
+        result[core] = (total - times.idle - getattr(times, "iowait", 0.0), total)
     return result
 
 
