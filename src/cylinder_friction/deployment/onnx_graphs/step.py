@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from onnx import TensorProto
 
+from cylinder_friction.deployment.onnx_graphs import sensor_offset as learning
 from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked, unchanging
 from cylinder_friction.deployment.onnx_graphs.description import described, input_text, outputs_of
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.history import STATE, begin_history, history_step
-from cylinder_friction.deployment.onnx_graphs.offset_in_step import begin_offset, learn_offset
-from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION, FAR, HAPPENED_AT, LONG_AGO
-from cylinder_friction.deployment.onnx_graphs.sensor_offset import block_taps, take_off
+from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION, FAR, HAPPENED_AT, LONG_AGO, Rows
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 if TYPE_CHECKING:
     import onnx
@@ -35,7 +35,7 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
     filtered(graph, model, rows)
     if model.offset is not None:
         begin_offset(graph, model.offset)
-        take_off(graph, model, model.offset)
+        learning.take_off(graph, model, model.offset)
     flags, regime = checked(graph, model, rows, unchanging(graph, model, rows))
     newtons = estimated(graph, model, rows, regime)
     graph.add("Where", "running", flags, validity.unready_flags, to="final_flags")
@@ -73,7 +73,7 @@ class StepRows:
 
     def __init__(self, graph: Graph, model: StepModel, validity: Validity) -> None:
         self._graph, self._model = graph, model
-        block_lags = 0 if model.offset is None else block_taps(model, model.offset).shape[2]
+        block_lags = 0 if model.offset is None else learning.block_taps(model, model.offset).shape[2]
         self.lags = max(lags_of(model), block_lags)
         inputs, past = len(model.inputs), (self.lags - 1) * len(model.inputs)
         lengths = {"past": past, "oldest": inputs, CHANGED_AT: len(model.pressures) + 1, HAPPENED_AT: 3}
@@ -130,3 +130,64 @@ class StepRows:
         graph.split("memory_before", {f"{name}_before": length for name, length in self._lengths.items()})
         graph.add("Add", "clock_before", graph.constant([[1.0]]), to="clock")
         graph.add("Concat", "clean", "past_before", to="window", axis=1)
+
+
+OFFSET_STATE = {
+    "offset_given": learning.GIVEN,
+    "offset_taken_n": 1,
+    "offset_variance": 1,
+    "offset_known": 1,
+    "offset_learned": learning.LEARNED,
+    "sliding_before": 3,
+}
+"""Lengths of the parts of the state ``offset``: what was given before the first sample; the offset [N] and its stated
+variance that the next step takes; whether the piston has slid in both directions; what is learned; and for how many
+steps it has slid outwards, inwards, and rested."""
+OFFSET_SIZE = [1, sum(OFFSET_STATE.values())]
+OFFSET_MEANING = (
+    "what is known of the sensors' offset: offset_out of the step before; at a start zeros, or the offset in friction "
+    "and its standard uncertainty [N], then zeros"
+)
+
+
+def begin_offset(graph: Graph, tracker: OffsetTracker) -> None:
+    """Make the parts of ``OFFSET_STATE``; until the first valid sample they follow from what was given alone."""
+    going, new = Graph("going_"), Graph("new_")
+    going.gives(going.add("Identity", "offset", to="offset_as_was"), TensorProto.DOUBLE, OFFSET_SIZE, "state")
+    given = new.add("Slice", "offset", *(new.indices(each) for each in (0, learning.GIVEN, 1)), to="given")
+    learned, variance = learning.new_learned(new, tracker, given, "learned_at_first")
+    # Before the first valid sample no time passes in which the offset could drift: less what ``learn_offset`` will add
+    new.add("Sub", "running_number", new.constant([[1.0]]), to="steps_too_many")
+    new.add("Mul", "steps_too_many", new.constant(learning.walk(tracker)), to="walk_too_many")
+    new.add("Add", learned, "walk_too_many", to="learned_before_first")
+    variance = learning.stated(new, tracker, variance, "stated_at_first")
+    parts = [given, "given_n", variance, "given_number", "learned_before_first"]
+    new.add("Concat", *parts, new.constant([[0.0, 0.0, 0.0]]), to="offset_at_first", axis=1)
+    new.gives("offset_at_first", TensorProto.DOUBLE, OFFSET_SIZE, "state")
+    branches = {"then_branch": going.body("going"), "else_branch": new.body("new")}
+    graph.add("If", "ready", to="offset_before", **branches)
+    graph.split("offset_before", OFFSET_STATE)
+
+
+def learn_offset(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: Rows) -> None:
+    """Make ``offset_out``, ``offset_n`` and ``offset_uncertainty_n``: what the next step takes off."""
+    ends, sliding = learning.block_ends(graph, tracker, rows, graph.add("Not", "bad", to="sound"))
+    walked = graph.add("Add", "offset_learned", graph.constant(learning.walk(tracker)), to="offset_walked")
+    ended, going = Graph("block_"), Graph("between_")
+    averages = learning.averaged(ended, model, tracker, rows.window, rows.lags, "averages")
+    block = learning.explained(ended, tracker, averages, "block")
+    learning.learn(ended, tracker, block, learning.first_block(ended, tracker), walked, "learned_now")
+    ended.gives("learned_now", TensorProto.DOUBLE, [1, learning.LEARNED], "learned")
+    going.gives(
+        going.add("Identity", walked, to="learned_before"), TensorProto.DOUBLE, [1, learning.LEARNED], "learned"
+    )
+    branches = {"then_branch": ended.body("ended"), "else_branch": going.body("between")}
+    graph.add("If", ends, to="learned", **branches)
+    for place, name in ((0, "offset_n"), (learning.VARIANCE, "learned_variance"), (learning.KNOWN, "learned_known")):
+        graph.add("Gather", "learned", graph.indices(place), to=name, axis=1)
+    variance = learning.stated(graph, tracker, "learned_variance", "stated_variance")
+    graph.add("Sqrt", variance, to="offset_uncertainty_n")
+    after = ["offset_given", "offset_n", variance, "learned_known", "learned", sliding]
+    graph.add("Concat", *after, to="offset_out", axis=1)
+    graph.takes("offset", TensorProto.DOUBLE, OFFSET_SIZE, OFFSET_MEANING)
+    graph.gives("offset_out", TensorProto.DOUBLE, OFFSET_SIZE, "offset of the next step")
