@@ -97,19 +97,13 @@ def network_from_onnx(model: onnx.ModelProto) -> LstmWeights:
     """Return the weights inside a graph that ``network_to_onnx`` made."""
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     layers = sum(1 for name in stored if name.endswith("_R"))
-    kernels = [stored[f"layer{layer}_W"][0].T for layer in range(layers)]
-    nodes = stored["layer0_R"].shape[2]
-    widest = max(kernel.shape[0] for kernel in kernels)
-    padded = np.zeros((layers, widest, 4 * nodes), dtype=np.float32)
-    for layer, kernel in enumerate(kernels):
-        padded[layer, : len(kernel)] = kernel
-    return LstmWeights(
-        input=padded,
-        recurrent=np.ascontiguousarray(np.stack([stored[f"layer{layer}_R"][0].T for layer in range(layers)])),
-        bias=np.stack([stored[f"layer{layer}_B"][0, : 4 * nodes] for layer in range(layers)]),
-        head=np.ascontiguousarray(stored["head_weight"][:, 0]),
-        head_bias=float(stored["head_bias"][0]),
-        inputs=int(kernels[0].shape[0]),
+    gates = 4 * stored["layer0_R"].shape[2]
+    return LstmWeights.of(
+        [stored[f"layer{layer}_W"][0].T for layer in range(layers)],
+        [stored[f"layer{layer}_R"][0].T for layer in range(layers)],
+        [stored[f"layer{layer}_B"][0, :gates] for layer in range(layers)],
+        stored["head_weight"][:, 0],
+        float(stored["head_bias"][0]),
     )
 
 

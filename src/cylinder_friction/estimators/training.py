@@ -289,15 +289,10 @@ def weights_of(network: FrictionNetwork) -> LstmWeights:
     lstm, nodes, layers = network.lstm, network.lstm.hidden_size, network.lstm.num_layers
     order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (0, 3, 1, 2)])
     parts = {name: value.detach().cpu().numpy() for name, value in lstm.named_parameters()}
-    kernels = [parts[f"weight_ih_l{layer}"][order].T for layer in range(layers)]
-    padded = np.zeros((layers, max(len(kernel) for kernel in kernels), 4 * nodes), dtype=np.float32)
-    for layer, kernel in enumerate(kernels):
-        padded[layer, : len(kernel)] = kernel
-    return LstmWeights(
-        input=padded,
-        recurrent=np.stack([np.ascontiguousarray(parts[f"weight_hh_l{layer}"][order].T) for layer in range(layers)]),
-        bias=np.stack([(parts[f"bias_ih_l{n}"] + parts[f"bias_hh_l{n}"])[order] for n in range(layers)]),
-        head=network.head.weight.detach().cpu().numpy()[0].copy(),
-        head_bias=float(network.head.bias.detach().cpu()[0]),
-        inputs=int(lstm.input_size),
+    return LstmWeights.of(
+        [parts[f"weight_ih_l{layer}"][order].T for layer in range(layers)],
+        [parts[f"weight_hh_l{layer}"][order].T for layer in range(layers)],
+        [(parts[f"bias_ih_l{layer}"] + parts[f"bias_hh_l{layer}"])[order] for layer in range(layers)],
+        network.head.weight.detach().cpu().numpy()[0].copy(),
+        float(network.head.bias.detach().cpu()[0]),
     )

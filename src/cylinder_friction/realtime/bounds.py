@@ -14,7 +14,6 @@ test recordings instead.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numba
 import numpy as np
@@ -90,8 +89,8 @@ def creep_below_m_s(velocities_m_s: Sequence[Array], standstill_m_s: float) -> f
 
 def unknown_bounds(sample_time_s: float) -> Bounds:
     """Return bounds that state nothing, for an estimator that was never calibrated."""
-    wide = np.full(len(REGIMES), UNKNOWN_N)
-    return _bounds(-wide, wide, np.zeros(len(REGIMES)), 0.0, 0.0, sample_time_s, 1.0)
+    wide = (UNKNOWN_N,) * len(REGIMES)
+    return Bounds(tuple(-each for each in wide), wide, 0.0, 0.0, round(REVERSAL_S / sample_time_s), 1.0)
 
 
 def calibrated_bounds(
@@ -149,9 +148,16 @@ def calibrated_bounds(
     if stated:
         _widen(lower, upper, error_n, deviation_n, groups, probability)
     further = _further_for_few(error_n, np.concatenate(sessions), probability)
-    lower, upper = further * lower, further * upper
-    holds: Literal["friction", "label"] = "friction" if stated or offsets is not None else "label"
-    return _bounds(lower, upper, spread_n, standstill_m_s, creep_m_s, sample_time_s, probability, holds)
+    return Bounds(
+        lower_n=tuple((further * lower).tolist()),
+        upper_n=tuple((further * upper).tolist()),
+        standstill_m_s=standstill_m_s,
+        creep_m_s=creep_m_s,
+        reversal_samples=reversal_samples,
+        probability=probability,
+        holds="friction" if stated or offsets is not None else "label",
+        spread_n=tuple(spread_n.tolist()),
+    )
 
 
 def _further_for_few(errors_n: Array, sessions: Whole, probability: float) -> float:
@@ -290,26 +296,3 @@ def next_regime(
     if abs(velocity_m_s) < creep_m_s:
         return 1, now, left
     return 2, now, left
-
-
-def _bounds(
-    lower: Array,
-    upper: Array,
-    spread: Array,
-    standstill_m_s: float,
-    creep_m_s: float,
-    sample_time_s: float,
-    probability: float,
-    holds: Literal["friction", "label"] = "label",
-) -> Bounds:
-    below, above, own = lower.tolist(), upper.tolist(), spread.tolist()
-    return Bounds(
-        lower_n=(below[0], below[1], below[2], below[3]),
-        upper_n=(above[0], above[1], above[2], above[3]),
-        standstill_m_s=standstill_m_s,
-        creep_m_s=creep_m_s,
-        reversal_samples=round(REVERSAL_S / sample_time_s),
-        probability=probability,
-        holds=holds,
-        spread_n=(own[0], own[1], own[2], own[3]),
-    )

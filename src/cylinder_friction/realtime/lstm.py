@@ -15,7 +15,9 @@ best fit of degree 4 in x² by relative error (linear programming on 4001 Chebys
 settled); the error is 3.6e-8 in exact arithmetic and below 4e-7 in single precision.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numba
 import numpy as np
@@ -58,6 +60,7 @@ def sigmoid(x: np.float32) -> np.float32:
 
 
 Single = NDArray[np.float32]
+Layers = Sequence[Single]
 
 TINY = np.float32(1e-30)
 ZERO = np.float32(0.0)
@@ -73,6 +76,15 @@ class LstmWeights:
     head: Single  # Shape ``(nodes,)``
     head_bias: float  # Added to the head's output
     inputs: int  # Number of features that the first layer takes
+
+    @classmethod
+    def of(cls, kernels: Layers, recurrent: Layers, bias: Layers, head: Single, head_bias: float) -> Self:
+        """Return the weights of layers, one entry each: input ``(inputs, 4 · nodes)``, recurrent, and bias."""
+        padded = np.zeros((len(kernels), max(map(len, kernels)), len(bias[0])), dtype=np.float32)
+        for layer, kernel in enumerate(kernels):
+            padded[layer, : len(kernel)] = kernel
+        stacked = np.ascontiguousarray(np.stack(recurrent))
+        return cls(padded, stacked, np.stack(bias), np.ascontiguousarray(head), head_bias, len(kernels[0]))
 
     @property
     def layers(self) -> int:

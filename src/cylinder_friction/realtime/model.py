@@ -43,8 +43,8 @@ class Bounds:
     The regimes are standstill, creep, sliding, and the moments just after a reversal or start.
     """
 
-    lower_n: tuple[float, float, float, float]  # Added to the estimate [N], one per regime, shape ``(4,)``
-    upper_n: tuple[float, float, float, float]  # The same for the upper bound [N]
+    lower_n: tuple[float, ...]  # Added to the estimate [N], one per regime, shape ``(4,)``
+    upper_n: tuple[float, ...]  # The same for the upper bound [N]
     standstill_m_s: float  # Slower, the piston stands still [m/s]
     creep_m_s: float  # Slower, it creeps [m/s]; as ``standstill_m_s`` where that is not known
     reversal_samples: int  # How long a reversal or start lasts
@@ -55,7 +55,7 @@ class Bounds:
     holds: Literal["friction", "label"] = "label"
     # Standard deviation of the errors with the sensors' offset known, one per regime [N]: with an offset as uncertain
     # as s, bounds are √(1 + (s/spread)²) times as far away; 0 where the step learns no offset, and they never change
-    spread_n: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    spread_n: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
     def in_words(self) -> str:
         """Return what the bounds hold, and under which assumption, for whoever reads an exported model."""
