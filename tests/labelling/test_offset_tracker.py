@@ -48,7 +48,7 @@ def test_the_offset_of_an_unknown_session_is_learned(
     assert found[0, 0] == 0.0
     assert found[0, 1] > 1.5 * found[-1, 1]
     assert abs(found[-1, 0] - true_n) < 2.0 * found[-1, 1]
-    assert abs(found[-1, 0] - true_n) < 4.0
+    assert abs(found[-1, 0] - true_n) < 5.0
 
 
 def test_an_offset_far_beyond_what_was_stated_is_still_found(

@@ -136,6 +136,16 @@ def test_asymmetry_of_a_session_widens_what_is_stated(cylinder: Cylinder) -> Non
     assert own == pytest.approx(0.5 * 0.04 * level_n, rel=0.3)
 
 
+def test_an_asymmetry_far_beyond_the_plan_is_no_offset(cylinder: Cylinder) -> None:
+    """Sessions that differ by three times as much as their zeros explain show little of these, which is stated."""
+    recordings = campaign(cylinder, 24, asymmetry_sd=0.25)
+    model = fit_offset_model(recordings.values(), cylinder)
+    error, ratio = errors(model, recordings)
+    assert np.sqrt(np.mean(error**2)) < 1.1 * np.std([float(each) for each in recordings])
+    assert np.mean(np.abs(ratio) < 2.0) >= 0.9
+    assert model.plan.asymmetry_sd == pytest.approx(0.25, rel=0.5)
+
+
 def test_the_mean_of_all_sessions_stays_as_uncertain_as_the_zeros(cylinder: Cylinder) -> None:
     recordings = [sliding(cylinder, f"s{number}", 10.0) for number in range(9)]
     model = fit_offset_model(recordings, cylinder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,9 @@ from cylinder_friction.recordings.recording import RecordingError
 
 UNLIMITED = 1e30
 """Limit of a quantity that is no input: JSON and C have no infinity in common."""
+SLOWER, WORTHWHILE = 2.0 / 3.0, 0.95
+"""Share of the plan's slowest speed from which sliding counts in real time where waiting for faster strokes leaves more
+of the offset than the history of friction adds to it: where the error falls at least to this share."""
 FOLDS = 4
 CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
 CHOICES = {
@@ -79,19 +83,22 @@ def fit_offset_tracker(
         raise RecordingError(f"recording {bare[0]!r}: no zeros were identified; correct its offset first")
     prior_n = max(zero_uncertainty_n(recording, cylinder) or 0.0 for recording in recordings)
 
-    def fitted(chosen: Sequence[Recording]) -> OffsetTracker:
-        model = fit_offset_model([recording.zeroed() for recording in chosen], cylinder, plan, inputs)
+    def fitted(slowest: float, chosen: Sequence[Recording]) -> OffsetTracker:
+        own = replace(plan, slowest_m_s=slowest * plan.slowest_m_s)
+        model = fit_offset_model([recording.zeroed() for recording in chosen], cylinder, own, inputs)
         return _tracker(model, recordings[0], inputs, prior_n)
 
-    return fitted(recordings).careful(**_chosen(recordings, inputs, fitted))
+    found = {slowest: _chosen(recordings, inputs, partial(fitted, slowest)) for slowest in (1.0, SLOWER)}
+    slowest = SLOWER if found[SLOWER][0] < WORTHWHILE * found[1.0][0] else 1.0
+    return fitted(slowest, recordings).careful(**found[slowest][1])
 
 
 def _chosen(
     recordings: Sequence[Recording], inputs: Sequence[str], fitted: Callable[[Sequence[Recording]], OffsetTracker]
-) -> dict[str, float]:
-    """Return what a tracker must be careful with, each chosen from ``CHOICES`` in turn, where sessions are not known.
+) -> tuple[float, dict[str, float]]:
+    """Return the offset's mean absolute error where sessions are not known, and what a tracker must be careful with.
 
-    The likeliest uncertainty is chosen; all else by the mean absolute error of the offset.
+    Each is chosen from ``CHOICES`` in turn: the uncertainty by its likelihood, all else by that error.
     """
     sessions = sorted({recording.metadata.session for recording in recordings})
     folds = []
@@ -107,7 +114,7 @@ def _chosen(
 
     for name, values in CHOICES.items():
         chosen[name] = min(values, key=partial(missed, name))
-    return chosen
+    return missed("learning", chosen["learning"]), chosen
 
 
 def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str]) -> tuple[Array, Array]:

@@ -14,7 +14,8 @@ stroke and noise are found by restricted maximum likelihood, all else by general
 speed, as cold oil makes fast strokes heavier.
 
 Strokes do not separate an asymmetry of a session's own from its offset, so that its standard deviation is stated and
-enters the uncertainty; nor **the mean offset of all sessions from the asymmetry common to them**, which stays as
+enters the uncertainty; where sessions differ by more than that and the zeros explain, it is taken to be as large as
+they show; nor **the mean offset of all sessions from the asymmetry common to them**, which stays as
 uncertain as the sensors' zeros make it, divided by the root of the number of sessions.
 
 Only the mean of both pressures, weighted by their areas, explains friction: each pressure by itself contains friction,
@@ -65,6 +66,9 @@ PASSES = 2
 
 _OFFSET = 0
 """First of what a session has of its own: offset, asymmetry, scale, and slope where the temperature is unknown."""
+_SURE = np.array([1.0, 1.0, 0.5, 1.0, 1.0])
+"""By how much logarithms may be off; the third, of the asymmetry, by little: only a large one is taken for that."""
+_LEAST_ASYMMETRY = 1e-4
 _GUESS = np.log([0.01, 0.01, 0.03, 0.03])
 """Logarithms of the standard deviations of noise, stroke (over friction's level), scale and slope; each may be off by
 e."""
@@ -84,7 +88,7 @@ class OffsetPlan:
     # Standard uncertainty of the asymmetry common to all sessions: half the difference of friction between the
     # directions over its mean, as ``LoadPlan.asymmetry``
     asymmetry: float = 0.15
-    # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
+    # Least standard deviation, from session to session, of the ratio of friction retracting to friction extending
     asymmetry_sd: float = 0.005
     # Time within which a sensor's zero may drift by as much as its stated uncertainty, in real time [s]
     drift_s: float = 3600.0
@@ -174,8 +178,7 @@ class OffsetModel:
                 f"session {session.session!r}: column {missing[0]!r} is missing; the offset model was fitted to "
                 f"recordings with {', '.join(self.inputs)}; fit it without that column"
             )
-        deviations = self._own_deviations(session, [self.scale, self.slope])
-        part = self._evidence(session).reduced(self.noise_n, self.stroke_n, deviations)
+        part = self._evidence(session).reduced(self.noise_n, self.stroke_n, self._own_deviations(session))
         precision = np.array(self.precision)
         posterior = solved(precision, precision @ np.array(self.coefficients), [part])
         return _session_offset(posterior, part, session, self.common_uncertainty_n)
@@ -251,9 +254,9 @@ class OffsetModel:
             own.append(scaled_n * speed)
         return Evidence.of(self._design(session), np.column_stack(own), session.label_n, session.stroke)
 
-    def _own_deviations(self, session: SteadySliding, scale_and_slope: Sequence[float]) -> Array:
+    def _own_deviations(self, session: SteadySliding) -> Array:
         """Return prior standard deviations of what a session has of its own: offset [N], asymmetry, scale, slope."""
-        known = scale_and_slope[:1] if self._warm_known else scale_and_slope
+        known = [self.scale] if self._warm_known else [self.scale, self.slope]
         return np.array([session.prior_n, 0.5 * self.plan.asymmetry_sd, *known])
 
     def _level_n(self, session: SteadySliding) -> Array:
@@ -310,9 +313,10 @@ def offset_model(
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
     model = _empty_model(sessions, cylinder, plan, columns)
-    guess = _GUESS[:3] if model._warm_known else _GUESS
+    least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
+    guess = expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
     for _ in range(PASSES):
-        model, guess = _fitted(model, sessions, guess)
+        model, guess = _fitted(model, plan, sessions, guess, expected)
     return model
 
 
@@ -480,29 +484,41 @@ def _floats(values: Array) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
-def _fitted(model: OffsetModel, sessions: Sequence[SteadySliding], guess: Array) -> tuple[OffsetModel, Array]:
-    """Return the model whose levels of friction are those of ``model``, and its logarithmic standard deviations."""
+def _fitted(
+    model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SteadySliding], guess: Array, expected: Array
+) -> tuple[OffsetModel, Array]:
+    """Return the model whose levels of friction are those of ``model``, and its logarithmic standard deviations.
+
+    The search for these begins at ``guess``; they are expected near ``expected``.
+    """
     evidence = [model._evidence(each) for each in sessions]
     size = evidence[0].size
     even = 1 + (PRESSURE_1 in model.inputs)
     # Friction's coefficients may be as large as its level, those of its asymmetry as the plan states.
     precision = np.diag(np.repeat([1.0, 1.0 / max(model.plan.asymmetry, 1e-6) ** 2], [size - even, even]))
 
-    def given(logarithms: Array) -> tuple[Posterior, list[Reduced]]:
-        noise_n, stroke_n, *own = np.exp(logarithms) * [model.level_n, model.level_n, 1.0, 1.0][: len(logarithms)]
+    def given(logarithms: Array) -> tuple[OffsetModel, Posterior, list[Reduced]]:
+        noise, stroke, asymmetry, scale, *slope = np.exp(logarithms).tolist()
+        tried = replace(
+            model,
+            plan=replace(plan, asymmetry_sd=max(plan.asymmetry_sd, 2.0 * asymmetry)),
+            noise_n=noise * model.level_n,
+            stroke_n=stroke * model.level_n,
+            scale=scale,
+            slope=slope[0] if slope else 0.0,
+        )
         parts = [
-            each.reduced(noise_n, stroke_n, model._own_deviations(session, own))
+            each.reduced(tried.noise_n, tried.stroke_n, tried._own_deviations(session))
             for each, session in zip(evidence, sessions, strict=True)
         ]
-        return solved(precision, np.zeros(size), parts), parts
+        return tried, solved(precision, np.zeros(size), parts), parts
 
     def objective(logarithms: Array) -> float:
-        surprise = np.sum((logarithms - _GUESS[: len(logarithms)]) ** 2)
-        return given(logarithms)[0].minus_twice_likelihood + float(surprise)
+        surprise = np.sum(((logarithms - expected) / _SURE[: len(logarithms)]) ** 2)
+        return given(logarithms)[1].minus_twice_likelihood + float(surprise)
 
     found = minimize(objective, guess, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 0.02, "maxiter": 500}).x
-    posterior, parts = given(found)
-    noise_n, stroke_n = model.level_n * np.exp(found[:2])
+    model, posterior, parts = given(found)
     # The mean offset is known from its prior and from that of the asymmetry, which it looks like, and from no data.
     known = sum(1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions)
     known += 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9) ** 2
@@ -510,10 +526,6 @@ def _fitted(model: OffsetModel, sessions: Sequence[SteadySliding], guess: Array)
     return (
         replace(
             model,
-            noise_n=float(noise_n),
-            stroke_n=float(stroke_n),
-            scale=math.exp(found[2]),
-            slope=0.0 if model._warm_known else math.exp(found[3]),
             coefficients=_floats(posterior.coefficients),
             precision=tuple(_floats(row) for row in posterior.precision),
             common_uncertainty_n=common_n,
