@@ -14,13 +14,21 @@ from cylinder_friction.tracking.store import EXPERIMENT, open_store, tracking_ur
 if TYPE_CHECKING:
     from pathlib import Path
 
-WRITER = """
-import sys
+WRITERS = """
+import os, sys
 from pathlib import Path
+import mlflow.store.tracking.sqlalchemy_store
 from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.run_record import RunRecord
-for number in range(3):
-    log_run(RunRecord("label", metrics={"number": float(number)}), Path(sys.argv[1]))
+
+started = []
+for _ in range(2):  # at the same moment, and what they import is imported once
+    started.append(os.fork())
+    if not started[-1]:
+        for number in range(3):
+            log_run(RunRecord("label", metrics={"number": float(number)}), Path(sys.argv[1]))
+        os._exit(0)
+assert [os.waitpid(writer, 0)[1] for writer in started] == [0, 0]
 """
 
 
@@ -76,8 +84,7 @@ def test_another_experiment_is_made_when_it_is_first_asked_for(root: Path) -> No
 @pytest.mark.slow
 def test_many_processes_share_a_store_that_none_has_made_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    writers = [subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)]) for _ in range(2)]
-    assert [writer.wait(timeout=120) for writer in writers] == [0, 0]
+    assert subprocess.run([sys.executable, "-c", WRITERS, str(tmp_path)], timeout=240, check=False).returncode == 0
     with open_store(tmp_path) as store:
         assert len(store.client.search_runs([store.experiment_id])) == 3, "both wrote the same three records"
 
