@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimation.from_logs import estimate_logs
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.estimators.linear import RidgeEstimator
@@ -54,6 +55,7 @@ __all__ = [
     "Recording",
     "RidgeEstimator",
     "compare",
+    "estimate_logs",
     "fit_offset_model",
     "label",
     "load",
@@ -70,6 +72,7 @@ _DEFINED_IN = {
     "Recording": "recordings.recording",
     "RidgeEstimator": "estimators.linear",
     "compare": "evaluation.comparison",
+    "estimate_logs": "estimation.from_logs",
     "fit_offset_model": "labelling.sensor_offset",
     "label": "labelling.label",
     "load": "estimators.loading:load_estimator",

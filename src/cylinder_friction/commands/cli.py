@@ -12,6 +12,7 @@ COMMANDS = {
     "params": "compose conf/ into params.yaml, with Hydra overrides",
     "check": "check params.yaml",
     "ingest": "ingest init FILE: write a first mapping for a logger's file",
+    "estimate": "friction from a logger's files: a file per recording and a page",
     "inspect": "check a logger's file or a folder of them, and draw a page",
     "track": "log every finished stage to MLflow, without duplicates",
     "summary": "print the comparison table and where things lie",

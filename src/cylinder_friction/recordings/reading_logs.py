@@ -4,6 +4,7 @@ import glob
 import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -60,24 +61,57 @@ def read_logs(
         >>> cylinder = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
         >>> recordings = read_logs("data/raw/rig/*.csv", "conf/ingest/rig.yaml", cylinder)  # doctest: +SKIP
     """
+    logs = find_logs(files, channels, cylinder, names=names, load=load)
+    outcomes = list(convert_files(logs.files, logs.recipe))
+    refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
+    recordings = [outcome for outcome in outcomes if not isinstance(outcome, Quarantined)]
+    others = other_rates([recording.metadata for recording in recordings])
+    if not recordings:
+        raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
+    for entry in (*refused, *others.values()):
+        piece = f" ({entry.piece})" if entry.piece else ""
+        warnings.warn(f"left out {entry.file}{piece}: {entry.reason}", stacklevel=2)
+    return [recording for recording in recordings if recording.name not in others]
+
+
+@dataclass(frozen=True)
+class Logs:
+    """Logger files and how they become recordings."""
+
+    root: Path  # The folder that names are taken below
+    files: dict[str, Path]  # By their paths below it, sorted
+    recipe: Recipe
+
+
+def find_logs(
+    files: str | Path | Iterable[str | Path],
+    channels: str | Path | Mapping[str, Any] | None,
+    cylinder: Cylinder,
+    *,
+    names: str | None = None,
+    load: LoadMode | None = None,
+    rate_hz: float | None = None,
+) -> Logs:
+    """Return which files are meant and how they are read, none of them read yet but the first where a guess needs it.
+
+    Args:
+        files, channels, cylinder, names, load: As in ``read_logs``.
+        rate_hz: Rate of the recordings [Hz]; None: as ``channels`` has it, or each file's own.
+
+    Raises:
+        RecordingError, FileNotFoundError: As ``read_logs``.
+    """
     paths = _paths([files] if isinstance(files, str | Path) else list(files))
     settings = _settings(channels, paths[0])
+    if rate_hz is not None:
+        settings = {**settings, "time": {**settings.get("time", {}), "rate_hz": rate_hz}}
     root = _root(paths, settings.get("source"))
     rules = _name_rules(names, settings, root)
     paths = [path for path in paths if rules.table is None or path.absolute() != rules.table.absolute()]
     mode = load or ("measured" if LOAD_FORCE in settings["channels"] else "none")
     recipe = Recipe.from_settings(settings, rules, cylinder, mode)
     check_mapping(recipe.channels)
-    outcomes = list(convert_files({Path(os.path.relpath(path, root)).as_posix(): path for path in paths}, recipe))
-    refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
-    recordings = [outcome for outcome in outcomes if not isinstance(outcome, Quarantined)]
-    others = other_rates([recording.metadata for recording in recordings])
-    if not recordings:
-        raise none_usable(root.as_posix(), len(paths), refused[0])
-    for entry in (*refused, *others.values()):
-        piece = f" ({entry.piece})" if entry.piece else ""
-        warnings.warn(f"left out {entry.file}{piece}: {entry.reason}", stacklevel=2)
-    return [recording for recording in recordings if recording.name not in others]
+    return Logs(root, {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}, recipe)
 
 
 def _paths(files: Sequence[str | Path]) -> list[Path]:

@@ -110,6 +110,16 @@ def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
         ) from error
 
 
+def estimator_folder(uri: str, root: Path, scratch: Path) -> Path:
+    """Return the folder of the estimator inside a registered model, copied below ``scratch``.
+
+    Raises:
+        TrackingError: The registry cannot be reached or has no such model.
+    """
+    with open_store(root) as store:
+        return artifact_path(download_model(store, version_of(store, uri), scratch), ESTIMATOR_ARTIFACT)
+
+
 def example_rows(uri: str, root: Path) -> dict[str, Any]:
     """Return the input example inside a registered model, as ``{"columns": [...], "data": [[...], ...]}``.
 

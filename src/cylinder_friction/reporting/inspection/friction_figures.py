@@ -8,10 +8,12 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, interactive
+from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, SERIES, interactive
 from cylinder_friction.reporting.time_figure import single, spread_evenly
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from cylinder_friction.arrays import Array
@@ -64,6 +66,33 @@ def against_position(view: FrictionView, position_m: Array, detail: float = 1.0)
     figure.update_xaxes(title_text="position [mm]")
     figure.update_yaxes(title_text=f"{view.force_name} [N]")
     return interactive(figure, 360)
+
+
+def compared(views: Mapping[str, FrictionView]) -> go.Figure | None:
+    """Return friction in steady sliding against velocity, one line per recording; None for fewer than two."""
+    figure = go.Figure()
+    for number, (title, view) in enumerate(views.items()):
+        points = sorted(view.points, key=lambda point: point.velocity_m_s)
+        if not points:
+            continue
+        velocity, friction = (
+            np.array([getattr(point, key) for point in points]) for key in ("velocity_m_s", "friction_n")
+        )
+        middle = int(np.searchsorted(velocity, 0.0))  # nothing was seen in between, so no line is drawn there
+        figure.add_scatter(
+            x=np.insert(MM_PER_M * velocity, middle, 0.0),
+            y=np.insert(friction, middle, np.nan),
+            mode="lines+markers",
+            name=title,
+            line={"color": SERIES[number % len(SERIES)], "width": 1.2},
+            marker={"size": 5},
+            hovertemplate="%{x:.3~g} mm/s, %{y:.4~g} N",
+        )
+    if len(figure.data) < 2:
+        return None
+    figure.update_xaxes(title_text="velocity [mm/s]").update_yaxes(title_text="friction in steady sliding [N]")
+    figure.update_layout(hovermode="closest")
+    return interactive(figure, 420, legend_rows=0).update_layout(showlegend=False)
 
 
 def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-import plotly.graph_objects as go
-
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.inspection.choice import PLOTTED, chosen
+from cylinder_friction.reporting.inspection.friction_figures import compared
 from cylinder_friction.reporting.inspection.recording_pane import MM_PER_M, Pane, recording_pane
 from cylinder_friction.reporting.inspection.sensor_offsets import offset_table
 from cylinder_friction.reporting.inspection.subject import OUTCOMES, count_outcomes, titles
 from cylinder_friction.reporting.page import Cell, Table, page_html
-from cylinder_friction.reporting.style import SERIES, interactive
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -85,7 +82,7 @@ def write_page(
         counts=[(outcome, counts[outcome], MEANINGS[outcome]) for outcome in OUTCOMES if counts[outcome]],
         files=_files(subjects, named, panes),
         offsets=offset_table(offsets) if offsets else None,
-        comparison=_comparison([pane for pane in panes.values() if pane.view is not None]),
+        comparison=compared({pane.title: pane.view for pane in panes.values() if pane.view is not None}),
         panes=list(panes.values()),
         method=method,
         alone=len(subjects) == 1,
@@ -131,31 +128,3 @@ def _files(subjects: Sequence[Inspected], named: Sequence[str], panes: Mapping[i
     head: list[str | Cell] = ["file", "outcome", friction, "why", "duration [s]", "rate [Hz]", "travel [mm]"]
     outcomes = [subject.outcome for subject in subjects]
     return Table(head, rows, words=(1, 3), sortable=True, outcomes=outcomes)
-
-
-def _comparison(panes: Sequence[Pane]) -> go.Figure | None:
-    """Return friction in steady sliding against velocity, one line per recording; None for fewer than two."""
-    figure = go.Figure()
-    for number, pane in enumerate(panes):
-        assert pane.view is not None
-        points = sorted(pane.view.points, key=lambda point: point.velocity_m_s)
-        if not points:
-            continue
-        velocity, friction = (
-            np.array([getattr(point, key) for point in points]) for key in ("velocity_m_s", "friction_n")
-        )
-        middle = int(np.searchsorted(velocity, 0.0))  # nothing was seen in between, so no line is drawn there
-        figure.add_scatter(
-            x=np.insert(MM_PER_M * velocity, middle, 0.0),
-            y=np.insert(friction, middle, np.nan),
-            mode="lines+markers",
-            name=pane.title,
-            line={"color": SERIES[number % len(SERIES)], "width": 1.2},
-            marker={"size": 5},
-            hovertemplate="%{x:.3~g} mm/s, %{y:.4~g} N",
-        )
-    if len(figure.data) < 2:
-        return None
-    figure.update_xaxes(title_text="velocity [mm/s]").update_yaxes(title_text="friction in steady sliding [N]")
-    figure.update_layout(hovermode="closest")
-    return interactive(figure, 420, legend_rows=0).update_layout(showlegend=False)

@@ -104,7 +104,8 @@ def recording_pane(
         pane.friction_n = view.half_difference_n
         pane.facts.insert(0, ("friction: half of extending less retracting", f"{four_digits(pane.friction_n)} N"))
     figures["velocity"] = against_velocity(view, detail)
-    _add_stribeck(pane, view)
+    stribeck, pane.seen = stribeck_tables(view)
+    pane.tables |= stribeck
     if np.any(view.usable & (np.abs(view.signals.velocity_m_s) > view.slowest_m_s)):
         figures["position"] = against_position(view, recording.column("position_m"), detail)
     # What filters make of broken signals states nothing about filters.
@@ -179,18 +180,20 @@ def _checks(subject: Inspected) -> Table:
     return Table(("outcome", "check", "found"), cells, words=(1, 2))
 
 
-def _add_stribeck(pane: Pane, view: FrictionView) -> None:
-    """Add the curve's parameters, or the points of steady sliding where none are stated."""
+def stribeck_tables(view: FrictionView) -> tuple[dict[str, Table], list[str]]:
+    """Return the curve's parameters, or the points of steady sliding where none are stated, and what was seen."""
     points, curve = view.points, view.curve
+    tables: dict[str, Table] = {}
+    seen: list[str] = []
     if curve is not None:
         speeds = [MM_PER_M * abs(point.velocity_m_s) for point in points]
         known = is_breakaway_known(curve, points)
-        pane.seen.append(
+        seen.append(
             f"Fitted to {len(points)} points of steady sliding, {min(speeds):.2g} to {max(speeds):.3g} mm/s, and drawn "
             "no further."
         )
         if not known:
-            pane.seen.append("Not seen: friction that rises towards standstill, for which slower sliding is needed.")
+            seen.append("Not seen: friction that rises towards standstill, for which slower sliding is needed.")
         slow = (curve.static_n, MM_PER_M * curve.stribeck_velocity_m_s, curve.stribeck_exponent)
         static, velocity, exponent = (four_digits(value) if known else "not seen" for value in slow)
         rows = [
@@ -202,14 +205,14 @@ def _add_stribeck(pane: Pane, view: FrictionView) -> None:
             ("viscous coefficient", "s2", four_digits(curve.viscous_n_s_m), "N·s/m"),
             ("retracting over extending", "ratio", four_digits(curve.retract_ratio), "–"),
         ]
-        pane.tables["curve"] = Table(("parameter", "symbol", "value", "unit"), rows, words=(1, 3))
-        return
+        tables["curve"] = Table(("parameter", "symbol", "value", "unit"), rows, words=(1, 3))
+        return tables, seen
     for way, words in ((1.0, "Extending"), (-1.0, "Retracting")):
-        seen = [point for point in points if way * point.velocity_m_s > 0.0]
-        if seen:
-            forces = [way * point.friction_n for point in seen]
-            speeds = [MM_PER_M * way * point.velocity_m_s for point in seen]
-            pane.seen.append(
+        sliding = [point for point in points if way * point.velocity_m_s > 0.0]
+        if sliding:
+            forces = [way * point.friction_n for point in sliding]
+            speeds = [MM_PER_M * way * point.velocity_m_s for point in sliding]
+            seen.append(
                 f"{words}: {four_digits(min(forces))} to {four_digits(max(forces))} N against the motion, at "
                 f"{min(speeds):.2g} to {max(speeds):.2g} mm/s."
             )
@@ -223,7 +226,8 @@ def _add_stribeck(pane: Pane, view: FrictionView) -> None:
             )
             for point in points
         ]
-        pane.tables["points"] = Table(head, rows_of_points)
+        tables["points"] = Table(head, rows_of_points)
+    return tables, seen
 
 
 def _add_filters(pane: Pane, costs: Sequence[FilterCost], left_out: Sequence[str]) -> None:

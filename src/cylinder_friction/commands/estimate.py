@@ -1,0 +1,99 @@
+"""The command ``estimate``: from logger files to files of friction and a page, with or without a trained model."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import warnings
+from contextlib import ExitStack
+from dataclasses import fields
+from pathlib import Path
+from typing import get_args
+
+import yaml
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, FrictionOfLogs, estimate_logs
+from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, load_params
+from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.stages._stage import cylinder_from
+
+EXPECTED = (ValueError,)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("logs", nargs="+", metavar="LOGS", help="files, folders or patterns, of any supported format")
+    parser.add_argument("--cylinder", help=f"its YAML file, or bore_diameter_m=0.063,... ; without: {PARAMS_FILE}")
+    parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
+    parser.add_argument(
+        "--model", help="a saved estimator's folder, or models:/NAME@ALIAS; without: the off-line label"
+    )
+    parser.add_argument("--load", choices=get_args(LoadMode), help="what the cylinder carries; without: as mapped")
+    parser.add_argument("--names", help="expression on a file's path with the groups condition and session")
+    parser.add_argument("--output", type=Path, default=Path("friction"), help="folder to write; default: friction")
+    parser.add_argument("--format", choices=get_args(FileFormat), default="parquet")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of lines")
+
+
+def run(options: argparse.Namespace) -> int:
+    with ExitStack() as stack, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        result = estimate_logs(
+            options.logs,
+            cylinder_of(options.cylinder),
+            options.output,
+            channels=options.channels,
+            model=_model(options.model, stack),
+            load=options.load,
+            names=options.names,
+            file_format=options.format,
+        )
+    notes = [str(each.message) for each in caught]
+    print(json.dumps({**result.to_dict(), "notes": notes}, indent=2) if options.json else _lines(result, notes))
+    return 1 if result.refused or not result.recordings else 0
+
+
+def cylinder_of(given: str | None) -> Cylinder:
+    """Return the cylinder of a YAML file, of ``name=value`` pairs, or of ``params.yaml`` here.
+
+    Raises:
+        ParamsError: A key is missing or unknown, or there is no ``params.yaml``.
+    """
+    if given is None:
+        return cylinder_from(load_params().cylinder)
+    if "=" in given:
+        content = yaml.safe_load("{" + given.replace("=", ": ") + "}")
+    else:
+        content = yaml.safe_load(Path(given).read_text(encoding="utf-8"))
+    known = [each.name for each in fields(Cylinder)]
+    wrong = sorted(set(content if isinstance(content, dict) else {given: None}) - set(known))
+    missing = sorted(set(known[1:]) - set(content)) if not wrong else []
+    if wrong or missing:
+        raise ParamsError(
+            f"--cylinder {given}: {'unknown' if wrong else 'missing'} {', '.join(wrong or missing)}; expected "
+            f"{', '.join(known[1:])}, and if you like {known[0]}"
+        )
+    return Cylinder(**content)
+
+
+def _model(given: str | None, stack: ExitStack) -> Path | None:
+    if given is None or not given.startswith("models:/"):
+        return None if given is None else Path(given)
+    from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
+
+    return estimator_folder(given, Path(), Path(stack.enter_context(tempfile.TemporaryDirectory())))
+
+
+def _lines(result: FrictionOfLogs, notes: list[str]) -> str:
+    lines = [f"note     {note}" for note in notes]
+    for each in result.recordings:
+        friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:.0f} N"
+        flagged = "" if each.flagged_percent is None else f", {each.flagged_percent:.1f} % flagged"
+        repairs = f"; {'; '.join(each.repairs)}" if each.repairs else ""
+        lines.append(
+            f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{flagged}{repairs}"
+        )
+    lines += [f"{each.file}: refused: {each.reason}" for each in result.refused]
+    lines += ["", f"bounds   {result.bounds}", f"files    {result.folder}", f"page     {result.folder / PAGE_FILE}"]
+    return "\n".join(lines)

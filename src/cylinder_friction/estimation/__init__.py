@@ -1,0 +1,1 @@
+"""From logger files to friction, without a project around them."""

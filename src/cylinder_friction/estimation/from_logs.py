@@ -1,0 +1,292 @@
+"""Logger files become files of friction and one page; memory holds one recording at a time."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.ingesting import Quarantined, convert_files
+from cylinder_friction.recordings.reading_logs import Logs, find_logs
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.storage import read_recording, write_recording
+from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
+from cylinder_friction.reporting.inspection.choice import PLOTTED
+from cylinder_friction.reporting.inspection.friction_view import up_and_down
+from cylinder_friction.reporting.inspection.sensor_offsets import (
+    STROKES,
+    KnownOffset,
+    OffsetEvidence,
+    known_offsets,
+    offset_evidence,
+)
+from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
+
+FileFormat = Literal["parquet", "csv"]
+SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
+NO_OFFSET = {
+    "position": "a load identified from position has absorbed it",
+    "measured": "the load is measured: its sensor's zero and those of the pressures add up",
+}
+"""Why a load leaves offsets alone."""
+LABEL_BOUNDS = "label ± expanded uncertainty (k = 2, about 95 %) of sensors, smoothing, load and sensor offset"
+NO_BOUNDS = "none: the uncertainty of the sensors is not stated (sensor.accuracy_percent in the mapping)"
+MODEL_BOUNDS = "the estimator's: they hold friction in 90 % of the samples of sessions like those it was calibrated on"
+
+
+@dataclass(frozen=True)
+class FrictionOfRecording:
+    """What became of one recording; friction itself is in its file."""
+
+    name: str
+    source_file: str
+    session: str
+    rows: int
+    duration_s: float
+    usable_percent: float  # Of the rows; not near end stops or edges, where the force balance is not friction alone
+    # Half of extending less retracting at equal positions [N]; None where the piston did not pass any both ways
+    friction_n: float | None
+    flagged_percent: float | None  # Of the rows with any of the estimator's flags; None without an estimator
+    load: str  # Which load was taken off, in words
+    repairs: tuple[str, ...]  # What reading had to repair
+
+
+@dataclass(frozen=True)
+class FrictionOfLogs:
+    """What became of the logs."""
+
+    folder: Path  # Where the files lie
+    bounds: str  # What ``lower_n`` and ``upper_n`` are
+    recordings: list[FrictionOfRecording] = field(default_factory=list)
+    refused: list[Quarantined] = field(default_factory=list)
+    offsets: list[KnownOffset] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values; what is not known is None."""
+        return {
+            "folder": self.folder.as_posix(),
+            "bounds": self.bounds,
+            "recordings": [asdict(each) for each in self.recordings],
+            "refused": [asdict(each) for each in self.refused],
+            "offsets": [{name: _known(value) for name, value in asdict(each).items()} for each in self.offsets],
+        }
+
+
+def estimate_logs(
+    files: str | Path | Iterable[str | Path],
+    cylinder: Cylinder,
+    into: str | Path = "friction",
+    *,
+    channels: str | Path | Mapping[str, Any] | None = None,
+    model: FrictionEstimator | str | Path | None = None,
+    load: LoadMode | None = None,
+    names: str | None = None,
+    file_format: FileFormat = "parquet",
+) -> FrictionOfLogs:
+    """Write the friction of logger files into a folder: one file per recording, ``summary.json`` and one page.
+
+    Each file has a row per sample: what was measured, in SI units, ``velocity_m_s`` (extension positive),
+    ``friction_n`` (positive when it opposes positive velocity), ``lower_n``, ``upper_n``, ``usable``, and
+    ``load_force_n`` where a load was taken off. Without a model friction is the off-line label, which looks ahead, less
+    the sensors' offset where strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
+    ``label_n``, stand beside it.
+
+    Args:
+        files, channels, load, names: As in ``read_recordings``.
+        cylinder: Whose recordings they are.
+        into: A new folder, or one that an earlier call wrote.
+        model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
+        file_format: ``parquet`` or ``csv``.
+
+    Raises:
+        RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
+            used are listed in ``refused``.
+        FileExistsError: The folder holds something else.
+    """
+    into = Path(into)
+    if into.exists() and not (into / SUMMARY_FILE).is_file():
+        raise FileExistsError(
+            f"{into}: exists already, and holds no {SUMMARY_FILE} of an earlier run; name a new folder"
+        )
+    estimator = load_estimator(model) if isinstance(model, str | Path) else model
+    rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
+    logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz)
+    with whole_folder(into) as folder:
+        run = _Run(logs, cylinder, estimator, folder / ".scratch", default_filter(cylinder))
+        result, panes = run.result(folder, file_format)
+        result = replace(result, folder=into)
+        shutil.rmtree(run.scratch, ignore_errors=True)
+        write_friction_page(folder / PAGE_FILE, panes, result.offsets, _table_rows(result), result.bounds)
+        write_json(folder / SUMMARY_FILE, result.to_dict())
+    return result
+
+
+class _Run:
+    """Passes over the recordings, each kept in ``scratch`` between two of them."""
+
+    def __init__(
+        self,
+        logs: Logs,
+        cylinder: Cylinder,
+        estimator: FrictionEstimator | None,
+        scratch: Path,
+        signal_filter: SignalFilter,
+    ) -> None:
+        self.logs, self.cylinder, self.estimator, self.scratch = logs, cylinder, estimator, scratch
+        self.filter, self.plan = signal_filter, OffsetPlan()
+        self.load = logs.recipe.limits.load
+        self.labeller = Labeller(cylinder, load=self.load)
+        self.refused: list[Quarantined] = []
+        self.loads: dict[str, str] = {}
+
+    def result(self, folder: Path, file_format: FileFormat) -> tuple[FrictionOfLogs, list[FrictionPane]]:
+        labelled = list(self._labelled(self._filtered()))
+        offsets = {} if self.estimator is not None else self._offsets([evidence for _, evidence in labelled])
+        known = [path for path, _ in labelled]
+        bounded = False
+        recordings: list[FrictionOfRecording] = []
+        panes: list[FrictionPane] = []
+        for path in known:
+            recording = self._finished(read_recording(path), offsets)
+            bounded |= bool(np.isfinite(recording.column("lower_n")).any())
+            _write(recording, folder, file_format)
+            recordings.append(self._entry(recording))
+            if len(panes) < PLOTTED:
+                panes.append(friction_pane(recording, self.cylinder, self.filter, self.estimator is not None))
+        words = MODEL_BOUNDS if self.estimator is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
+        return FrictionOfLogs(folder, words, recordings, self.refused, list(offsets.values())), panes
+
+    def _filtered(self) -> dict[str, list[Path]]:
+        """Return the files of filtered recordings by session."""
+        sessions: dict[str, list[Path]] = {}
+        for outcome in convert_files(self.logs.files, self.logs.recipe):
+            if isinstance(outcome, Quarantined):
+                self.refused.append(outcome)
+                continue
+            try:
+                smooth = filtered(outcome, self.filter)
+            except ValueError as error:  # shorter than the filter
+                self._refuse(outcome, error)
+                continue
+            written = write_recording(self.scratch / "filtered", smooth)
+            sessions.setdefault(outcome.metadata.session, []).append(written)
+        return sessions
+
+    def _labelled(self, sessions: Mapping[str, list[Path]]) -> Iterator[tuple[Path, OffsetEvidence]]:
+        """Yield the file of each labelled recording, and what the recording shows of its sensors' offset."""
+        for paths in sessions.values():
+            identified: SessionIdentification | None = None
+            try:
+                if self.labeller.needs_identification:
+                    identified = self.labeller.identify(map(read_recording, paths), self.filter)
+            except RecordingError as error:
+                for path in paths:
+                    self._refuse(read_recording(path), error)
+                continue
+            for path in paths:
+                recording = self.labeller.labelled(read_recording(path), self.filter, identified)
+                if identified is not None and identified.load is not None:
+                    self.loads[recording.name] = identified.load.sentence()
+                try:
+                    recording = self._estimated(recording)
+                except RecordingError as error:
+                    self._refuse(recording, error)
+                    continue
+                yield write_recording(self.scratch / "labelled", recording), self._evidence(recording)
+
+    def _estimated(self, recording: Recording) -> Recording:
+        """Return a labelled recording with the estimator's friction, bounds and flags, and the label beside them."""
+        if self.estimator is None:
+            return recording
+        newtons, flags = self.estimator.real_time().run(recording.samples(self.estimator.inputs))
+        friction_n, lower_n, upper_n = self.estimator.aligned(newtons).T
+        return recording.with_columns(
+            label_n=recording.column("friction_n"), friction_n=friction_n, lower_n=lower_n, upper_n=upper_n, flags=flags
+        )
+
+    def _evidence(self, recording: Recording) -> OffsetEvidence:
+        position_m, velocity_m_s = recording.column("position_m"), recording.column("velocity_m_s")
+        halves = up_and_down(
+            position_m, velocity_m_s, recording.column("friction_n"), recording.usable(), self.plan.slowest_m_s
+        )
+        return offset_evidence(recording, self.cylinder, self.plan, *halves, NO_OFFSET.get(self.load, ""))
+
+    def _offsets(self, evidence: list[OffsetEvidence]) -> dict[str, KnownOffset]:
+        return {known.session: known for known in known_offsets(evidence, self.cylinder, self.plan)}
+
+    def _finished(self, recording: Recording, offsets: Mapping[str, KnownOffset]) -> Recording:
+        """Return a recording with its bounds, and without the offset of its session where strokes determine it."""
+        if self.estimator is not None:
+            return recording.without_columns(UNCERTAINTY_COLUMN)
+        friction_n, half_n = recording.column("friction_n"), np.full(len(recording), math.nan)
+        if UNCERTAINTY_COLUMN in recording.table.columns:
+            half_n = recording.column(UNCERTAINTY_COLUMN)
+        known = offsets[recording.metadata.session]
+        if known.source == STROKES:
+            friction_n = friction_n - known.offset_n
+            half_n = np.sqrt(np.maximum(half_n**2 - known.stated_n**2, 0.0) + known.uncertainty_n**2)
+        bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
+        return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
+
+    def _entry(self, recording: Recording) -> FrictionOfRecording:
+        flags, position_m = recording.table.get("flags"), recording.column("position_m")
+        usable, velocity_m_s = recording.usable(), recording.column("velocity_m_s")
+        friction_n = recording.column("friction_n")
+        _, half_n = up_and_down(position_m, velocity_m_s, friction_n, usable, self.plan.slowest_m_s)
+        words = {"none": "none", "measured": "measured"}
+        return FrictionOfRecording(
+            name=recording.name,
+            source_file=recording.metadata.source_file,
+            session=recording.metadata.session,
+            rows=len(recording),
+            duration_s=len(recording) * recording.sample_time_s,
+            usable_percent=100.0 * float(usable.mean()),
+            friction_n=_known(half_n),
+            flagged_percent=None if flags is None else 100.0 * float((flags.to_numpy() != 0).mean()),
+            load=self.loads.get(recording.name) or words[self.load],
+            repairs=tuple(recording.metadata.repairs),
+        )
+
+    def _refuse(self, recording: Recording, error: Exception) -> None:
+        self.refused.append(Quarantined(recording.metadata.source_file, str(error), recording.name))
+
+
+def _write(recording: Recording, folder: Path, file_format: FileFormat) -> None:
+    if file_format == "csv":
+        recording.table.to_csv(folder / f"{recording.name}.csv", index=False, float_format="%.9g")
+    else:
+        write_recording(folder, recording)
+
+
+def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:
+    """Return name, friction, usable share and remarks of every recording and refused file, as text."""
+    rows = [
+        (
+            each.name,
+            "–" if each.friction_n is None else f"{each.friction_n:.0f}",
+            f"{each.usable_percent:.0f}",
+            "; ".join((*([] if each.load == "none" else [f"load: {each.load}"]), *each.repairs)),
+        )
+        for each in result.recordings
+    ]
+    return rows + [(each.file, "–", "–", f"refused: {each.reason}") for each in result.refused]
+
+
+def _known(value: Any) -> Any:
+    """Return None for a number that is not known."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

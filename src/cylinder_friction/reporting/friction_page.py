@@ -1,0 +1,134 @@
+"""The page of a run over logs: every recording's friction over time and over velocity, and what was refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.friction_models.identification.steady_points import steady_points
+from cylinder_friction.recordings.files import write_text
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.inspection.friction_figures import against_velocity, compared
+from cylinder_friction.reporting.inspection.friction_view import FrictionView, friction_view, up_and_down
+from cylinder_friction.reporting.inspection.known_curve import known_curve
+from cylinder_friction.reporting.inspection.recording_pane import (
+    calculated_panels,
+    measured_panels,
+    stribeck_tables,
+)
+from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
+from cylinder_friction.reporting.page import Cell, Table, page_html
+from cylinder_friction.reporting.style import GREEN, PALE, QUIET
+from cylinder_friction.reporting.time_figure import Line, Panel, over_time
+from cylinder_friction.signals.smooth_signals import SignalFilter
+
+POINTS = 1200
+
+
+@dataclass(frozen=True)
+class FrictionPane:
+    """One recording's part of the page."""
+
+    title: str
+    view: FrictionView
+    figures: dict[str, go.Figure]  # ``time``, and ``velocity`` where the piston slides
+    seen: list[str] = field(default_factory=list)  # Sentences about steady sliding
+    tables: dict[str, Table] = field(default_factory=dict)  # ``curve`` or ``points``
+    no_curve: str = ""  # Why no Stribeck curve is stated
+
+
+def friction_pane(recording: Recording, cylinder: Cylinder, method: SignalFilter, estimated: bool) -> FrictionPane:
+    """Return the pane of a recording with friction, its bounds, velocity and usable rows.
+
+    Args:
+        recording: With the raw columns beside ``friction_n``, ``lower_n``, ``upper_n`` [N], and ``label_n`` if
+            ``estimated``.
+        cylinder: Its areas, stroke and moving mass.
+        method: Which filter the label's velocity comes from.
+        estimated: Whether friction is an estimator's, with the label beside it.
+    """
+    view = _view(recording, cylinder, method)
+    friction = [
+        Line("bounds", _usable(recording, "lower_n"), PALE, 1.0),
+        Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False),
+        *([Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if estimated else []),
+        Line("friction", _usable(recording, "friction_n"), GREEN, 1.5),
+    ]
+    velocity, force, _ = calculated_panels(view)
+    panels = [Panel("friction [N]", friction, 1.6), velocity, force, *measured_panels(recording)]
+    figures = {"time": over_time(recording.column("time_s"), panels, 2, POINTS)}
+    if view.points:
+        figures["velocity"] = against_velocity(view, 0.5)
+    tables, seen = stribeck_tables(view)
+    return FrictionPane(recording.name, view, figures, seen, tables, view.no_curve)
+
+
+def write_friction_page(
+    path: Path,
+    panes: Sequence[FrictionPane],
+    offsets: Sequence[KnownOffset],
+    rows: Sequence[tuple[str, str, str, str]],
+    bounds: str,
+) -> None:
+    """Write the page whole; equal input makes equal bytes.
+
+    Args:
+        path: Of the HTML file.
+        panes: What is drawn, in this order.
+        offsets: What is known of the pressure sensors' offset in each session; none with an estimator.
+        rows: Name, friction, usable share and remarks of every recording and refused file.
+        bounds: What the bounds hold, in words.
+    """
+    titles = {pane.title: f"recording-{number}" for number, pane in enumerate(panes, start=1)}
+    cells: list[list[str | Cell]] = [
+        [Cell(name, link=f"#{titles[name]}" if name in titles else ""), friction, usable, Cell(words, style="words")]
+        for name, friction, usable, words in rows
+    ]
+    head = (
+        "recording",
+        Cell("friction [N]", tip="half of extending less retracting at equal position"),
+        "usable rows [%]",
+        "remarks",
+    )
+    html = page_html(
+        "templates/friction.html.j2",
+        title="Friction",
+        table_of_all=Table(head, cells, words=(3,), sortable=True),
+        offsets=offset_table(offsets) if offsets else None,
+        comparison=compared({pane.title: pane.view for pane in panes}),
+        panes=[(titles[pane.title], pane) for pane in panes],
+        left_out=len(rows) - len(panes),
+        bounds=bounds,
+    )
+    write_text(path, html)
+
+
+def _view(recording: Recording, cylinder: Cylinder, method: SignalFilter) -> FrictionView:
+    """Return what the inspection would show, its friction replaced by the recording's own."""
+    raw = recording.without_columns("friction_n", "velocity_m_s", "usable")
+    view = friction_view(raw, cylinder, method, 0.0)
+    friction_n, usable = recording.column("friction_n"), recording.usable()
+    points = tuple(steady_points([recording], view.slowest_m_s))
+    curve, no_curve = known_curve(points)
+    position_m, velocity_m_s = recording.column("position_m"), recording.column("velocity_m_s")
+    load_n, half_n = up_and_down(position_m, velocity_m_s, friction_n, usable, view.slowest_m_s)
+    return replace(
+        view,
+        labelled=recording,
+        friction_n=friction_n,
+        usable=usable,
+        points=points,
+        curve=curve,
+        no_curve=no_curve,
+        load_n=load_n,
+        half_difference_n=half_n,
+    )
+
+
+def _usable(recording: Recording, column: str) -> np.ndarray:
+    return np.where(recording.usable(), recording.column(column), np.nan)

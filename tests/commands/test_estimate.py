@@ -1,0 +1,75 @@
+"""The command ``estimate``: what it prints, its exit status, and how a cylinder is stated."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction.commands.cli import main
+from cylinder_friction.commands.estimate import cylinder_of
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.recordings.recording import Recording
+
+GEOMETRY = "bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0"
+
+
+@pytest.fixture
+def log(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
+    recording = labelled_recordings[0]
+    table = recording.table[["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]]
+    table.columns = ["Time [s]", "P1 [Pa]", "P2 [Pa]", "Position [m]"]
+    table.to_csv(tmp_path / "stroke.csv", index=False)
+    return tmp_path / "stroke.csv"
+
+
+def test_one_line_per_file_and_where_the_results_lie(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["estimate", str(log), "--cylinder", GEOMETRY, "--output", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "guessed from stroke.csv" in printed
+    assert "stroke: friction " in printed
+    assert f"page     {out}/friction.html" in printed
+
+
+def test_json_is_all_that_is_printed(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bad.csv").write_text("Time [s],P1 [Pa]\n0,1\n", encoding="utf-8")
+    arguments = [str(log), str(tmp_path / "bad.csv"), "--cylinder", GEOMETRY, "--output", str(tmp_path / "out")]
+    mapping = tmp_path / "mapping.yaml"
+    rows = (("time_s", "Time [s]", "s"), ("pressure_1_pa", "P1 [Pa]", "Pa"), ("pressure_2_pa", "P2 [Pa]", "Pa"))
+    entries = [f"  {column}: {{channel: '{name}', unit: {unit}}}" for column, name, unit in rows]
+    entries.append("  position_m: {channel: 'Position [m]', unit: m}")
+    mapping.write_text("\n".join(["channels:", *entries]), encoding="utf-8")
+    assert main(["estimate", *arguments, "--channels", str(mapping), "--json"]) == 1
+    content = json.loads(capsys.readouterr().out)
+    assert [each["name"] for each in content["recordings"]] == ["stroke"]
+    assert content["refused"][0]["file"] == "bad.csv"
+
+
+def test_a_cylinder_is_stated_as_pairs_or_as_a_file(tmp_path: Path) -> None:
+    expected = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+    assert cylinder_of(GEOMETRY) == expected
+    (tmp_path / "press.yaml").write_text(GEOMETRY.replace("=", ": ").replace(", ", "\n"), encoding="utf-8")
+    assert cylinder_of(str(tmp_path / "press.yaml")) == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("bore_m=0.063", "unknown bore_m; expected bore_diameter_m, rod_diameter_m, stroke_m, moving_mass_kg"),
+        ("bore_diameter_m=0.063", "missing moving_mass_kg, rod_diameter_m, stroke_m"),
+    ],
+)
+def test_a_wrong_cylinder_is_refused(given: str, said: str) -> None:
+    with pytest.raises(ParamsError, match=said):
+        cylinder_of(given)
+
+
+def test_without_a_cylinder_the_projects_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises((ParamsError, FileNotFoundError), match=r"params\.yaml"):
+        cylinder_of(None)

@@ -1,0 +1,165 @@
+"""Logs become friction: the label, an estimator's estimate, offsets taken off, bad files named and left out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, MODEL_BOUNDS, NO_BOUNDS, estimate_logs
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.storage import read_recording
+
+SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
+CHANNELS: dict[str, Any] = {
+    "time_s": {"channel": "t", "unit": "s"},
+    "pressure_1_pa": {"channel": "p1", "unit": "bar"},
+    "pressure_2_pa": {"channel": "p2", "unit": "bar"},
+    "position_m": {"channel": "x", "unit": "mm"},
+}
+STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
+
+
+def write_log(path: Path, recording: Recording, zero_bar: float = 0.0) -> Path:
+    table = pd.DataFrame(
+        {
+            "t": recording.column("time_s"),
+            "p1": recording.column("pressure_1_pa") / 1e5 + zero_bar,
+            "p2": recording.column("pressure_2_pa") / 1e5,
+            "x": 1e3 * recording.column("position_m"),
+        }
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory, labelled_recordings: list[Recording]) -> Path:
+    folder = tmp_path_factory.mktemp("logs")
+    for recording in labelled_recordings[:4]:
+        write_log(folder / f"{recording.name}.csv", recording)
+    return folder
+
+
+def error_n(folder: Path, recording: Recording) -> float:
+    """Return the mean error of a written recording's friction against the known one [N]."""
+    written = read_recording(folder / f"{recording.name}.parquet")
+    usable = written.usable()
+    return float((written.column("friction_n") - recording.column("friction_n"))[usable].mean())
+
+
+def test_without_a_model_friction_is_the_label(
+    tmp_path: Path, logs: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS)
+    assert [each.name for each in result.recordings] == [each.name for each in labelled_recordings[:4]]
+    assert (result.bounds, result.refused) == (NO_BOUNDS, [])
+    for recording in labelled_recordings[:4]:
+        written = read_recording(tmp_path / "out" / f"{recording.name}.parquet")
+        error = np.abs(written.column("friction_n") - recording.column("friction_n"))[written.usable()]
+        assert error.mean() < 25.0
+        assert np.isnan(written.column("lower_n")).all()
+    summary = json.loads((tmp_path / "out/summary.json").read_text())
+    assert summary["recordings"][0]["friction_n"] == pytest.approx(300.0, rel=0.3)
+    assert "condition1_session1" in (tmp_path / "out/friction.html").read_text()
+    assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".html", ".json", *4 * [".parquet"]]
+
+
+def test_a_sensor_offset_is_taken_off_where_strokes_show_it(
+    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    zeros_bar = [0.06, -0.06, 0.06, -0.06]
+    for recording, zero_bar in zip(labelled_recordings, zeros_bar, strict=False):
+        write_log(tmp_path / f"logs/{recording.name}.csv", recording, zero_bar)
+    result = estimate_logs(tmp_path / "logs", cylinder, tmp_path / "out", channels=STATED)
+    assert result.bounds == LABEL_BOUNDS
+    shift_n = 0.06e5 * cylinder.piston_area_m2
+    for recording in labelled_recordings[:4]:
+        assert abs(error_n(tmp_path / "out", recording)) < 0.5 * shift_n
+        written = read_recording(tmp_path / "out" / f"{recording.name}.parquet")
+        known_n, usable = recording.column("friction_n"), written.usable()
+        held = (known_n >= written.column("lower_n")) & (known_n <= written.column("upper_n"))
+        assert held[usable].mean() > 0.9
+    assert {each.source for each in result.offsets} == {"strokes in both directions"}
+
+
+def test_with_a_model_friction_is_its_real_time_estimate(
+    tmp_path: Path, logs: Path, cylinder: Cylinder, small_hybrid: HybridEstimator
+) -> None:
+    small_hybrid.save(tmp_path / "model")
+    result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS, model=tmp_path / "model")
+    assert (result.bounds, result.offsets) == (MODEL_BOUNDS, [])
+    assert result.recordings[0].flagged_percent is not None
+    written = read_recording(tmp_path / "out" / f"{result.recordings[0].name}.parquet")
+    newtons, flags = small_hybrid.real_time().run(written.samples())
+    np.testing.assert_array_equal(
+        np.column_stack([written.column(f"{n}_n") for n in ("friction", "lower", "upper")]), newtons
+    )
+    np.testing.assert_array_equal(written.column("flags"), flags)
+    assert "label_n" in written.table
+
+
+def test_logs_at_another_rate_are_resampled_to_the_models(
+    tmp_path: Path, cylinder: Cylinder, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+) -> None:
+    recording = labelled_recordings[0]
+    slow = Recording(recording.metadata, recording.table.iloc[::2].reset_index(drop=True))
+    write_log(tmp_path / "logs/slow.csv", slow)
+    result = estimate_logs(tmp_path / "logs", cylinder, tmp_path / "out", channels=CHANNELS, model=small_hybrid)
+    written = read_recording(tmp_path / "out/slow.parquet")
+    assert written.sample_time_s == small_hybrid.sample_time_s
+    assert result.recordings[0].rows == pytest.approx(len(recording), abs=2)
+
+
+def test_a_load_decided_by_position_is_taken_off(
+    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    recording = labelled_recordings[0]
+    weight_n = 900.0
+    loaded = recording.with_columns(
+        pressure_1_pa=recording.column("pressure_1_pa") + weight_n / cylinder.piston_area_m2
+    )
+    write_log(tmp_path / "logs/loaded.csv", loaded)
+    result = estimate_logs(tmp_path / "logs", cylinder, tmp_path / "out", channels=CHANNELS, load="position")
+    written = read_recording(tmp_path / "out/loaded.parquet")
+    usable = written.usable()
+    assert written.column("load_force_n")[usable].mean() == pytest.approx(weight_n, abs=60.0)
+    assert np.abs(written.column("friction_n") - recording.column("friction_n"))[usable].mean() < 60.0
+    assert result.recordings[0].load != "position"
+
+
+def test_a_bad_file_is_named_and_the_others_go_on(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
+    files = [*sorted(logs.glob("*.csv"))[:1], tmp_path / "broken.csv", tmp_path / "short.csv"]
+    files[1].write_text("t,p1,p2\n0,1,2\n", encoding="utf-8")
+    files[2].write_text("".join(files[0].read_text().splitlines(keepends=True)[:300]), encoding="utf-8")
+    result = estimate_logs(files, cylinder, tmp_path / "out", channels=CHANNELS)
+    assert len(result.recordings) == 1
+    reasons = {Path(each.file).name: each.reason for each in result.refused}
+    assert "x" in reasons["broken.csv"]
+    assert "short.csv" in reasons
+    assert "refused" in (tmp_path / "out/friction.html").read_text()
+
+
+def test_a_folder_of_something_else_is_not_touched(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work", encoding="utf-8")
+    with pytest.raises(FileExistsError, match=r"exists already, and holds no summary.json of an earlier run"):
+        estimate_logs(logs, cylinder, tmp_path, channels=CHANNELS)
+    assert (tmp_path / "thesis.tex").is_file()
+
+
+def test_an_earlier_run_is_replaced_as_a_whole(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
+    first = sorted(logs.glob("*.csv"))
+    estimate_logs(first[:2], cylinder, tmp_path / "out", channels=CHANNELS)
+    estimate_logs(first[2:3], cylinder, tmp_path / "out", channels=CHANNELS, file_format="csv")
+    files = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert files == [f"{first[2].stem}.csv", "friction.html", "summary.json"]
+    with pytest.raises(RecordingError, match="no such file"):
+        estimate_logs(tmp_path / "nothing/*.csv", cylinder, tmp_path / "out", channels=CHANNELS)
+    assert (tmp_path / "out/summary.json").is_file()
