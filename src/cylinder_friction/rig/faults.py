@@ -18,10 +18,6 @@ def with_fault(rig: RigParameters, fault: str, severity: float = 1.0) -> RigPara
     return FAULTS[fault](rig, severity)
 
 
-def _none(rig: RigParameters, _: float) -> RigParameters:
-    return rig
-
-
 def _wear(rig: RigParameters, severity: float) -> RigParameters:
     """Worn seals: less friction, more leakage."""
     friction = replace(rig.friction, coulomb_n=rig.friction.coulomb_n * 0.6**severity)
@@ -58,7 +54,7 @@ def _bent_rod(rig: RigParameters, severity: float) -> RigParameters:
 
 
 FAULTS: dict[str, Callable[[RigParameters, float], RigParameters]] = {
-    "none": _none,
+    "none": lambda rig, _: rig,
     "wear": _wear,
     "tight_seal": _tight_seal,
     "aeration": _aeration,

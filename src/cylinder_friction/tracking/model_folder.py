@@ -6,7 +6,7 @@ import json
 import re
 import tempfile
 import warnings
-from importlib import import_module, metadata, util
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from cylinder_friction.tracking.store import Store, open_store
 if TYPE_CHECKING:
     from mlflow.entities.model_registry import ModelVersion
 
-SCORING_MODULE = "cylinder_friction.deployment.scoring_model"
+SCORING_CODE = Path(__file__).parents[1] / "deployment/scoring_model.py"
 ESTIMATOR_ARTIFACT = "estimator"
 LINEAGE_ARTIFACT = "lineage"
 LINEAGE_FILE = "lineage.json"
@@ -64,7 +64,7 @@ def save_model_folder(
         pyfunc = import_module("mlflow.pyfunc")
     pyfunc.save_model(
         path=str(path),
-        python_model=str(_scoring_code()),
+        python_model=str(SCORING_CODE),
         artifacts={ESTIMATOR_ARTIFACT: str(estimator), LINEAGE_ARTIFACT: str(lineage_path)},
         signature=SIGNATURE,
         input_example=example,
@@ -136,10 +136,3 @@ def artifact_path(model_folder: Path, artifact: str) -> Path:
     """Return where an artifact lies in a model folder."""
     configured = Model.load(str(model_folder)).flavors["python_function"]["artifacts"][artifact]["path"]
     return model_folder / configured
-
-
-def _scoring_code() -> Path:
-    found = util.find_spec(SCORING_MODULE)
-    assert found is not None
-    assert found.origin is not None
-    return Path(found.origin)

@@ -29,7 +29,10 @@ class OnnxStepStream:
 
     def __init__(self, session: onnxruntime.InferenceSession) -> None:
         self.session = session
-        self._arrays = {port.name: _array(port) for port in (*session.get_inputs(), *session.get_outputs())}
+        self._arrays = {
+            port.name: np.zeros(port.shape, dtype=TYPES[port.type])
+            for port in (*session.get_inputs(), *session.get_outputs())
+        }
         self._sample = self._arrays["sample"]
         self._outputs = tuple(self._arrays[name] for name in ("friction_n", "lower_n", "upper_n", "flags"))
         states = [port.name for port in session.get_inputs() if port.name != "sample"]
@@ -181,7 +184,3 @@ def _given(
     # 0 stands for none: an offset that is known exactly is as uncertain as the smallest number
     uncertainty_n = 0.0 if uncertainty_n is None else max(uncertainty_n, sys.float_info.min)
     return {"offset": np.array([[offset_n, uncertainty_n]])}
-
-
-def _array(port: Any) -> NDArray[Any]:
-    return np.zeros(port.shape, dtype=TYPES[port.type])

@@ -57,11 +57,6 @@ def format_of(head: bytes) -> str:
     return "csv"
 
 
-def is_matlab73(head: bytes) -> bool:
-    """Return whether a MATLAB file is HDF5 within."""
-    return head[512:].startswith(HDF5_SIGNATURE) or head.startswith(b"MATLAB 7.3")
-
-
 def _is_text(head: bytes) -> bool:
     """A text may end in zero bytes, which a logger that loses power leaves, and hold a rare damaged character."""
     if any(head.startswith(mark) for mark in BYTE_ORDER_MARKS if mark != codecs.BOM_UTF8):

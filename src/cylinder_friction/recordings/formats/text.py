@@ -86,7 +86,8 @@ def _ended(file: Any, start: int) -> Text:
         notes.append(f"{size - body} zero bytes at its end were left out, as a logger leaves them that loses power")
     end = _last_byte_but(file, start, body, b"\r\n")
     if end == body and body > start:
-        whole = _last_line_end(file, start, body)
+        # Where the last line begins is where the one before it ends.
+        whole = _from_end(file, start, body, lambda tail: max(tail.rfind(b"\n"), tail.rfind(b"\r")) + 1)
         cut = file.read_at(min(body - whole, 80), whole).decode(errors="replace")
         if whole > start:
             notes.append(f"its last line has no line end and may be cut in a number; it was left out: {cut!r}")
@@ -101,11 +102,6 @@ def _ended(file: Any, start: int) -> Text:
 def _last_byte_but(file: Any, start: int, end: int, stripped: bytes) -> int:
     """Return where the text ends without the bytes ``stripped`` at its end."""
     return _from_end(file, start, end, lambda tail: len(tail.rstrip(stripped)))
-
-
-def _last_line_end(file: Any, start: int, end: int) -> int:
-    """Return where the last line begins, which is where the one before it ends."""
-    return _from_end(file, start, end, lambda tail: max(tail.rfind(b"\n"), tail.rfind(b"\r")) + 1)
 
 
 def _from_end(file: Any, start: int, end: int, find: Callable[[bytes], int]) -> int:
