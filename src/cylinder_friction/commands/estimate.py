@@ -1,7 +1,5 @@
 """The command ``estimate``: from logger files to files of friction and a page, with or without a trained model."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

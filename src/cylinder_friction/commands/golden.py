@@ -1,11 +1,8 @@
 """The command ``golden``: train the small model of the golden trajectories, record them anew, or check them."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +10,7 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
-from cylinder_friction.params.checking import load_params
+from cylinder_friction.params.checking import Params, load_params
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import whole_folder
@@ -26,9 +23,6 @@ from cylinder_friction.testing.golden import (
     trace,
     write_trajectory,
 )
-
-if TYPE_CHECKING:
-    from cylinder_friction.params.checking import Params
 
 ARCHITECTURE = Architecture(layers=1, nodes=16, dropout=0.0, learning_rate=5e-3)
 PLAN = TrainingPlan(epochs=40, patience=40, sequence_length=400, burn_in=50, batch_size=16, schedule="cosine")

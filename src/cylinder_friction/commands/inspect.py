@@ -1,15 +1,13 @@
 """Not a stage, but beside ``ingest``: the same files by the same rules, looked at instead of written."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cylinder_friction.commands.params import CONF, composed
-from cylinder_friction.params.checking import ParamsError, check_params, load_params
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.params.checking import Params, ParamsError, check_params, load_params
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.choice import held
@@ -17,19 +15,14 @@ from cylinder_friction.reporting.inspection.files import inspect_files
 from cylinder_friction.reporting.inspection.friction_view import with_friction
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.sensor_offsets import known_offsets
+from cylinder_friction.reporting.inspection.subject import Inspected
 from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.signals.smooth_signals import filtered
+from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 from cylinder_friction.stages._stage import cylinder_from
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
 from cylinder_friction.stages.offset import LOADED, plan_from
-
-if TYPE_CHECKING:
-    from cylinder_friction.labelling.label import Labeller
-    from cylinder_friction.params.checking import Params
-    from cylinder_friction.reporting.inspection.subject import Inspected
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:

@@ -1,12 +1,11 @@
 """Figures of a comparison and of one estimate, drawn by Matplotlib without a display."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from cylinder_friction.arrays import Array
@@ -33,10 +32,6 @@ from cylinder_friction.reporting.style import (
     grid_of,
     panels,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 PANEL = (4.8, 3.3)  # Width and height of one panel [in]; so wide, letters stay legible on a screen of 400 pixels
 LINE_TITLES = {"label": "label", "truth": "true friction"}

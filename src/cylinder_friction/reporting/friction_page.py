@@ -1,7 +1,5 @@
 """The page of a run over logs: every recording's friction over time and over velocity, and what was refused."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

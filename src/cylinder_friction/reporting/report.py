@@ -1,10 +1,11 @@
 """The report: a comparison for a reader who has not seen the code."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import plotly.graph_objects as go
+from matplotlib.figure import Figure
 
 from cylinder_friction.evaluation.analysis import Analysis
 from cylinder_friction.evaluation.comparison import Comparison, Scores
@@ -20,10 +21,6 @@ from cylinder_friction.reporting.page import Table, page_html
 from cylinder_friction.reporting.style import draw
 from cylinder_friction.reporting.summary import CLEAR_POINTS, best_reference, summary
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-    from matplotlib.figure import Figure
 
 SECTIONS = {
     "summary": "Summary",

@@ -1,15 +1,14 @@
 """The way back: from a registered model to its run, its commit, its data and its parameters, each link checked."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
+from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.recordings.files import hash_of
@@ -30,9 +29,6 @@ from cylinder_friction.tracking.versions import (
     shaping_params,
     where_data_lies,
 )
-
-if TYPE_CHECKING:
-    from mlflow.entities.model_registry import ModelVersion
 
 
 @dataclass(frozen=True)

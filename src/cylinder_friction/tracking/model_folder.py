@@ -1,17 +1,16 @@
 """The estimator as an MLflow model: a folder with code, ONNX and JSON, signature, example and origin."""
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile
 import warnings
 from importlib import import_module, metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 from mlflow import artifacts
+from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
@@ -19,9 +18,6 @@ from mlflow.types import ColSpec, DataType, Schema
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
-
-if TYPE_CHECKING:
-    from mlflow.entities.model_registry import ModelVersion
 
 SCORING_CODE = Path(__file__).parents[1] / "deployment/scoring_model.py"
 ESTIMATOR_ARTIFACT = "estimator"

@@ -1,17 +1,15 @@
 """A candidate becomes a version of the registered model, once, whatever moment a kill comes at."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 from mlflow.entities import LoggedModelOutput
 from mlflow.entities.logged_model_status import LoggedModelStatus
+from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 
@@ -22,9 +20,6 @@ from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.model_folder import save_model_folder
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
-
-if TYPE_CHECKING:
-    from mlflow.entities.model_registry import ModelVersion
 
 MODEL_KEY = "model_key"
 """Tag of a version and of its logged model: the hash of the candidate's folder, by which it is recognised."""

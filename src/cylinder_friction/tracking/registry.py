@@ -1,24 +1,19 @@
 """The model registry: a candidate becomes a version once, and the champion only if the gate lets it."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.gate import Candidate, Decision, Errors, Incumbent, Registered, decide
 from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, artifact_path, download_model
 from cylinder_friction.tracking.model_version import MODEL_KEY, ensure_version
 from cylinder_friction.tracking.store import Store, open_store
-
-if TYPE_CHECKING:
-    from mlflow.entities.model_registry import ModelVersion
 
 ALIAS = "champion"
 REGISTERED_FILE = "models/registered.json"

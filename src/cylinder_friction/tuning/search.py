@@ -1,21 +1,15 @@
 """The search for the hybrid's hyperparameters: trials under a bound on the cost of a step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import optuna
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
-from optuna.trial import TrialState
+from optuna.trial import FrozenTrial, TrialState
 
 from cylinder_friction.tuning.space import RANGES, SearchSpace
 from cylinder_friction.tuning.trials import DiscardedTrial, Objective, Report, TuningPlan, reason_of, run_trials
-
-if TYPE_CHECKING:
-    from optuna.trial import FrozenTrial
 
 Value = int | float
 Cost = Callable[[dict[str, Value]], int]  # Takes hyperparameters, returns the multiply-adds of one step

@@ -4,20 +4,16 @@ Each proposal depends only on the seed and on the trials finished before it, so 
 journal ends bit for bit where an undisturbed one does. A trial that a kill left running is tried again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import optuna
+from optuna.distributions import BaseDistribution
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
-
-if TYPE_CHECKING:
-    from optuna.distributions import BaseDistribution
 
 Values = dict[str, Any]
 Report = Callable[[float], None]

@@ -1,10 +1,7 @@
 """The sequence graph: a whole recording in, newtons and flags of every sample out, from a fresh state."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import onnx
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs import sensor_offset as learning
@@ -17,9 +14,6 @@ from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO, 
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-
-if TYPE_CHECKING:
-    import onnx
 
 MEANING = "Friction of a hydraulic cylinder from a recording's raw samples, as if stepped through from a fresh start."
 LAST = np.iinfo(np.int64).max

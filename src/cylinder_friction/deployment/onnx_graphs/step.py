@@ -1,10 +1,7 @@
 """The step graph: one raw sample and the state in, newtons, flags and the state out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import onnx
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs import sensor_offset as learning
@@ -17,9 +14,6 @@ from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION,
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-
-if TYPE_CHECKING:
-    import onnx
 
 MEANING = (
     "Friction of a hydraulic cylinder from one raw sample. Feed memory_out and network_out back as memory and network "
