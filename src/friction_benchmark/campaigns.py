@@ -108,7 +108,12 @@ def labelled_campaign(plan: CampaignPlan, cylinder: Cylinder) -> tuple[LabelledR
 
 
 def twin_campaign(
-    seed: int, rigs: int, duration_s: float, cylinder: Cylinder, external_load: LoadKind = "none"
+    seed: int,
+    rigs: int,
+    duration_s: float,
+    cylinder: Cylinder,
+    external_load: LoadKind = "none",
+    sample_time_s: float = CampaignPlan.sample_time_s,
 ) -> tuple[LabelledRecording, ...]:
     """Return the twin's recordings, in the order of their names; ``friction_n`` is true friction, not the label.
 
@@ -121,6 +126,7 @@ def twin_campaign(
         duration_s: Of a recording [s].
         cylinder: Of every rig.
         external_load: ``"varied"`` for forces on the rod that change within a recording.
+        sample_time_s: Of the logger [s].
 
     Raises:
         ValueError: The number of rigs is not in 1 to ``MOST_RIGS``, or the seed is negative.
@@ -136,6 +142,7 @@ def twin_campaign(
             sessions_per_condition=1,
             recordings_per_session=2,
             duration_s=duration_s,
+            sample_time_s=sample_time_s,
             external_load=external_load,
             specimen="wide",
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
+from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.realtime.bounds import causal_velocity
 from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, REST, RETRACTED, WALK
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -141,6 +141,16 @@ def test_what_gives_no_tracker_is_refused(cylinder: Cylinder, offset_recordings:
     bare = [offset_recordings[0].zeroed()]
     with pytest.raises(RecordingError, match="no zeros were identified; correct its offset first"):
         fit_offset_tracker(bare, cylinder, SAMPLE_COLUMNS)
+
+
+def test_zeros_as_uncertain_as_stated_are_not_known(offset_recordings: list[Recording]) -> None:
+    vague = []
+    for recording in offset_recordings:
+        zeros = {name: replace(zero, uncertainty=2900.0) for name, zero in recording.metadata.identified_zero.items()}
+        vague.append(replace(recording, metadata=replace(recording.metadata, identified_zero=zeros)))
+    assert zeros_are_known(offset_recordings)
+    assert not zeros_are_known(vague)
+    assert not zeros_are_known([*offset_recordings, offset_recordings[0].zeroed()])
 
 
 def test_a_fault_is_no_offset(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:

@@ -321,13 +321,13 @@ def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recordi
 
 
 def _tracker_of(recordings: Sequence[Recording], cylinder: Cylinder, inputs: tuple[str, ...]) -> OffsetTracker | None:
-    """Return how the sensors' offset is learned, or None where none was identified, or no pressures are there."""
+    """Return how the sensors' offset is learned, or None where none was identified surely enough."""
     if not (all(each.metadata.identified_zero for each in recordings) and set(SAMPLE_COLUMNS) <= set(inputs)):
         return None
     # SciPy's optimisation: only training waits for it
-    from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
+    from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 
-    return fit_offset_tracker(recordings, cylinder, inputs)
+    return fit_offset_tracker(recordings, cylinder, inputs) if zeros_are_known(recordings) else None
 
 
 def _correction(front_end: FrontEnd, recording: Recording) -> SequenceData:

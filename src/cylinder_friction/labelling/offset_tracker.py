@@ -36,6 +36,8 @@ UNLIMITED = 1e30
 SLOWER, WORTHWHILE = 2.0 / 3.0, 0.95
 """Share of the plan's slowest speed from which sliding counts in real time where waiting for faster strokes leaves more
 of the offset than the history of friction adds to it: where the error falls at least to this share."""
+LEAST_KNOWN = 0.75
+"""Share of the stated uncertainty that zeros may keep to count as known."""
 FOLDS = 4
 CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
 CHOICES = {
@@ -91,6 +93,21 @@ def fit_offset_tracker(
     found = {slowest: _chosen(recordings, inputs, partial(fitted, slowest)) for slowest in (1.0, SLOWER)}
     slowest = SLOWER if found[SLOWER][0] < WORTHWHILE * found[1.0][0] else 1.0
     return fitted(slowest, recordings).careful(**found[slowest][1])
+
+
+def zeros_are_known(recordings: Sequence[Recording]) -> bool:
+    """Return whether recordings state identified zeros, on average clearly surer than their sensors are stated.
+
+    Where friction did not show them, it would not show those of the next session either.
+    """
+    if not all(recording.metadata.identified_zero for recording in recordings):
+        return False
+    remains = [
+        zero.uncertainty / max(recording.metadata.uncertainty[column].zero, 1e-12)
+        for recording in recordings
+        for column, zero in recording.metadata.identified_zero.items()
+    ]
+    return float(np.mean(remains)) <= LEAST_KNOWN
 
 
 def _chosen(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
+from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sensor_offset import OffsetPlan, fit_offset_model, zero_uncertainty_n
 from cylinder_friction.recordings.columns import PRESSURE_1, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
@@ -68,7 +68,7 @@ def run(params: Params) -> RunRecord:
                 for name, found in model.offsets(own).items()
             ]
             recordings[role] = model.corrected(own)
-        if PRESSURE_1 in recordings["train"][0].table.columns:
+        if PRESSURE_1 in recordings["train"][0].table.columns and zeros_are_known(recordings["train"]):
             tracker = fit_offset_tracker(recordings["train"], cylinder, SAMPLE_COLUMNS, plan)
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:

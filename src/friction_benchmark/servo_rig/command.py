@@ -17,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sessions", type=int, default=6, help="of each of the three conditions, two of them for test")
     parser.add_argument("--duration-s", type=float, default=40.0, help="of a session")
     parser.add_argument("--epochs", type=int, default=40, help="of the hybrid's training")
+    parser.add_argument("--twin-rigs", type=int, default=16, help="that the twin's hybrid is trained on; 0: without it")
     parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn")
     parser.add_argument(
         "--elsewhere",
@@ -40,7 +41,7 @@ def run(options: argparse.Namespace) -> str:
     from friction_benchmark.servo_rig.sessions import SessionPlan
 
     sessions = SessionPlan(options.seed, options.sessions, options.duration_s, options.mounting)
-    plan = EvaluationPlan(sessions, epochs=options.epochs)
+    plan = EvaluationPlan(sessions, epochs=options.epochs, twin_rigs=options.twin_rigs)
     scores = evaluate(plan, None if options.elsewhere is None else read_recordings(options.elsewhere))
     if options.json is not None:
         write_json(options.json, content(plan, scores))

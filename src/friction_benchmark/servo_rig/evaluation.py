@@ -1,12 +1,15 @@
 """The product's estimators on the servo rig, trained there and trained elsewhere, against its true friction.
 
 What is trained on sessions of this rig is scored on others. What is trained elsewhere - on labelled recordings of the
-default rig - is applied as it is: pressures are converted to those at which that rig's piston is pushed as hard, and
-the logger samples at that rig's rate. Nothing is fitted to the servo rig then.
+default rig, or on the true friction of rigs of its kind drawn at random - is applied as it is: pressures are converted
+to those at which that rig's piston is pushed as hard, and the logger samples at that rig's rate. Nothing is fitted to
+the servo rig then. Sensor offsets are identified before training, as by the pipeline; a hybrid learns those of each
+test session from a cold start.
 """
 
 from __future__ import annotations
 
+import copy
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -19,13 +22,17 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
+from cylinder_friction.evaluation.sessions import half_width_points
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.sensor_offset import fit_offset_model
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.splits import split
 from cylinder_friction.rig.campaign import CampaignPlan
-from friction_benchmark.campaigns import labelled_campaign
+from friction_benchmark.campaigns import labelled_campaign, twin_campaign
+from friction_benchmark.registry.learned_gain import MODELS
+from friction_benchmark.registry.model import BuildConfiguration
 from friction_benchmark.servo_rig.parameters import CYLINDER
 from friction_benchmark.servo_rig.sessions import CONDITIONS, SessionPlan, as_seen_by, record_sessions
 
@@ -46,6 +53,11 @@ SMALL_CAMPAIGN = CampaignPlan(sessions_per_condition=3, recordings_per_session=1
 LABEL = "off-line label"
 ELSEWHERE = "elsewhere: "
 """Before the names of estimators that were trained on the default rig."""
+OFFSET_LEFT = "hybrid, offset left"
+"""The same hybrid where it learns the sensors' offset, if it did not."""
+TWIN = "twin: hybrid"
+TWIN_S = 30.0
+"""Duration of a recording on a rig of the twin [s]."""
 COLUMN = 23
 """Characters of a column of the table."""
 
@@ -57,6 +69,8 @@ class EvaluationPlan:
     sessions: SessionPlan = field(default_factory=SessionPlan)
     test_sessions: int = 2  # In each condition
     epochs: int = TrainingPlan.epochs  # Of the hybrid; the rest of its training is the product's default
+    twin_rigs: int = 16  # Of the default rig's kind, that the twin's hybrid is trained on; none without it
+    twin_effort: float = 0.2  # Share of its full training
 
 
 @dataclass(frozen=True)
@@ -82,10 +96,7 @@ def evaluate(plan: EvaluationPlan, elsewhere: Sequence[Recording] | None = None)
         elsewhere: Labelled recordings of the default rig; None: ``SMALL_CAMPAIGN`` is simulated at this rig's rate.
     """
     foreign = _of_the_default_rig(elsewhere, plan.sessions.sample_time_s)
-    sessions = record_sessions(plan.sessions)
-    truth = {each.recording.name: each for each in sessions}
-    labelled = labelled_sessions(sessions, plan.sessions)
-    train, test = split(labelled, plan.test_sessions)
+    train, test, truth = _prepared(plan, plan.sessions)
     inputs = SAMPLE_COLUMNS if plan.sessions.mounting == "horizontal" else (*SAMPLE_COLUMNS, LOAD_FORCE)
     made = _estimators(CYLINDER, inputs, plan.epochs)
     made["pressure-scaled LuGre"] = lambda: AnalyticalEstimator(CYLINDER, LuGre(pressure_scaled=True), inputs)
@@ -93,7 +104,19 @@ def evaluate(plan: EvaluationPlan, elsewhere: Sequence[Recording] | None = None)
     scores = [scored(LABEL, each, each.column("friction_n"), truth[each.name]) for each in test]
     for name, estimator in fitted.items():
         scores += [scored(name, each, estimator.estimate(each), truth[each.name]) for each in test]
-    return scores + _from_elsewhere(plan, foreign, {each.name for each in test})
+    return scores + _from_elsewhere(plan, foreign)
+
+
+def _prepared(
+    plan: EvaluationPlan, recorded: SessionPlan
+) -> tuple[list[Recording], list[Recording], dict[str, ServoSession]]:
+    """Return labelled recordings for training and test, free of identified offsets, and all sessions by name."""
+    sessions = record_sessions(recorded)
+    train, test = split(labelled_sessions(sessions, recorded), plan.test_sessions)
+    if recorded.mounting == "horizontal":  # a load identified from position has absorbed the offsets
+        offsets = fit_offset_model(train, CYLINDER)
+        train, test = offsets.corrected(train), offsets.corrected(test)
+    return train, test, {each.recording.name: each for each in sessions}
 
 
 def labelled_sessions(sessions: Sequence[ServoSession], plan: SessionPlan) -> list[Recording]:
@@ -127,6 +150,17 @@ def percent(scores: Sequence[Score], error: str = "mae_n") -> float:
     return 100.0 * float(rows @ errors) / float(rows @ np.array([each.truth_n for each in scores]))
 
 
+def half_interval_points(scores: Sequence[Score]) -> float:
+    """Return half the 95 % interval [points] of one estimator's percentage, by how much its sessions differ."""
+    deviations = {}
+    for condition in dict.fromkeys(each.condition for each in scores):
+        here = [each for each in scores if each.condition == condition]
+        friction_n = np.array([each.rows * each.truth_n for each in here])
+        error_n = np.array([each.rows * each.mae_n for each in here])
+        deviations[condition] = (100.0 * error_n - percent(here) * friction_n) / friction_n.mean()
+    return half_width_points(deviations, list(deviations))
+
+
 def table(scores: Sequence[Score]) -> str:
     """Return the table: percent of mean |true friction|, by condition with each test session's value, and who wins."""
     grouped: defaultdict[str, list[Score]] = defaultdict(list)
@@ -134,13 +168,17 @@ def table(scores: Sequence[Score]) -> str:
         grouped[each.estimator].append(each)
     wide = max(map(len, grouped)) + 2
     titles = [*(condition.title for condition in CONDITIONS.values()), "all", "offset-free", "against label"]
-    lines = ["Error against true friction, % of its mean (in brackets: each test session)", _line(wide, "", titles)]
+    heading = (
+        "Error against true friction, % of its mean (in brackets: each test session; ±: 95 % interval by sessions)"
+    )
+    lines = [heading, _line(wide, "", titles)]
     for name, own in grouped.items():
         cells = []
         for condition in CONDITIONS:
             here = [each for each in own if each.condition == condition]
             cells.append(f"{percent(here):.2f} ({' '.join(f'{percent([each]):.2f}' for each in here)})")
-        cells += [f"{percent(own, error):.2f}" for error in ("mae_n", "offset_free_mae_n", "label_mae_n")]
+        cells.append(f"{percent(own):.2f} ± {half_interval_points(own):.2f}")
+        cells += [f"{percent(own, error):.2f}" for error in ("offset_free_mae_n", "label_mae_n")]
         lines.append(_line(wide, name, cells))
     return "\n".join([*lines, "", *_sentences(grouped)])
 
@@ -154,7 +192,7 @@ def _line(wide: int, name: str, cells: Sequence[str]) -> str:
     """Return a line of the table; the last three columns are narrow, one number each."""
     first, last = cells[:-3], cells[-3:]
     padded = [cell.ljust(COLUMN) for cell in first] + [
-        cell.rjust(7 if place == 0 else 15) for place, cell in enumerate(last)
+        cell.rjust(13 if place == 0 else 15) for place, cell in enumerate(last)
     ]
     return name.ljust(wide) + "".join(padded)
 
@@ -195,21 +233,33 @@ def _of_the_default_rig(given: Sequence[Recording] | None, sample_time_s: float)
     return given
 
 
-def _from_elsewhere(plan: EvaluationPlan, elsewhere: Sequence[Recording], test: set[str]) -> list[Score]:
+def _from_elsewhere(plan: EvaluationPlan, elsewhere: Sequence[Recording]) -> list[Score]:
     """Return the scores of estimators that were trained on the default rig and are applied here as they are."""
     made = _estimators(DEFAULT_RIG_CYLINDER, SAMPLE_COLUMNS, plan.epochs)
     del made["force balance, unfiltered"]  # it learns nothing, there as here
-    fitted = _fitted(made, elsewhere, "train on the default rig")
+    if not any(each.metadata.identified_zero for each in elsewhere):
+        elsewhere = fit_offset_model(elsewhere, DEFAULT_RIG_CYLINDER).corrected(elsewhere)
     as_logged = replace(plan.sessions, sample_time_s=elsewhere[0].sample_time_s)
-    sessions = [each for each in record_sessions(as_logged) if each.recording.name in test]
+    fitted = {ELSEWHERE + name: each for name, each in _fitted(made, elsewhere, "train on the default rig").items()}
+    if plan.twin_rigs:
+        fitted[TWIN] = _twin_trained(plan, as_logged.sample_time_s)
+    _, test, truth = _prepared(plan, as_logged)
     areas = (DEFAULT_RIG_CYLINDER.piston_area_m2, DEFAULT_RIG_CYLINDER.annulus_area_m2)
     scores = []
     for name, estimator in fitted.items():
-        for recording, session in zip(labelled_sessions(sessions, as_logged), sessions, strict=True):
+        for recording in test:
             load_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.table.columns else 0.0
             estimate_n = estimator.estimate(as_seen_by(recording, areas, load_n))
-            scores.append(scored(ELSEWHERE + name, recording, estimate_n, session))
+            scores.append(scored(name, recording, estimate_n, truth[recording.name]))
     return scores
+
+
+def _twin_trained(plan: EvaluationPlan, sample_time_s: float) -> FrictionEstimator:
+    """Return the hybrid trained on the true friction of rigs of the default rig's kind, each drawn at random."""
+    model = next(one for one in MODELS if one.trained_on == "twin")
+    rigs = twin_campaign(0, plan.twin_rigs, TWIN_S, DEFAULT_RIG_CYLINDER, sample_time_s=sample_time_s)
+    build = BuildConfiguration(DEFAULT_RIG_CYLINDER, SAMPLE_COLUMNS, 0, plan.twin_effort, model.defaults)
+    return model.build(build).fit([each.recording for each in rigs])
 
 
 def _fitted(
@@ -217,7 +267,11 @@ def _fitted(
 ) -> dict[str, FrictionEstimator]:
     """Return the estimators, fitted, with a progress bar."""
     bar = tqdm(made.items(), what, unit="estimator", disable=None)
-    return {name: make().fit(recordings) for name, make in bar}
+    fitted = {name: make().fit(recordings) for name, make in bar}
+    if fitted["hybrid"].offset is not None:
+        fitted[OFFSET_LEFT] = copy.copy(fitted["hybrid"])
+        fitted[OFFSET_LEFT].offset = None
+    return fitted
 
 
 def _estimators(cylinder: Cylinder, inputs: Sequence[str], epochs: int) -> dict[str, Callable[[], FrictionEstimator]]:

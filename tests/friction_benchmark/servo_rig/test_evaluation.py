@@ -22,6 +22,7 @@ from friction_benchmark.servo_rig.evaluation import (
     EvaluationPlan,
     Score,
     evaluate,
+    half_interval_points,
     percent,
     table,
 )
@@ -50,7 +51,7 @@ def elsewhere() -> list[Recording]:
 @pytest.mark.parametrize("mounting", ["horizontal", "vertical"])
 def test_every_estimator_is_scored_in_every_test_session(elsewhere: list[Recording], mounting: str) -> None:
     duration_s = 8.0 if mounting == "horizontal" else 20.0
-    plan = EvaluationPlan(SessionPlan(0, 3, duration_s, mounting), epochs=1)  # type: ignore[arg-type]
+    plan = EvaluationPlan(SessionPlan(0, 3, duration_s, mounting), epochs=1, twin_rigs=1)  # type: ignore[arg-type]
     scores = evaluate(plan, elsewhere)
     names = list(dict.fromkeys(score.estimator for score in scores))
     assert names == [
@@ -63,6 +64,7 @@ def test_every_estimator_is_scored_in_every_test_session(elsewhere: list[Recordi
         "elsewhere: hybrid",
         "elsewhere: ridge",
         "elsewhere: force balance, low-pass",
+        "twin: hybrid",
     ]
     sessions = {score.session for score in scores}
     assert len(sessions) == 6
@@ -101,6 +103,12 @@ def test_the_table_states_who_is_nearest_and_how_often() -> None:
     assert "hybrid          3.00 (3.00)" in printed
 
 
+def test_the_interval_goes_by_how_much_sessions_of_a_condition_differ() -> None:
+    """Errors of 2 and 4 %, twice: a deviation of 1 point, and Student's t of two degrees of freedom."""
+    scores = [made("ridge", condition, error) for condition in "12" for error in (2.0, 4.0)]
+    assert half_interval_points(scores) == pytest.approx(4.303 * 2.0**0.5 / 2.0, rel=1e-3)
+
+
 def made(name: str, condition: str, error_n: float, truth_n: float = 100.0, rows: int = 10) -> Score:
     return Score(name, condition, f"session {condition}", truth_n, error_n, 0.0, error_n, error_n, rows)
 
@@ -119,7 +127,8 @@ def test_the_command_prints_the_table_and_writes_the_scores(
     monkeypatch.chdir(tmp_path)
     for recording in elsewhere:
         write_recording(tmp_path / "labelled", recording)
-    small = ["--sessions", "3", "--duration-s", "8", "--epochs", "1", "--elsewhere", "labelled", "--json", "out.json"]
+    small = ["--sessions", "3", "--duration-s", "8", "--epochs", "1", "--twin-rigs", "0"]
+    small += ["--elsewhere", "labelled", "--json", "out.json"]
     assert main(["servo-rig", *small]) == 0
     assert capsys.readouterr().out.startswith("Error against true friction")
     content = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
