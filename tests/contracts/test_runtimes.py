@@ -56,7 +56,7 @@ def opened(models: dict[str, StepModel], folders: dict[tuple[str, str], Path]) -
 
     yield open_one
     for stream in streams:
-        stream.close()
+        getattr(stream, "close", lambda: None)()
 
 
 def assert_meets(

@@ -20,17 +20,10 @@ class LugreEstimator(AnalyticalEstimator):
     """LuGre identified in one condition alone, as published comparisons do; at run time it sees position only.
 
     Args:
-        cylinder: For the moving mass.
         condition: The ``metadata.condition`` of the recordings that it is identified on; None: the condition with the
             smallest mean absolute friction, as the paper identifies LuGre at the smallest load. ``fit`` sets it.
-        seed: Seed of the search.
-        population: Members of differential evolution per coordinate.
-        generations: Greatest number of generations.
-        simulated_recordings: How many recordings differential evolution simulates.
-        velocity_dead_band_m_s: Slower counts as standstill, where no backlash operator decides [m/s].
-        damping_ratio: Damping ratio of the moving mass on the bristles.
-        confidence: Probability of the confidence intervals.
-        inputs: Columns of a sample; ``position_m`` must be one.
+        seed, population, generations, simulated_recordings: As for ``SearchEffort``.
+        cylinder, velocity_dead_band_m_s, damping_ratio, confidence, inputs: As for ``AnalyticalEstimator``.
 
     Attributes:
         parameters: The model; None before ``fit``.

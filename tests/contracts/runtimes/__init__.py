@@ -18,7 +18,8 @@ class Stream(Protocol):
     """One running estimate; streams of one runtime do not touch each other.
 
     One that takes whole recordings alone has ``run`` in place of ``step``: samples, shape ``(n, inputs)``, to newtons,
-    shape ``(n, 3)``, and flags, shape ``(n,)``, each call from a fresh state.
+    shape ``(n, 3)``, and flags, shape ``(n,)``, each call from a fresh state. One that holds something outside Python
+    has ``close``.
     """
 
     def step(self, *sample: float) -> Output:
@@ -29,9 +30,6 @@ class Stream(Protocol):
 
     def warm_up(self, *sample: float, steps: int) -> None:
         """Reset, then take ``steps`` steps on one sample."""
-
-    def close(self) -> None:
-        """Release what the stream holds outside Python."""
 
 
 class Runtime(Protocol):

@@ -21,11 +21,6 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 
-class _Stream(CompiledStream):
-    def close(self) -> None:
-        """Hold nothing outside Python."""
-
-
 class C:
     """One precision of the C."""
 
@@ -33,14 +28,14 @@ class C:
         self.name, self._precision = f"c_{precision}", precision
         self._compiled: dict[Path, CompiledEstimator] = {}
 
-    def open(self, model: StepModel, folder: Path) -> _Stream:
+    def open(self, model: StepModel, folder: Path) -> CompiledStream:
         try:
             find_compiler()
         except NoCompilerError as missing:
             pytest.skip(str(missing))
         if folder not in self._compiled:
             self._compiled[folder] = CompiledEstimator(export_model(model, folder, precision=self._precision))
-        return _Stream(self._compiled[folder])
+        return CompiledStream(self._compiled[folder])
 
 
 RUNTIMES = [C("double"), C("float")]

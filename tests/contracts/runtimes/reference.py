@@ -12,18 +12,13 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 
-class _Stream(ReferenceStream):
-    def close(self) -> None:
-        """Hold nothing."""
-
-
 class Reference:
     """Plain Python."""
 
     name = "reference"
 
-    def open(self, model: StepModel, folder: Path) -> _Stream:
-        return _Stream(model)
+    def open(self, model: StepModel, folder: Path) -> ReferenceStream:
+        return ReferenceStream(model)
 
 
 RUNTIME = Reference()

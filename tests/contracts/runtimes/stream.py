@@ -14,12 +14,7 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 
-class _Stream(RealTimeStream):
-    def close(self) -> None:
-        """Hold nothing."""
-
-
-class _Rows(_Stream):
+class _Rows(RealTimeStream):
     def run(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         outputs = [self.step(*sample) for sample in samples]
         return np.array([output[:3] for output in outputs]), np.array([output.flags for output in outputs])
@@ -30,7 +25,7 @@ class Steps:
 
     name = "python"
 
-    def open(self, model: StepModel, folder: Path) -> _Stream:
+    def open(self, model: StepModel, folder: Path) -> RealTimeStream:
         return _Rows(model)
 
 
@@ -39,8 +34,8 @@ class Run:
 
     name = "python_run"
 
-    def open(self, model: StepModel, folder: Path) -> _Stream:
-        return _Stream(model)
+    def open(self, model: StepModel, folder: Path) -> RealTimeStream:
+        return RealTimeStream(model)
 
 
 RUNTIMES = [Steps(), Run()]

@@ -81,9 +81,4 @@ def _model_dict(model: ModelFigures) -> dict[str, Any]:
         }
         for name, figures in model.runtimes.items()
     }
-    return {
-        "size": model.size,
-        "state_bytes": model.state_bytes,
-        "operations": model.operations,
-        "runtimes": runtimes,
-    }
+    return asdict(model) | {"runtimes": runtimes}

@@ -79,9 +79,6 @@ class OnnxStepStream:
         friction, lower, upper, flags = self._outputs
         return Estimate(friction.item(), lower.item(), upper.item(), flags.item())
 
-    def close(self) -> None:
-        """Release nothing; present so that streams of every runtime are used alike."""
-
     def _bound(self, arrays: dict[str, NDArray[Any]]) -> Any:
         binding = self.session.io_binding()
         ports = {port.name: binding.bind_input for port in self.session.get_inputs()}
@@ -133,9 +130,6 @@ class OnnxSequence:
         feed = {"samples": np.ascontiguousarray(samples, dtype=np.float64)}
         outputs: list[NDArray[Any]] = self.session.run(names, feed | _given(self.session, offset_n, uncertainty_n))
         return outputs
-
-    def close(self) -> None:
-        """Release nothing; present so that streams of every runtime are used alike."""
 
 
 def open_step(source: Path | onnx.ModelProto) -> OnnxStepStream:
