@@ -15,7 +15,7 @@ from cylinder_friction.friction_models.identification.presliding import (
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
 from cylinder_friction.friction_models.identification.search import Coordinates
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
-from cylinder_friction.friction_models.identification.steady_points import steady_points
+from cylinder_friction.friction_models.identification.steady_points import steady_points, steady_sliding_by_speed
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from friction_samples import new_bristle, simulate
@@ -109,6 +109,15 @@ def test_steady_points_lie_on_the_curve(cylinder: Cylinder, plain_recordings: li
     assert np.all(np.diff(velocity) > 0.0)
     assert np.abs(friction - curve.friction(velocity)).max() < 15.0
     assert all(point.lower_quartile_n <= point.friction_n <= point.upper_quartile_n for point in points)
+
+
+def test_rows_are_numbered_by_stroke_over_all_recordings(plain_recordings: list[Recording]) -> None:
+    back_and_forth = np.where(np.arange(6000) % 2000 < 1000, 0.02, -0.02)
+    one = plain_recordings[0].with_columns(velocity_m_s=back_and_forth, usable=np.ones(6000, dtype=bool))
+    found = steady_sliding_by_speed([one, one], DEAD_BAND_M_S)
+    assert [len(np.unique(each.stroke)) for each in found] == [6, 6]
+    assert not set(found[0].stroke) & set(found[1].stroke)
+    assert [each.point() for each in found] == steady_points([one, one], DEAD_BAND_M_S)
 
 
 def test_unusable_rows_give_no_points(plain_recordings: list[Recording]) -> None:

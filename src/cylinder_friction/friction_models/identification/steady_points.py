@@ -13,6 +13,8 @@ from cylinder_friction.signals.motion import steady_rows, travel_since_stop
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from cylinder_friction.arrays import Array, Mask
     from cylinder_friction.recordings.recording import Recording
 
@@ -38,9 +40,23 @@ class SteadyPoint:
     rows: int  # How many samples the point stands for
 
 
-def _has_slid(recording: Recording, slowest_m_s: float) -> Mask:
-    travel_m = travel_since_stop(recording.column("velocity_m_s"), slowest_m_s, recording.sample_time_s)
-    return np.asarray(recording.usable() & (travel_m > PRESLIDING_TRAVEL_M))
+@dataclass(frozen=True)
+class SteadySliding:
+    """Rows of steady sliding at about one speed in one direction."""
+
+    # Shape ``(rows,)``
+    velocity_m_s: Array  # Positive while extending
+    friction_n: Array  # Positive when it opposes positive velocity
+    stroke: NDArray[np.int64]  # Number of the stroke that each row belongs to, counted over all recordings
+
+    def point(self) -> SteadyPoint:
+        """Return medians and quartiles."""
+        lower_n, middle_n, upper_n = np.quantile(self.friction_n, [0.25, 0.5, 0.75]).tolist()
+        return SteadyPoint(float(np.median(self.velocity_m_s)), middle_n, lower_n, upper_n, len(self.velocity_m_s))
+
+    def where(self, rows: Mask) -> SteadySliding:
+        """Return some of the rows."""
+        return SteadySliding(self.velocity_m_s[rows], self.friction_n[rows], self.stroke[rows])
 
 
 def steady_points(
@@ -48,65 +64,64 @@ def steady_points(
 ) -> list[SteadyPoint]:
     """Return points of the friction-velocity curve, slowest retraction to fastest extension.
 
-    Speeds are binned on a logarithmic scale, separately for each direction, and a bin gives the medians of its rows.
+    The arguments are those of ``steady_sliding_by_speed``, which determines what rows a point stands for.
+    """
+    return [each.point() for each in steady_sliding_by_speed(recordings, slowest_m_s, bins, rows_per_point)]
+
+
+def steady_sliding_by_speed(
+    recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_per_point: int = 40
+) -> list[SteadySliding]:
+    """Return the rows of steady sliding by speed, slowest retraction to fastest extension.
+
+    Speeds are binned on a logarithmic scale, separately for each direction.
     A hand never moves at exactly constant velocity, so that the tolerance is widened until both directions have at
     least half the bins filled. Where even the widest leaves fewer points than a curve has parameters, as in recordings
     of a few seconds, every row beyond presliding counts. Rows slower than ``slowest_m_s`` are at standstill.
     """
     slowest_m_s = max(slowest_m_s, LEAST_SPEED_M_S)
-    points: list[SteadyPoint] = []
+    found: list[SteadySliding] = []
     slid = [_has_slid(recording, slowest_m_s) for recording in recordings]
     for variation in STEADY_VARIATIONS:
         masks = [
             mask & steady_rows(recording.column("velocity_m_s"), recording.sample_time_s, slowest_m_s, variation)
             for recording, mask in zip(recordings, slid, strict=True)
         ]
-        points = _points(recordings, masks, slowest_m_s, bins, rows_per_point)
-        if min(sum(point.velocity_m_s * way > 0.0 for point in points) for way in (-1.0, 1.0)) >= bins // 2:
-            return points
-    if len(points) < CURVE_PARAMETERS:
-        points = _points(recordings, slid, slowest_m_s, bins, rows_per_point // 4)
-    return points
+        found = _by_speed(_joined(recordings, slid, masks), slowest_m_s, bins, rows_per_point)
+        if min(sum(bool(each.velocity_m_s[0] * way > 0.0) for each in found) for way in (-1.0, 1.0)) >= bins // 2:
+            return found
+    if len(found) < CURVE_PARAMETERS:
+        found = _by_speed(_joined(recordings, slid, slid), slowest_m_s, bins, rows_per_point // 4)
+    return found
 
 
-def _points(
-    recordings: Sequence[Recording],
-    masks: Sequence[Mask],
-    slowest_m_s: float,
-    bins: int,
-    rows_per_point: int,
-) -> list[SteadyPoint]:
-    velocity, friction = _joined(recordings, masks, "velocity_m_s"), _joined(recordings, masks, "friction_n")
-    both_ways = [_binned(velocity, friction, way, slowest_m_s, bins, rows_per_point) for way in (-1.0, 1.0)]
-    return sorted(both_ways[0] + both_ways[1], key=lambda point: point.velocity_m_s)
+def _has_slid(recording: Recording, slowest_m_s: float) -> Mask:
+    travel_m = travel_since_stop(recording.column("velocity_m_s"), slowest_m_s, recording.sample_time_s)
+    return np.asarray(recording.usable() & (travel_m > PRESLIDING_TRAVEL_M))
 
 
-def _joined(recordings: Sequence[Recording], masks: Sequence[Mask], column: str) -> Array:
-    return np.concatenate([recording.column(column)[mask] for recording, mask in zip(recordings, masks, strict=True)])
+def _joined(recordings: Sequence[Recording], slid: Sequence[Mask], masks: Sequence[Mask]) -> SteadySliding:
+    """Return the masked rows of all recordings; an unbroken run of rows that have slid is one stroke."""
+    chosen = np.concatenate(masks)
+    return SteadySliding(
+        np.concatenate([recording.column("velocity_m_s") for recording in recordings]),
+        np.concatenate([recording.column("friction_n") for recording in recordings]),
+        np.cumsum(np.concatenate([np.diff(mask, prepend=False) & mask for mask in slid])),
+    ).where(chosen)
 
 
-def _binned(
-    velocity: Array, friction: Array, direction: float, slowest_m_s: float, bins: int, rows_per_point: int
-) -> list[SteadyPoint]:
-    one_way = velocity * direction > 0.0
-    velocity, friction = velocity[one_way], friction[one_way]
-    if len(velocity) < rows_per_point:
+def _by_speed(rows: SteadySliding, slowest_m_s: float, bins: int, rows_per_point: int) -> list[SteadySliding]:
+    both_ways = [
+        _binned(rows.where(rows.velocity_m_s * way > 0.0), slowest_m_s, bins, rows_per_point) for way in (-1.0, 1.0)
+    ]
+    return both_ways[0][::-1] + both_ways[1]
+
+
+def _binned(one_way: SteadySliding, slowest_m_s: float, bins: int, rows_per_point: int) -> list[SteadySliding]:
+    """Return the rows of each bin that holds enough of them, slowest first."""
+    speed = np.abs(one_way.velocity_m_s)
+    if len(speed) < rows_per_point:
         return []
-    speed = np.abs(velocity)
     edges = np.geomspace(slowest_m_s, np.nextafter(float(speed.max()), np.inf), bins + 1)
     numbers = np.clip(np.digitize(speed, edges) - 1, 0, bins - 1)
-    points = []
-    for number in range(bins):
-        rows = numbers == number
-        if rows.sum() >= rows_per_point:
-            quartiles = np.quantile(friction[rows], [0.25, 0.5, 0.75])
-            points.append(
-                SteadyPoint(
-                    velocity_m_s=float(np.median(velocity[rows])),
-                    friction_n=float(quartiles[1]),
-                    lower_quartile_n=float(quartiles[0]),
-                    upper_quartile_n=float(quartiles[2]),
-                    rows=int(rows.sum()),
-                )
-            )
-    return points
+    return [one_way.where(numbers == number) for number in range(bins) if (numbers == number).sum() >= rows_per_point]
