@@ -17,14 +17,7 @@ from cylinder_friction.estimators.linear import force_balance_taps, labelled_row
 from cylinder_friction.realtime.history import HISTORY_NAMES, History, history_rows, new_history
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.causal import (
-    FirFilter,
-    FirState,
-    cascade_taps,
-    difference_taps,
-    moving_average_taps,
-    one_sided_savitzky_golay_taps,
-)
+from cylinder_friction.signals import causal
 from cylinder_friction.signals.least_squares import least_squares
 
 Design = Literal["force_balance", "paper", "full"]
@@ -97,8 +90,8 @@ class FrontEnd:
 class FrontEndState:
     """State of the feature filters, of the force that is corrected, and of the history of motion."""
 
-    features: FirState
-    base: FirState
+    features: causal.FirState
+    base: causal.FirState
     motion: Array
 
 
@@ -107,9 +100,9 @@ class FrontEndBlock:
 
     def __init__(self, front_end: FrontEnd) -> None:
         self.front_end = front_end
-        self._features = FirFilter(front_end.taps)
+        self._features = causal.FirFilter(front_end.taps)
         none = np.zeros((1, front_end.taps.shape[1], 1))
-        self._base = FirFilter(none if front_end.base_taps is None else front_end.base_taps)
+        self._base = causal.FirFilter(none if front_end.base_taps is None else front_end.base_taps)
 
     def new_state(self) -> FrontEndState:
         return FrontEndState(self._features.new_state(), self._base.new_state(), new_history())
@@ -233,8 +226,8 @@ def smoothed_force_balance_taps(
     """
     labels, masks = labelled_rows(recordings)
     taps = force_balance_taps(cylinder, inputs)
-    balance = FirFilter(taps)
-    lags = FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
+    balance = causal.FirFilter(taps)
+    lags = causal.FirFilter(np.eye(SMOOTHING_LAGS)[:, None, :])
     rows = []
     for recording, mask in zip(recordings, masks, strict=True):
         force = balance.advance(balance.new_state(), recording.samples(inputs))
@@ -267,8 +260,8 @@ def _feature_rows(
 
     if design == "paper":
         refuse_missing_inputs(inputs)
-        average = moving_average_taps(10)
-        velocity = cascade_taps(average, difference_taps(sample_time_s))
+        average = causal.moving_average_taps(10)
+        velocity = causal.cascade_taps(average, causal.difference_taps(sample_time_s))
         return [
             FeatureRow("pressure_1_pa", signal("pressure_1_pa", average)),
             FeatureRow("pressure_2_pa", signal("pressure_2_pa", average)),
@@ -277,26 +270,26 @@ def _feature_rows(
     rows = []
     if raw:
         areas = force_balance_taps(cylinder, inputs)[0] if cylinder is not None else np.ones((len(inputs), 1))
-        pressure_rate = one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
+        pressure_rate = causal.one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
         rows = [
             FeatureRow("force_balance_n", areas),
-            FeatureRow("force_balance_4_n", areas * moving_average_taps(4)),
-            FeatureRow("force_balance_12_n", areas * moving_average_taps(12)),
-            FeatureRow("pressure_1_pa", signal("pressure_1_pa", moving_average_taps(8))),
-            FeatureRow("pressure_2_pa", signal("pressure_2_pa", moving_average_taps(8))),
+            FeatureRow("force_balance_4_n", areas * causal.moving_average_taps(4)),
+            FeatureRow("force_balance_12_n", areas * causal.moving_average_taps(12)),
+            FeatureRow("pressure_1_pa", signal("pressure_1_pa", causal.moving_average_taps(8))),
+            FeatureRow("pressure_2_pa", signal("pressure_2_pa", causal.moving_average_taps(8))),
             FeatureRow("pressure_1_rate_pa_s", signal("pressure_1_pa", pressure_rate)),
         ]
-    velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
-    slow_velocity = cascade_taps(moving_average_taps(20), difference_taps(sample_time_s))
+    velocity = causal.one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
+    slow_velocity = causal.cascade_taps(causal.moving_average_taps(20), causal.difference_taps(sample_time_s))
     rows += [
         FeatureRow("velocity_m_s", signal("position_m", velocity)),
         FeatureRow("creep_velocity", signal("position_m", velocity), CREEP_VELOCITY_M_S),
         FeatureRow("slow_creep_velocity", signal("position_m", slow_velocity), CREEP_VELOCITY_M_S),
     ]
     if full:
-        acceleration = one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
+        acceleration = causal.one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
         rows.append(FeatureRow("acceleration_m_s2", signal("position_m", acceleration)))
     for name in inputs:
         if (name == "position_m" and full) or name not in SAMPLE_COLUMNS or (name != "position_m" and not raw):
-            rows.append(FeatureRow(f"{name}_20", signal(name, moving_average_taps(20))))
+            rows.append(FeatureRow(f"{name}_20", signal(name, causal.moving_average_taps(20))))
     return rows

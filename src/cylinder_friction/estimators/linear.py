@@ -17,15 +17,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.causal import (
-    ExponentialLowPass,
-    FirFilter,
-    FirState,
-    LowPassState,
-    cascade_taps,
-    difference_taps,
-    moving_average_taps,
-)
+from cylinder_friction.signals import causal
 from cylinder_friction.signals.least_squares import least_squares
 
 PAPER_WINDOW = 10
@@ -53,9 +45,11 @@ def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: S
     Forces and position run through a moving average of 10 samples; acceleration, twice the difference of position,
     through one of 30.
     """
-    average = moving_average_taps(PAPER_WINDOW)
-    difference = difference_taps(sample_time_s)
-    acceleration = cascade_taps(average, difference, difference, moving_average_taps(PAPER_ACCELERATION_WINDOW))
+    average = causal.moving_average_taps(PAPER_WINDOW)
+    difference = causal.difference_taps(sample_time_s)
+    acceleration = causal.cascade_taps(
+        average, difference, difference, causal.moving_average_taps(PAPER_ACCELERATION_WINDOW)
+    )
     taps = np.zeros((1, len(inputs), len(acceleration)))
     taps[:, :, :PAPER_WINDOW] = force_balance_taps(cylinder, inputs) * average
     taps[0, list(inputs).index("position_m")] = -cylinder.moving_mass_kg * acceleration
@@ -80,7 +74,7 @@ class LinearEstimator(FrictionEstimator):
 
     def __init__(self, inputs: Sequence[str]) -> None:
         super().__init__(inputs)
-        self._filter: FirFilter | None = None
+        self._filter: causal.FirFilter | None = None
         self._constant_n = 0.0
 
     @property
@@ -88,10 +82,10 @@ class LinearEstimator(FrictionEstimator):
         """Taps on raw samples, shape ``(inputs, lags)``."""
         return self._fir().taps[0]
 
-    def new_state(self) -> FirState:
+    def new_state(self) -> causal.FirState:
         return self._fir().new_state()
 
-    def advance(self, state: FirState, samples: Array) -> Array:
+    def advance(self, state: causal.FirState, samples: Array) -> Array:
         return self._fir().advance(state, samples)[:, 0] + self._constant_n
 
     def multiply_adds(self) -> int:
@@ -102,7 +96,7 @@ class LinearEstimator(FrictionEstimator):
         self._refuse_unfitted()
         return self._step_model(base_taps=self.taps, target_mean_n=self._constant_n)
 
-    def _fir(self) -> FirFilter:
+    def _fir(self) -> causal.FirFilter:
         self._refuse_unfitted()
         assert self._filter is not None
         return self._filter
@@ -139,11 +133,11 @@ class ForceBalanceEstimator(LinearEstimator):
         self._begin_fit(recordings)
         return self
 
-    def _fir(self) -> FirFilter:
+    def _fir(self) -> causal.FirFilter:
         if self._filter is None:
             self._refuse_unfitted()
             assert self.sample_time_s is not None
-            self._filter = FirFilter(
+            self._filter = causal.FirFilter(
                 force_balance_taps(self.cylinder, self.inputs)
                 if self.filtering == "none"
                 else paper_force_balance_taps(self.cylinder, self.sample_time_s, self.inputs)
@@ -162,8 +156,8 @@ class ForceBalanceEstimator(LinearEstimator):
 class LowPassForceState:
     """State of ``LowPassForceBalanceEstimator``: none for the balance itself, the output of its low-pass."""
 
-    balance: FirState
-    low_pass: LowPassState
+    balance: causal.FirState
+    low_pass: causal.LowPassState
 
 
 class LowPassForceBalanceEstimator(FrictionEstimator):
@@ -186,8 +180,8 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         self.weight = weight
 
     @cached_property
-    def _balance(self) -> FirFilter:
-        return FirFilter(force_balance_taps(self.cylinder, self.inputs))
+    def _balance(self) -> causal.FirFilter:
+        return causal.FirFilter(force_balance_taps(self.cylinder, self.inputs))
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Choose the weight with the smallest mean absolute error on the usable rows."""
@@ -200,7 +194,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         ]
 
         def error(weight: float) -> float:
-            low_pass = ExponentialLowPass(weight)
+            low_pass = causal.ExponentialLowPass(weight)
             smooth = [low_pass.advance(low_pass.new_state(), force)[:, 0] for force in forces]
             estimates = np.concatenate([values[mask] for values, mask in zip(smooth, masks, strict=True)])
             return float(np.mean(np.abs(estimates - labels)))
@@ -210,12 +204,12 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         return self
 
     def new_state(self) -> LowPassForceState:
-        return LowPassForceState(self._balance.new_state(), LowPassState())
+        return LowPassForceState(self._balance.new_state(), causal.LowPassState())
 
     def advance(self, state: LowPassForceState, samples: Array) -> Array:
         assert self.weight is not None
         force = self._balance.advance(state.balance, samples)
-        return ExponentialLowPass(self.weight).advance(state.low_pass, force)[:, 0]
+        return causal.ExponentialLowPass(self.weight).advance(state.low_pass, force)[:, 0]
 
     def multiply_adds(self) -> int:
         return 3
@@ -269,7 +263,7 @@ class RidgeEstimator(LinearEstimator):
         scale[scale == 0.0] = 1.0
         mean_n = float(labels.mean())
         coefficients = least_squares((rows - mean) / scale, labels - mean_n, self.penalty) / scale
-        self._filter = FirFilter(coefficients.reshape(1, len(self.inputs), self.lags))
+        self._filter = causal.FirFilter(coefficients.reshape(1, len(self.inputs), self.lags))
         self._constant_n = mean_n - float((coefficients * mean).sum())
         return self
 
@@ -290,6 +284,6 @@ class RidgeEstimator(LinearEstimator):
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
         estimator = cls(parameters["lags"], parameters["penalty"])
-        estimator._filter = FirFilter(np.array([parameters["taps"]]))
+        estimator._filter = causal.FirFilter(np.array([parameters["taps"]]))
         estimator._constant_n = parameters["intercept_n"]
         return estimator

@@ -9,15 +9,8 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, missing_columns
+from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, SensorLimits, SensorScale, sensor_step
-from cylinder_friction.recordings.mapping.units import (
-    Reference,
-    check_unit,
-    column_scale,
-    electrical,
-    stated_reference,
-    to_column_unit,
-)
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
 
 STANDARD_ATMOSPHERE_PA = 101325.0
@@ -41,7 +34,7 @@ class ChannelMapping:
     # Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of this one's
     # own table
     time: str = ""
-    reference: Reference = "gauge"  # What pressure is counted from; a unit such as ``bara`` states it itself
+    reference: units.Reference = "gauge"  # What pressure is counted from; a unit such as ``bara`` states it itself
     sensor: SensorScale | None = None  # What the channel's signal means, and what the sensor can read
     # What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its reading with
     # the rod in
@@ -59,17 +52,17 @@ class ChannelMapping:
             )
         if self.sign not in (1, -1):
             raise RecordingError(f"{where}: sign must be 1 or -1, but got {self.sign!r}")
-        if self.reference not in get_args(Reference):
+        if self.reference not in get_args(units.Reference):
             raise RecordingError(f"{where}: reference must be gauge or absolute, but got {self.reference!r}")
         if not math.isfinite(self.offset):
             raise RecordingError(f"{where}: offset must be a finite number, but got {self.offset!r}")
         scaled = self.sensor is not None and self.sensor.signal is not None
-        if electrical(self.unit) is not None and not scaled:
+        if units.electrical(self.unit) is not None and not scaled:
             raise RecordingError(
                 f"{where}: unit {self.unit!r} is a sensor's signal and means nothing without its range; "
                 "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
             )
-        if scaled and electrical(self.unit) is None:
+        if scaled and units.electrical(self.unit) is None:
             raise RecordingError(
                 f"{where}: unit {self.unit!r} is what the sensor reads already, but its signal is stated too; expected "
                 "V, mA or count as the channel's unit, or a sensor without signal"
@@ -89,13 +82,13 @@ class ChannelMapping:
     @property
     def absolute(self) -> bool:
         """Whether the channel holds absolute pressure."""
-        return self.reference == "absolute" or stated_reference(self.reading_unit) == "absolute"
+        return self.reference == "absolute" or units.stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
         """Return a channel's cells as the column's values; the array itself where there is nothing to convert."""
         reading = raw if self.sensor is None else self.sensor.reading(raw)
         zeroed = reading if self.offset == 0.0 else reading - self.offset
-        return self.counted(to_column_unit(zeroed, self.reading_unit, column))
+        return self.counted(units.to_column_unit(zeroed, self.reading_unit, column))
 
     def counted(self, values: Array) -> Array:
         """Return values in the column's unit, counted as the column does: sign, then atmosphere."""
@@ -130,23 +123,23 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
 def _check_column(column: str, source: ChannelMapping) -> None:
     if column == "time_s":
         if source.unit:
-            check_unit(column, source.unit)
+            units.check_unit(column, source.unit)
         if source.sign != 1 or source.sensor is not None or source.time:
             raise RecordingError("column 'time_s': sign, sensor and time have no meaning for time; leave them out")
         return
     if source.rate_hz is not None:
         raise RecordingError(f"column {column!r}: rate_hz is for 'time_s' alone; name the channel")
-    check_unit(column, source.reading_unit)
+    units.check_unit(column, source.reading_unit)
     if source.sensor is not None:
-        check_unit(column, source.sensor.unit)
-        if not source.absolute and stated_reference(source.sensor.unit) == "absolute":
+        units.check_unit(column, source.sensor.unit)
+        if not source.absolute and units.stated_reference(source.sensor.unit) == "absolute":
             raise RecordingError(
                 f"column {column!r}: the sensor's unit {source.sensor.unit!r} is absolute pressure, but the channel "
                 "is read as gauge; set reference: absolute, or give the range in gauge pressure"
             )
     if source.reference == "absolute" and QUANTITIES[column] != "pressure":
         raise RecordingError(f"column {column!r}: reference: absolute is for pressures alone; leave it out")
-    if source.reference == "absolute" and stated_reference(source.reading_unit) == "gauge":
+    if source.reference == "absolute" and units.stated_reference(source.reading_unit) == "gauge":
         raise RecordingError(
             f"column {column!r}: unit {source.reading_unit!r} is gauge pressure, but reference is absolute; correct one"
         )
@@ -164,8 +157,10 @@ def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimi
         sensor = source.sensor
         if sensor is None:
             continue
-        offset = source.offset * column_scale(column, source.reading_unit)
-        ends = source.counted(to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset)
+        offset = source.offset * units.column_scale(column, source.reading_unit)
+        ends = source.counted(
+            units.to_column_unit(np.array(sensor.range, dtype=np.float64), sensor.unit, column) - offset
+        )
         step = sensor_step(column, sensor, source.unit)
         described = f"{min(sensor.range):g} to {max(sensor.range):g} {sensor.unit}"
         if sensor.signal is not None:
@@ -187,7 +182,7 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
         if sensor is not None and sensor.accuracy_percent is not None:
             resolution = sensor_step(column, sensor, source.unit) or 0.0
             share = sensor.accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD
-            scale = column_scale(column, sensor.unit)
+            scale = units.column_scale(column, sensor.unit)
             if sensor.zero_uncertainty is not None:
                 stated[column] = SensorUncertainty(sensor.zero_uncertainty * scale, share, resolution)
             else:

@@ -13,15 +13,8 @@ import pandas as pd
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.mapping.units import (
-    bare,
-    names_a_unit,
-    quantity_of,
-    stated_reference,
-    to_column_unit,
-    units_agree,
-)
 from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 
@@ -214,14 +207,14 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
             _refuse_other_unit(stated, time.unit, channel, "time_s")
         unit = time.unit or stated
     else:
-        unit = stated if quantity_of(stated) == "time" else time.unit
+        unit = stated if units.quantity_of(stated) == "time" else time.unit
     if not unit:
         raise RecordingError(
             f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
             "expected dates, or numbers with ingest.channels.time_s.unit"
         )
     values = numbers(raw, channel, "time_s", unit)
-    return to_column_unit(values - time.offset if time.offset else values, unit, "time_s")
+    return units.to_column_unit(values - time.offset if time.offset else values, unit, "time_s")
 
 
 def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> list[str]:
@@ -230,20 +223,25 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
     if not stated:
         return []
     _refuse_other_unit(stated, source.unit, source.channel, column)
-    reference = stated_reference(stated) if QUANTITIES[column] == "pressure" else None
+    reference = units.stated_reference(stated) if QUANTITIES[column] == "pressure" else None
     if reference is not None and (reference == "absolute") != source.absolute:
         raise RecordingError(
             f"channel {source.channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
             f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
             f"correct ingest.channels.{column}.reference"
         )
-    if names_a_unit(stated) or bare(stated) == bare(source.unit) or quantity_of(stated) is not None or len(stated) < 2:
+    if (
+        units.names_a_unit(stated)
+        or units.bare(stated) == units.bare(source.unit)
+        or units.quantity_of(stated) is not None
+        or len(stated) < 2
+    ):
         return []
     return [f"channel {source.channel!r}: the file's unit {stated!r} is not known; read in {source.unit} as configured"]
 
 
 def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) -> None:
-    if not units_agree(stated, configured):
+    if not units.units_agree(stated, configured):
         raise RecordingError(
             f"channel {channel!r} (for {column!r}): the file states the unit {stated!r}, but it is read in "
             f"{configured!r}; expected the same; correct ingest.channels.{column}.unit, or the file if it is wrong"
