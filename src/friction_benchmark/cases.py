@@ -34,6 +34,8 @@ OFFSET_PA = 1.25e5
 """Largest offset of a transmitter: ±0.5 % of a span of 250 bar, as in the data sheet."""
 DRIFT_PA_S = 1e3
 """Largest drift of that offset: 0.3 bar within half a minute."""
+CALIBRATED_PA = 3e3
+"""Standard uncertainty of the zeros of the calibrated transmitters that labels are from, as in ``rig_channels``."""
 SENSOR_DRAWS = 4
 """How many pairs of sensors each validation and test recording was made with: one pair shows little of others."""
 
@@ -165,12 +167,7 @@ def with_known_zeros(recording: Recording, cylinder: Cylinder) -> Recording:
     since_s = recording.sample_time_s * np.arange(len(recording))
     added_n = sum(area * recording.column(column) for column, area in areas.items()) - recording.column("friction_n")
     drift_n_s, offset_n = np.polyfit(since_s[usable], added_n[usable], 1).tolist()
-    left_n = (added_n - offset_n - drift_n_s * since_s)[usable]
-    remains = float(left_n.std()) / math.sqrt(max(len(left_n) * recording.sample_time_s, 1.0) * variance)
-    zeros = {
-        column: IdentifiedZero(offset_n * each, stated[column].zero * remains, drift_n_s * each)
-        for column, each in share.items()
-    }
+    zeros = {column: IdentifiedZero(offset_n * each, CALIBRATED_PA, drift_n_s * each) for column, each in share.items()}
     return replace(recording, metadata=replace(recording.metadata, identified_zero=zeros))
 
 

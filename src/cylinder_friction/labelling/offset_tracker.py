@@ -33,9 +33,9 @@ from cylinder_friction.recordings.recording import RecordingError
 
 UNLIMITED = 1e30
 """Limit of a quantity that is no input: JSON and C have no infinity in common."""
-SLOWER, WORTHWHILE = 2.0 / 3.0, 0.95
+SLOWER, WORTHWHILE = 2.0 / 3.0, 1e-3
 """Share of the plan's slowest speed from which sliding counts in real time where waiting for faster strokes leaves more
-of the offset than the history of friction adds to it: where the error falls at least to this share."""
+of the offset than the history of friction adds to it: more by at least this share of mean friction."""
 LEAST_KNOWN = 0.75
 """Share of the stated uncertainty that zeros may keep to count as known."""
 FOLDS = 4
@@ -91,7 +91,8 @@ def fit_offset_tracker(
         return _tracker(model, recordings[0], inputs, prior_n)
 
     found = {slowest: _chosen(recordings, inputs, partial(fitted, slowest)) for slowest in (1.0, SLOWER)}
-    slowest = SLOWER if found[SLOWER][0] < WORTHWHILE * found[1.0][0] else 1.0
+    level_n = np.mean([np.abs(recording.column("friction_n")).mean() for recording in recordings])
+    slowest = SLOWER if found[1.0][0] - found[SLOWER][0] > WORTHWHILE * level_n else 1.0
     return fitted(slowest, recordings).careful(**found[slowest][1])
 
 
@@ -127,7 +128,9 @@ def _chosen(
 
     def missed(name: str, value: float) -> float:
         miss, care = _unlikely if name == "stating" else _mean_absolute, {**chosen, name: value}
-        return sum(miss(*_errors(tracker.careful(**care), each, inputs)) for tracker, own in folds for each in own)
+        return float(
+            np.mean([miss(*_errors(tracker.careful(**care), each, inputs)) for tracker, own in folds for each in own])
+        )
 
     for name, values in CHOICES.items():
         chosen[name] = min(values, key=partial(missed, name))
