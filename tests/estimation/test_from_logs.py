@@ -96,7 +96,9 @@ def test_with_a_model_friction_is_its_real_time_estimate(
     small_hybrid.save(tmp_path / "model")
     result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS, model=tmp_path / "model")
     assert (result.bounds, result.offsets) == (MODEL_BOUNDS, [])
-    assert result.recordings[0].flagged_percent is not None
+    shares = result.recordings[0].flags_percent
+    assert shares is not None
+    assert 0.0 < shares["WARMING"] < 100.0
     written = read_recording(tmp_path / "out" / f"{result.recordings[0].name}.parquet")
     newtons, flags = small_hybrid.real_time().run(written.samples())
     np.testing.assert_array_equal(

@@ -12,7 +12,7 @@ from typing import get_args
 import yaml
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, FrictionOfLogs, estimate_logs
+from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, FrictionOfLogs, estimate_logs, remarks
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, load_params
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.stages._stage import cylinder_from
@@ -87,11 +87,8 @@ def _lines(result: FrictionOfLogs, notes: list[str]) -> str:
     lines = [f"note     {note}" for note in notes]
     for each in result.recordings:
         friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:.0f} N"
-        flagged = "" if each.flagged_percent is None else f", {each.flagged_percent:.1f} % flagged"
-        repairs = f"; {'; '.join(each.repairs)}" if each.repairs else ""
-        lines.append(
-            f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{flagged}{repairs}"
-        )
+        beside = "".join(f"; {words}" for words in remarks(each))
+        lines.append(f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{beside}")
     lines += [f"{each.file}: refused: {each.reason}" for each in result.refused]
     lines += ["", f"bounds   {result.bounds}", f"files    {result.folder}", f"page     {result.folder / PAGE_FILE}"]
     return "\n".join(lines)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
@@ -17,6 +18,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sensor_offset import OffsetPlan
 from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.files import whole_folder, write_json
@@ -61,7 +63,7 @@ class FrictionOfRecording:
     usable_percent: float  # Of the rows; not near end stops or edges, where the force balance is not friction alone
     # Half of extending less retracting at equal positions [N]; None where the piston did not pass any both ways
     friction_n: float | None
-    flagged_percent: float | None  # Of the rows with any of the estimator's flags; None without an estimator
+    flags_percent: dict[str, float] | None  # Of the rows, by name of the estimator's flag; None without an estimator
     load: str  # Which load was taken off, in words
     repairs: tuple[str, ...]  # What reading had to repair
 
@@ -257,7 +259,7 @@ class _Run:
             duration_s=len(recording) * recording.sample_time_s,
             usable_percent=100.0 * float(usable.mean()),
             friction_n=_known(half_n),
-            flagged_percent=None if flags is None else 100.0 * float((flags.to_numpy() != 0).mean()),
+            flags_percent=None if flags is None else _shares(flags.to_numpy()),
             load=self.loads.get(recording.name) or words[self.load],
             repairs=tuple(recording.metadata.repairs),
         )
@@ -273,6 +275,12 @@ def _write(recording: Recording, folder: Path, file_format: FileFormat) -> None:
         write_recording(folder, recording)
 
 
+def remarks(each: FrictionOfRecording) -> list[str]:
+    """Return what is worth knowing of a recording beside its numbers."""
+    flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
+    return [*([] if each.load == "none" else [f"load: {each.load}"]), *flags, *each.repairs]
+
+
 def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:
     """Return name, friction, usable share and remarks of every recording and refused file, as text."""
     rows = [
@@ -280,11 +288,17 @@ def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:
             each.name,
             "–" if each.friction_n is None else f"{each.friction_n:.0f}",
             f"{each.usable_percent:.0f}",
-            "; ".join((*([] if each.load == "none" else [f"load: {each.load}"]), *each.repairs)),
+            "; ".join(remarks(each)),
         )
         for each in result.recordings
     ]
     return rows + [(each.file, "–", "–", f"refused: {each.reason}") for each in result.refused]
+
+
+def _shares(flags: NDArray[np.int64]) -> dict[str, float]:
+    """Return the share of rows with each flag that is ever set [%]."""
+    shares = {str(flag.name): 100.0 * float((flags & flag != 0).mean()) for flag in Flag}
+    return {name: share for name, share in shares.items() if share > 0.0}
 
 
 def _known(value: Any) -> Any:
