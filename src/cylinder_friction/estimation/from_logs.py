@@ -1,7 +1,5 @@
 """Logger files become files of friction and one page; memory holds one recording at a time."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from collections.abc import Iterable, Iterator, Mapping

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.evaluation.comparison import with_gaps
+from cylinder_friction.arrays import Array
+from cylinder_friction.evaluation.comparison import Comparison, with_gaps
 from cylinder_friction.evaluation.residuals import (
     ResidualFigures,
     autocorrelation,
@@ -27,12 +28,6 @@ from cylinder_friction.evaluation.views import (
     histogram,
     velocity_profile,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.evaluation.comparison import Comparison
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.evaluation.metrics import Errors, errors, lag_s
 from cylinder_friction.evaluation.sessions import SessionErrors, half_width_points, session_errors
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
 from cylinder_friction.realtime.bounds import creep_below_m_s
-from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 LABEL_ITSELF = "label"
 """In the scores against truth: the off-line label, which looks ahead, scored like an estimate."""

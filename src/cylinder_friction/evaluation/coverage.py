@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import near_events
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
-from cylinder_friction.evaluation.comparison import mean_percent
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.evaluation.comparison import Comparison, Score
+from cylinder_friction.evaluation.comparison import Comparison, Score, mean_percent
 
 MetricTree = dict[str, dict[str, dict[str, float]]]
 """By estimator, then by condition, then by name of the number."""

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 from statsmodels.tsa.stattools import acf, q_stat
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask
 
 _QUANTILE_POINTS = 199
 _LJUNG_BOX_LAGS = 10

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter_ns
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.recordings.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.recordings.recording import Recording
 
 
 def mean_absolute_error_n(estimator: FrictionEstimator, recordings: Sequence[Recording]) -> float:

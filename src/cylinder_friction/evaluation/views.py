@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.evaluation.comparison import Comparison
+from cylinder_friction.arrays import Array
+from cylinder_friction.evaluation.comparison import Comparison
 
 HISTOGRAM_BINS = 81
 AGREEMENT_POINTS = 1500

@@ -1,17 +1,11 @@
 """Every analytical friction model by name."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from cylinder_friction.friction_models.coulomb_stribeck import CoulombStribeck
 from cylinder_friction.friction_models.dahl import Dahl
 from cylinder_friction.friction_models.film_lugre import FilmLuGre
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.friction_models.maxwell_slip import GeneralisedMaxwellSlip
-
-if TYPE_CHECKING:
-    from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.model import FrictionModel
 
 MODELS: dict[str, FrictionModel] = {
     model.name: model

@@ -1,19 +1,15 @@
 """Coulomb, Stribeck and viscous friction: a function of velocity, with a stated rule for standstill."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numba
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import SCALING, STRIBECK, ParameterSpec, StribeckParameters
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 REGULARISING_VELOCITY = ParameterSpec(
     "regularising_velocity_m_s", "m/s", "speed over which friction rises to its curve", 1e-5, 2e-2

@@ -1,13 +1,12 @@
 """Dahl friction: the stress-strain curve of a solid, as a function of travel."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numba
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
     COULOMB,
@@ -18,9 +17,6 @@ from cylinder_friction.friction_models.parameters import (
     ParameterSpec,
 )
 from cylinder_friction.friction_models.stribeck import side_factor
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

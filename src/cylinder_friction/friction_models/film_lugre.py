@@ -1,14 +1,13 @@
 """LuGre whose Stribeck curve rides on a lubricant film that builds, is squeezed out, and thins at rest."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
     DAMPING,
@@ -20,9 +19,6 @@ from cylinder_friction.friction_models.parameters import (
     StribeckParameters,
 )
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 TIMES_S = (1e-3, 100.0, 0.5)
 """Bounds and start of every time constant of the film, none of which is known before the search: five decades, from a

@@ -1,13 +1,12 @@
 """LuGre friction, with and without pressure scaling, stepped exactly at a velocity that is held over the step."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numba
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import (
     DAMPING,
@@ -19,9 +18,6 @@ from cylinder_friction.friction_models.parameters import (
     StribeckParameters,
 )
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
 """Cost of one step: five exponentials or logarithms at about 16, and the rest."""

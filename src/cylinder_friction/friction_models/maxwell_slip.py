@@ -1,20 +1,16 @@
 """Generalised Maxwell-slip friction: elements in parallel that stick like springs or slip along the Stribeck curve."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import SCALING, STIFFNESS, STRIBECK, ParameterSpec, StribeckParameters
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 ELEMENTS = 6
 

@@ -1,19 +1,15 @@
 """The one interface behind every analytical friction model."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from cylinder_friction.arrays import Array
+from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
+from cylinder_friction.friction_models.stribeck import StribeckCurve
 
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
-    from cylinder_friction.friction_models.stribeck import StribeckCurve
-
-    Kernel = Callable[[Array, Array, Array, Array, float, Array, Array], None]
+Kernel = Callable[[Array, Array, Array, Array, float, Array, Array], None]
 
 _NO_LOGARITHMS = np.zeros(0)
 

@@ -1,17 +1,13 @@
 """Parameters of friction models: their units, meaning and search bounds, and the classes that hold them."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,13 @@
 """The static friction curve: Coulomb, Stribeck and viscous friction against velocity, and its robust fit."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, refuse_impossible
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 HUBER_NOISE_MULTIPLE = 1.345
 """Where Huber's loss turns from square to absolute, in standard deviations (95 % efficient on normal noise)."""

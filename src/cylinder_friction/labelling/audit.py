@@ -1,19 +1,13 @@
 """Errors of the labels against true friction, by filter, where the truth is known; nothing is trained on them."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.signals.motion import EVENTS, event_masks, near_events
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.arrays import Array, Mask
 
 STRATA = ("all", "steady", "events", *EVENTS)
 """All usable rows; those away from and those near starts, stops and reversals; and each kind of event."""

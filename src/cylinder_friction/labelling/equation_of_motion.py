@@ -27,22 +27,17 @@ the oil therefore has no place beside them. Three further modes exist, each for 
     is defined, the last direction holds.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import DRIVE_FORCE
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.motion import last_direction
-from cylinder_friction.signals.smooth_signals import SmoothDrive
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.signals.smooth_signals import SmoothSignals
+from cylinder_friction.signals.smooth_signals import SmoothDrive, SmoothSignals
 
 StiffnessMode = Literal["none", "trapped_oil", "external", "paper_literal"]
 

@@ -1,13 +1,16 @@
 """From filtered recordings to labelled ones: friction by the equation of motion, and which rows are usable."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+import pandas as pd
 
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import MotionPlan, motion_points
@@ -16,21 +19,20 @@ from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, UNCERTAINTY_COLUMN
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.motion import widened
-from cylinder_friction.signals.smooth_signals import SMOOTH_LOAD, filtered, signals_of, smooth_load, smooth_recording
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
-    import pandas as pd
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling.audit import Audit
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothDrive, SmoothSignals, Support
+from cylinder_friction.signals.smooth_signals import (
+    SMOOTH_LOAD,
+    SignalFilter,
+    SmoothDrive,
+    SmoothSignals,
+    Support,
+    filtered,
+    signals_of,
+    smooth_load,
+    smooth_recording,
+)
 
 InertiaMode = Literal["given", "identified"]
 """The moving mass is the cylinder's, or is identified in each session whose motion determines it."""

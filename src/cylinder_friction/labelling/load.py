@@ -11,15 +11,15 @@ on position is indistinguishable from load**: half of it goes into L. How large 
 share of Coulomb friction, and enters the load's uncertainty beside the scatter of the strokes.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.labelling.robust import (
     bootstrap_coefficients,
     quantile_interval,
@@ -28,11 +28,6 @@ from cylinder_friction.labelling.robust import (
 )
 from cylinder_friction.labelling.strokes import Coverage, StrokePoints, coverage_of
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
 
 GRID = 51
 """Positions at which the uncertainty is kept."""

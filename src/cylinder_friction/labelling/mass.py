@@ -12,23 +12,18 @@ A hydraulic cylinder's motion seldom determines its mass: six kilograms at 1 m/s
 The interval then shows it, and ``mass_known`` is False.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.averages import Averages
 from cylinder_friction.labelling.robust import clustered_half_widths, refuse_no_probability, robust_fit
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
 
 _LEAST_BLOCKS = 40
 _OUTLIER_MULTIPLE = 3.0

@@ -7,17 +7,14 @@ restricted maximum likelihood (Henderson 1975; Patterson and Thompson 1971).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

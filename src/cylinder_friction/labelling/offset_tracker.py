@@ -1,14 +1,14 @@
 """From friction known of several sessions to what a real-time step needs to learn the offset of the next one."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import legendre
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.sensor_offset import (
     POSITION_ORDER,
     OffsetModel,
@@ -29,7 +29,7 @@ from cylinder_friction.realtime.sensor_offset import (
     OffsetTracker,
 )
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURES
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 UNLIMITED = 1e30
 """Limit of a quantity that is no input: JSON and C have no infinity in common."""
@@ -51,13 +51,6 @@ MARGIN = 0.5
 """Share of its span by which a quantity may leave the range of training before its blocks no longer count."""
 RANGED_PLACES = (0, 2, 5, 7)
 """Pressure, speed, load and temperature among ``QUANTITIES``."""
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
 
 
 def fit_offset_tracker(

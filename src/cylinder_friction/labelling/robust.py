@@ -1,20 +1,14 @@
 """Robust linear regression, and its uncertainty when neighbouring residuals are correlated."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
 
 _GREATEST_ROUNDS = 50
 _SETTLED = 1e-10

@@ -26,13 +26,16 @@ direction goes into the offset.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.mixed_model import Evidence, Posterior, Reduced, solved
 from cylinder_friction.labelling.strokes import stroke_pieces
@@ -46,16 +49,8 @@ from cylinder_friction.recordings.columns import (
     PRESSURE_2,
     UNCERTAINTY_COLUMN,
 )
-from cylinder_friction.recordings.recording import IdentifiedZero, RecordingError
+from cylinder_friction.recordings.recording import IdentifiedZero, Recording, RecordingError
 from cylinder_friction.signals.motion import direction_of_motion
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
 
 EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
 """Columns that may explain friction beside speed and position."""

@@ -1,16 +1,12 @@
 """Load and moving mass of one session, identified from the motion of its recordings."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load
 from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, MotionPoints, identify_motion
 from cylinder_friction.labelling.strokes import StrokePoints
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _LOAD_ORDER = 4
 """Order of the polynomial that represents the load while the mass is identified."""

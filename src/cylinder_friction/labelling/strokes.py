@@ -1,20 +1,14 @@
 """Strokes: where the cylinder moves one way, long enough that its friction has settled, and where they went."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.averages import Averages
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.motion import direction_of_motion
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
 
 POINT_DURATION_S = 0.1
 """A point is the mean over this much of a stroke."""

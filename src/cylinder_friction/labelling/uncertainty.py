@@ -1,21 +1,13 @@
 """Uncertainty of a friction label [N], from the stated uncertainty of the sensors behind it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import noise_deviation
-from cylinder_friction.signals.smooth_signals import has_pressures
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth_signals import SignalFilter
-
+from cylinder_friction.signals.smooth_signals import SignalFilter, has_pressures
 
 DITHER = 0.5
 """Noise of this many steps makes the rounding of a converter noise too, which averaging reduces (Widrow 1961)."""

@@ -1,7 +1,5 @@
 """What every section shares: frozen, strict, no unknown keys; and the kinds of numbers that parameters are."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
 
 GROWTH = 1.3
 """Each window is longer than the last by this factor."""

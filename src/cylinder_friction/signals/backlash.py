@@ -4,15 +4,10 @@ A velocity threshold takes the noise of a potentiometer for motion and misses cr
 up until it pushes the edge of the gap, and noise narrower than the gap never does.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numba
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 CENTRE, DIRECTION, AGE = 0, 1, 2
 """Elements of the operator's state."""

@@ -4,20 +4,17 @@ A block never looks ahead, and cutting its input into pieces never changes its o
 every filter behaves as if the first sample had always been there, so that a start makes no transient.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numba
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 
 class CausalBlock(Protocol):

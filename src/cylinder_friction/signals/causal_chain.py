@@ -4,15 +4,13 @@ Each block takes raw samples, shape ``(n, 3)``, and returns, shape ``(n, 4)``: s
 [Pa], velocity [m/s], acceleration [m/s²].
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.causal import (
     CausalBlock,
     FirFilter,
@@ -21,11 +19,8 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
     one_sided_savitzky_golay_taps,
 )
+from cylinder_friction.signals.kalman import KalmanModel
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.signals.kalman import KalmanModel
 
 
 class CausalFilter(SignalFilter):

@@ -8,16 +8,13 @@ some tens of micrometres, and only in the direction of the push.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.backlash import new_backlash, pushing_velocity
 from cylinder_friction.signals.causal import FirFilter, FirState, one_sided_savitzky_golay_taps
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

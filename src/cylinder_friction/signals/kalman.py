@@ -1,15 +1,12 @@
 """Linear models with one measured state, and the gains of their Kalman filter and Rauch-Tung-Striebel smoother."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 MAXIMUM_ROWS = 20_000
 """Gains that have not settled by then never will."""

@@ -4,15 +4,10 @@ BLAS picks its kernel by the processor, and each kernel adds in an order of its 
 can store coefficients with different last digits.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numba
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 NEGLIGIBLE = 1e-13
 """A column of which the columns before it leave a smaller share of its square is taken as their combination."""

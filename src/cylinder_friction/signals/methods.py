@@ -1,19 +1,14 @@
 """Every filter for whole recordings, by the name of its method."""
 
-from __future__ import annotations
+from collections.abc import Mapping
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.signals.adaptive import AdaptiveWindow
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.rts import RtsSmoother
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 
 def default_filter(cylinder: Cylinder) -> AdaptiveWindow:

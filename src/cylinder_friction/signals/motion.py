@@ -1,14 +1,9 @@
 """Detection of motion in whole recordings: direction, travel, steady sliding, standstill, starts, stops, reversals."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numba
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask
 
 MOVING_M_S = 1e-3
 """A true, noise-free velocity below this counts as standstill."""

@@ -1,13 +1,8 @@
 """How noisy a signal is, from the signal alone."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 BLOCK = 4
 """Samples of a mean: as many as a logger's filter may spread its noise over."""

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.causal_chain import CausalFilter, SteadyKalman
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
 from cylinder_friction.signals.smooth_signals import SignalFilter, Support
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

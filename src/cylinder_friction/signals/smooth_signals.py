@@ -1,19 +1,15 @@
 """Smooth pressures, velocity and acceleration: what every off-line filter returns, and as columns of a recording."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import noise_deviation
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
 
 SMOOTH_LOAD = "load_force_smooth_n"
 """The measured load, smoothed as pressures are [N]."""

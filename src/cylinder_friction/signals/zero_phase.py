@@ -1,18 +1,13 @@
 """Zero-phase filters, which look as far ahead as back: for labels, never for estimates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.causal import cascade_taps
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.smooth_signals import SignalFilter, Support
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """How a stage is run: check the whole configuration, do the work, write down what was done, log it to MLflow."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -12,6 +13,7 @@ import torch
 from pydantic import BaseModel
 from tqdm import tqdm
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, Checkpoint, TrainingPlan
@@ -20,18 +22,15 @@ from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.learning import TrainParams
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS, TRACKER_FILE, cylinder_from
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.front_end import Design
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import BaselinesParams, TrainingParams
-    from cylinder_friction.recordings.recording import Recording
 
 RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.training_plan")
 """The modules that train a hybrid: what was trained with other ones is not continued."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -46,8 +47,6 @@ from cylinder_friction.stages._stage import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import CompareParams
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.run_record import RunRecord
@@ -32,13 +34,10 @@ from cylinder_friction.stages._stage import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import LabelParams
     from cylinder_friction.recordings.checks.limits import LoadMode
-    from cylinder_friction.recordings.recording import Recording, RecordingMetadata
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 IDENTIFIED_FILE = Path("data/processed/identified.json")

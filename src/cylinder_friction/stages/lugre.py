@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
@@ -10,19 +12,15 @@ from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEsti
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_metadata, read_recordings, recording_paths
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, cylinder_from, flat
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
     from cylinder_friction.friction_models.identification.procedure import Identification
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import LugreParams
-    from cylinder_friction.recordings.recording import Recording
 
 STRIBECK_FILE = "stribeck_points.json"
 PIECE_S = 7.5

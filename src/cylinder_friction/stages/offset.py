@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sensor_offset import OffsetPlan, fit_offset_model, zero_uncertainty_n
 from cylinder_friction.recordings.columns import PRESSURE_1, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
@@ -25,13 +28,9 @@ from cylinder_friction.stages._stage import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import OffsetParams
     from cylinder_friction.realtime.sensor_offset import OffsetTracker
-    from cylinder_friction.recordings.recording import Recording
 
 LOADED = {
     "position": "a load identified from position has absorbed the sensors' offset",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from tqdm import tqdm
 
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_text
@@ -15,10 +17,6 @@ from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    import pandas as pd
-
     from cylinder_friction.params.checking import Params
 
 EMPTY_FILE = "README.txt"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.metrics import errors
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -30,7 +31,6 @@ from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
     from cylinder_friction.params.checking import Params
 
 EXAMPLE_ROWS = 5

@@ -10,27 +10,21 @@ or as one test per promise, with pytest:
     def test_my_estimator_keeps(check): check(case)  # with one case = Case(lambda: MyEstimator(cylinder), recordings)
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.base import FrictionEstimator, NotFittedError
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.recording import Recording, RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from cylinder_friction.arrays import Array
-
 
 ROWS = 600
 """First samples of the first recording, which most checks use."""

@@ -8,22 +8,16 @@ or as one test per promise, with pytest:
     def test_my_model_keeps(check): check(Case(MyModel, MyParameters(240.0, 360.0, ...)))
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import ModelParameters
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.testing.estimator_contract import ContractError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import FrictionModel
-    from cylinder_friction.friction_models.parameters import ModelParameters
 
 STEP_S = 5e-3
 RATIO, SLOPE_SHARE = 1.2, 0.5

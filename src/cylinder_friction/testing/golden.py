@@ -4,27 +4,18 @@ They are cut from recordings, and some are then corrupted as sensors and loggers
 rows of a recording at 200 Hz.
 """
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
-
+from cylinder_friction.recordings.recording import Recording, RecordingError
 
 MODEL_FOLDER = "model"
 """Folder of the model beside the trajectories."""

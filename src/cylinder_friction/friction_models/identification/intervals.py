@@ -1,17 +1,13 @@
 """Confidence intervals of parameters identified by least absolute error."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.identification.simulation import Motions
-    from cylinder_friction.friction_models.parameters import ModelParameters
+from cylinder_friction.arrays import Array
+from cylinder_friction.friction_models.identification.simulation import Motions
+from cylinder_friction.friction_models.parameters import ModelParameters
 
 INTERVAL_METHOD = "sandwich covariance of least absolute error, scores summed over blocks of 2 s, in logarithms"
 

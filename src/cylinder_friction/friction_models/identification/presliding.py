@@ -1,19 +1,13 @@
 """Bristle stiffness from reversals, and bristle damping from a damping ratio."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from cylinder_friction.friction_models.lugre import passive_damping_velocity
 from cylinder_friction.friction_models.parameters import STIFFNESS_RANGE_N_M
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 _LONGEST_REVERSAL_S = 0.3
 _PASSIVE_MARGIN = 0.9

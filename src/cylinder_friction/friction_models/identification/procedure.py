@@ -1,28 +1,22 @@
 """Identification of a friction model from labelled recordings: Stribeck curve, bristles, then all together."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.presliding import bristle_stiffness
 from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import ModelParameters
 from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.model import FrictionModel
-    from cylinder_friction.friction_models.parameters import ModelParameters
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 STIFFNESS_FACTORS = (1.0, 10.0)
 """Starts of the first local searches, in measured stiffnesses: the error has a minimum with soft bristles, which bend

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.presliding import bristle_damping, damping_velocity
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.identification.simulation import Motions
-    from cylinder_friction.friction_models.model import FrictionModel
-    from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
-    from cylinder_friction.friction_models.stribeck import StribeckCurve
+from cylinder_friction.friction_models.identification.simulation import Motions
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import ModelParameters, ParameterSpec
+from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 
 @dataclass(frozen=True)

@@ -1,24 +1,18 @@
 """Simulation of a friction model along labelled motions, for a search over its parameters."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.friction_models.lugre import LuGre
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.friction_models.model import FrictionModel
-    from cylinder_friction.friction_models.parameters import ModelParameters
+from cylinder_friction.friction_models.model import FrictionModel
+from cylinder_friction.friction_models.parameters import ModelParameters
 
 
 @dataclass(frozen=True)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.friction_models.stribeck import CURVE_PARAMETERS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows, travel_since_stop
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.recordings.recording import Recording
 
 PRESLIDING_TRAVEL_M = 1e-3
 """Travel since standstill or reversal after which bristles no longer bend; several times the deflection of seals."""

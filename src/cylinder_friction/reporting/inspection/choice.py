@@ -1,16 +1,9 @@
 """Which recordings of many are drawn, and whose signals are held until then."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
 
-from cylinder_friction.reporting.inspection.subject import worst
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from cylinder_friction.reporting.inspection.subject import Inspected
+from cylinder_friction.reporting.inspection.subject import Inspected, worst
 
 PLOTTED = 12
 """How many files are drawn on one page; the others stand in the table."""

@@ -1,30 +1,22 @@
 """Files as ``ingest`` would take them, with every finding kept instead of the first refusal alone."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tqdm import tqdm
 
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import metadata_of, pieces_of, zeroed
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.channel_mapping import wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import PathNames, name_of
-from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.reporting.inspection.subject import Inspected
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from cylinder_friction.recordings.conversion import Recipe
-    from cylinder_friction.recordings.recording import Piece, RecordingMetadata
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:

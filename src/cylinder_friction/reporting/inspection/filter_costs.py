@@ -1,28 +1,20 @@
 """What every filter costs: how late it is, what it lets through, and how much noise is left."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.spectra import spectrum
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.motion import LEAST_STANDSTILL_S, noise_rms, standstill_rows
 from cylinder_friction.signals.rts import RtsSmoother
+from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth_signals import SignalFilter, Support
-
 
 HALF_POWER = 0.5**0.5
 """The gain of a filter at its -3 dB bandwidth."""

@@ -1,31 +1,23 @@
 """Spectra of the signals with their noise levels, and what the filters do at each frequency."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import DRIVE_FORCE
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.inspection.filter_costs import FilterCost
+from cylinder_friction.reporting.inspection.friction_view import FrictionView
 from cylinder_friction.reporting.inspection.spectra import spectrum
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES, interactive
 from cylinder_friction.reporting.time_figure import single
 from cylinder_friction.signals.smooth_signals import has_pressures
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.reporting.inspection.filter_costs import FilterCost
-    from cylinder_friction.reporting.inspection.friction_view import FrictionView
-
 
 SPECTRUM_POINTS = 250
 MS_PER_S = 1e3

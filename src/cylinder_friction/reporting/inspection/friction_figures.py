@@ -1,26 +1,18 @@
 """Friction against velocity, the Stribeck curve, and force against position."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.friction_models.stribeck import StribeckCurve
+from cylinder_friction.reporting.inspection.friction_view import FrictionView
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, SERIES, interactive
 from cylinder_friction.reporting.time_figure import single, spread_evenly
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
-    from cylinder_friction.friction_models.stribeck import StribeckCurve
-    from cylinder_friction.reporting.inspection.friction_view import FrictionView
-
 
 CLOUD_POINTS = 3000
 CURVE_POINTS = 200

@@ -1,34 +1,33 @@
 """Friction of one recording as the inspection shows it: filtered, balanced, and gathered into a Stribeck curve."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
+from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.equation_of_motion import Stiffness, drive_force, friction_label
 from cylinder_friction.labelling.label import usable_rows
 from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.filter_costs import pulse_responses
 from cylinder_friction.reporting.inspection.known_curve import known_curve
 from cylinder_friction.reporting.inspection.sensor_offsets import offset_evidence
+from cylinder_friction.reporting.inspection.subject import Inspected
 from cylinder_friction.signals.motion import noise_rms, standstill_rows
 from cylinder_friction.signals.noise import sensor_noise
-from cylinder_friction.signals.smooth_signals import has_pressures, smooth_load, smooth_recording
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.friction_models.stribeck import StribeckCurve
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.reporting.inspection.subject import Inspected
-    from cylinder_friction.signals.smooth_signals import SignalFilter, SmoothDrive, SmoothSignals
-
+from cylinder_friction.signals.smooth_signals import (
+    SignalFilter,
+    SmoothDrive,
+    SmoothSignals,
+    has_pressures,
+    smooth_load,
+    smooth_recording,
+)
 
 NOISE_MULTIPLE = 4.0
 """Slower than so many standard deviations of the velocity's noise is standstill."""

@@ -1,17 +1,11 @@
 """A Stribeck curve where the points of steady sliding determine one, and the reason where they do not."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 
 LEAST_SPAN = 5.0
 """Greatest over least speed of steady sliding; below it level and slope of the curve take each other's place."""

@@ -1,26 +1,18 @@
 """The inspection of a file or a folder as one HTML page: a list of all files, and a pane for each that is drawn."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.inspection.choice import PLOTTED, chosen
 from cylinder_friction.reporting.inspection.friction_figures import compared
 from cylinder_friction.reporting.inspection.recording_pane import MM_PER_M, Pane, recording_pane
-from cylinder_friction.reporting.inspection.sensor_offsets import offset_table
-from cylinder_friction.reporting.inspection.subject import OUTCOMES, count_outcomes, titles
+from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
+from cylinder_friction.reporting.inspection.subject import OUTCOMES, Inspected, count_outcomes, titles
 from cylinder_friction.reporting.page import Cell, Table, page_html
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
-    from cylinder_friction.reporting.inspection.subject import Inspected
-    from cylinder_friction.signals.smooth_signals import SignalFilter
+from cylinder_friction.signals.smooth_signals import SignalFilter
 
 MEANINGS = {
     "ok": "usable as it came",

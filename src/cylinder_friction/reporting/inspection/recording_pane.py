@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.filter_costs import MOTION_HZ, FilterCost, filter_costs
 from cylinder_friction.reporting.inspection.frequency_figures import MS_PER_S, filter_figure, spectra
 from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
 from cylinder_friction.reporting.inspection.friction_view import FrictionView, friction_view
 from cylinder_friction.reporting.inspection.known_curve import is_breakaway_known
-from cylinder_friction.reporting.inspection.subject import OUTCOMES
+from cylinder_friction.reporting.inspection.subject import OUTCOMES, Inspected
 from cylinder_friction.reporting.page import Cell, Table, four_digits
 from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, QUIET
 from cylinder_friction.reporting.time_figure import LINE_POINTS, Line, Panel, over_time
-from cylinder_friction.signals.smooth_signals import has_pressures
+from cylinder_friction.signals.smooth_signals import SignalFilter, has_pressures
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     import plotly.graph_objects as go
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.reporting.inspection.subject import Inspected
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 PA_PER_BAR = 1e5
 MM_PER_M = 1e3

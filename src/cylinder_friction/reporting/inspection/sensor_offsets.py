@@ -4,14 +4,15 @@ Nothing is stated beyond what the recordings determine: sensors zeroed on a vent
 (``labelling.sensor_offset``), or the stated uncertainty alone, with the reason why it is no less.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.sensor_offset import (
+    OffsetModel,
     OffsetPlan,
+    SessionOffset,
     SteadySliding,
     offset_model,
     steady_sliding,
@@ -19,15 +20,8 @@ from cylinder_friction.labelling.sensor_offset import (
 )
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.reporting.page import Cell, Table, four_digits
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling.sensor_offset import OffsetModel, SessionOffset
-    from cylinder_friction.recordings.recording import Recording
 
 VENTED, STROKES, STATED, NOTHING = "vented interval", "strokes in both directions", "stated uncertainty", "nothing"
 """What an offset, or its uncertainty, is known from."""

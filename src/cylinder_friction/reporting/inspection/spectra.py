@@ -1,19 +1,13 @@
 """Power spectra of the signals, and the noise that their sensors and converters leave."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import detrend, welch
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.noise import quantisation_step
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-
 
 SEGMENT_S = 8.0
 """Length of a Welch segment: motion slower than this is not of interest."""

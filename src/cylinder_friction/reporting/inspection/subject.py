@@ -1,18 +1,14 @@
 """What is inspected: one file, or one piece of it, with what the checks found."""
 
-from __future__ import annotations
-
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from cylinder_friction.recordings.checks.finding import Finding
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.reporting.inspection.sensor_offsets import OffsetEvidence
+from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.inspection.sensor_offsets import OffsetEvidence
 
 OUTCOMES = ("ok", "noted", "repaired", "refused")
 """Of a check, mildest first."""

@@ -1,17 +1,9 @@
 """The checks as plain text, for the terminal."""
 
-from __future__ import annotations
+from collections.abc import Sequence
 
-from typing import TYPE_CHECKING
-
-from cylinder_friction.reporting.inspection.sensor_offsets import offset_lines
-from cylinder_friction.reporting.inspection.subject import OUTCOMES, count_outcomes, titles
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
-    from cylinder_friction.reporting.inspection.subject import Inspected
+from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_lines
+from cylinder_friction.reporting.inspection.subject import OUTCOMES, Inspected, count_outcomes, titles
 
 
 def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:
