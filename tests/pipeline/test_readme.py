@@ -21,6 +21,7 @@ pytestmark = [pytest.mark.slow]
 
 RUN_IN_A_FINISHED_PIPELINE = {
     "make readme": "",
+    "cylinder-friction estimate data/raw/rig/condition1_session01_recording01.csv": "friction/friction.html",
     "cylinder-friction ingest init data/raw/rig/condition1_session01_recording01.csv": 'channel: "P1 [bar]", unit: bar',
     "cylinder-friction inspect data/raw/rig/condition1_session01_recording01.csv": "1 file: 1 ok",
     'make params ARGS="experiment=smoke"': "",
