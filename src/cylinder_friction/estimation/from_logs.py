@@ -26,7 +26,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
 from cylinder_friction.reporting.inspection.choice import PLOTTED
-from cylinder_friction.reporting.inspection.friction_view import up_and_down
+from cylinder_friction.reporting.inspection.friction_view import LOAD_SHARE, up_and_down
 from cylinder_friction.reporting.inspection.sensor_offsets import (
     STROKES,
     KnownOffset,
@@ -63,6 +63,7 @@ class FrictionOfRecording:
     friction_n: float | None
     flags_percent: dict[str, float] | None  # Of the rows, by name of the estimator's flag; None without an estimator
     load: str  # Which load was taken off, in words
+    load_left_n: float | None  # A load that friction still holds, about [N]; None where nothing hints at one
     repairs: tuple[str, ...]  # What reading had to repair
 
 
@@ -247,7 +248,7 @@ class _Run:
         flags, position_m = recording.table.get("flags"), recording.column("position_m")
         usable, velocity_m_s = recording.usable(), recording.column("velocity_m_s")
         friction_n = recording.column("friction_n")
-        _, half_n = up_and_down(position_m, velocity_m_s, friction_n, usable, self.plan.slowest_m_s)
+        load_n, half_n = up_and_down(position_m, velocity_m_s, friction_n, usable, self.plan.slowest_m_s)
         words = {"none": "none", "measured": "measured"}
         return FrictionOfRecording(
             name=recording.name,
@@ -259,6 +260,7 @@ class _Run:
             friction_n=_known(half_n),
             flags_percent=None if flags is None else _shares(flags.to_numpy()),
             load=self.loads.get(recording.name) or words[self.load],
+            load_left_n=_known(load_n) if abs(load_n) > LOAD_SHARE * abs(half_n) else None,
             repairs=tuple(recording.metadata.repairs),
         )
 
@@ -276,7 +278,10 @@ def _write(recording: Recording, folder: Path, file_format: FileFormat) -> None:
 def remarks(each: FrictionOfRecording) -> list[str]:
     """Return what is worth knowing of a recording beside its numbers."""
     flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
-    return [*([] if each.load == "none" else [f"load: {each.load}"]), *flags, *each.repairs]
+    left = []
+    if each.load_left_n is not None:
+        left = [f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"]
+    return [*left, *([] if each.load == "none" else [f"load: {each.load}"]), *flags, *each.repairs]
 
 
 def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:
