@@ -35,10 +35,11 @@ def test_one_recording_is_scored_as_every_runtime_runs_it(
 ) -> None:
     recording = labelled_recordings[0]
     scored = score(small_model, rows_of(recording))
-    assert list(scored.columns) == ["friction_n", "lower_n", "upper_n", "flags", "in_training_range"]
+    assert list(scored.columns) == ["friction_n", "lower_n", "upper_n", "flags", "flag_names", "in_training_range"]
     newtons, flags = RealTimeStream(small_model).run(recording.samples())
     np.testing.assert_array_equal(scored[["friction_n", "lower_n", "upper_n"]], newtons)
     np.testing.assert_array_equal(scored["flags"], flags)
+    assert [tuple(names.split()) for names in scored["flag_names"]] == [Flag.names(value) for value in flags]
     np.testing.assert_array_equal(scored["friction_n"], small_hybrid.estimate(recording))
     assert scored["in_training_range"].all()
 

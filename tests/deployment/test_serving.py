@@ -127,6 +127,7 @@ def test_out_of_range_is_flagged(url: str) -> None:
             b'{"dataframe_records": [{"pressure_1_pa": 1e999, "pressure_2_pa": 1e6, "position_m": 0.1}]}',
             "is inf at row",
         ),
+        (records({**GOOD, "load_force_n": 500.0}), "this model was trained without one"),
         (records({**GOOD, "position_m": [0.1]}), "position_m"),
         (records({**GOOD, "position_m": {"m": 0.1}}), "position_m"),
         (records({**GOOD, "recording": None}), "recording"),
@@ -171,7 +172,7 @@ def test_the_printed_curl_answers_in_newtons(url: str, champion_root: Path, monk
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     command = curl(url, example_rows(CHAMPION, champion_root))
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
-    outputs = ["flags", "friction_n", "in_training_range", "lower_n", "upper_n"]
+    outputs = ["flag_names", "flags", "friction_n", "in_training_range", "lower_n", "upper_n"]
     assert [sorted(row) for row in json.loads(done.stdout)["predictions"]] == [outputs] * 5
 
 

@@ -6,8 +6,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.recordings.columns import LOAD_FORCE
 
 NEWTONS = ("friction_n", "lower_n", "upper_n")
 OFFSET = ("offset_n", "offset_uncertainty_n")
@@ -21,7 +23,7 @@ class ScoringError(ValueError):
 
 
 def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one row for each row given, in their order: what every other runtime gives, and one column more.
+    """Return one row for each row given, in their order: what every other runtime gives, and two columns more.
 
     Args:
         model: The step of a fitted estimator.
@@ -31,7 +33,8 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
 
     Returns:
         ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds
-        around it [N]; ``flags``: bits of ``Flag``; each recording begins with a fresh state. ``in_training_range``:
+        around it [N]; ``flags``: bits of ``Flag``, and ``flag_names``: their names, with spaces between them; each
+        recording begins with a fresh state. ``in_training_range``:
         whether this row and all rows of its recording in the second before it lie within the training range widened
         by 5 %; if not, the friction is an extrapolation. Of an estimator that learns the offset of the sensors' zeros
         also ``offset_n`` and ``offset_uncertainty_n``: offset in friction as learned up to this row, which the next
@@ -39,8 +42,9 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
 
     Raises:
         ScoringError: There is no row, a column is missing or not numeric, a value is NaN or infinite, or a recording
-            has no name.
+            has no name; or a load is given that the model does not take.
     """
+    _refuse_unused_load(rows, model.inputs)
     samples = _checked_samples(rows, model.inputs)
     names = _checked_names(rows)
     memory = max(1, round(MEMORY_S / model.sample_time_s))
@@ -53,8 +57,20 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
         stream.reset()
         newtons[positions], offsets[positions], flags[positions] = stream.run_with_offset(samples[positions])
         in_range[positions] = _all_within(inside[positions], memory)
-    result = pd.DataFrame(newtons, rows.index, NEWTONS).assign(flags=flags, in_training_range=in_range)
+    names_of = {value: " ".join(Flag.names(value)) for value in set(flags.tolist())}
+    result = pd.DataFrame(newtons, rows.index, NEWTONS)
+    result = result.assign(flags=flags, flag_names=[names_of[value] for value in flags.tolist()])
+    result = result.assign(in_training_range=in_range)
     return result if model.offset is None else result.assign(**dict(zip(OFFSET, offsets.T, strict=True)))
+
+
+def _refuse_unused_load(rows: pd.DataFrame, inputs: tuple[str, ...]) -> None:
+    if LOAD_FORCE in rows.columns and LOAD_FORCE not in inputs and rows[LOAD_FORCE].notna().any():
+        raise ScoringError(
+            f"column {LOAD_FORCE!r} is given, but this model was trained without one and would take it for friction; "
+            f"expected {list(inputs)}; serve a model that has the load among its inputs, or leave the column out if "
+            "nothing is on the rod"
+        )
 
 
 def _checked_samples(rows: pd.DataFrame, inputs: tuple[str, ...]) -> NDArray[np.float64]:

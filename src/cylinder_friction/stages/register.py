@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -10,9 +11,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.base import DESCRIPTION_FILE
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.metrics import errors
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
 from cylinder_friction.recordings.truth import known_truth
@@ -61,7 +62,7 @@ def run(params: Params) -> RunRecord:
         errors_percent=errors_percent,
         test_data_md5=origin.data[test_folder.as_posix()],
         origin=origin,
-        example=_example(test_folder),
+        example=_example(test_folder, read_json(folder / DESCRIPTION_FILE)["input"]),
         reference=reference,
     )
     registered = register(
@@ -123,10 +124,10 @@ def _reported_errors(candidate: str) -> tuple[Reference, dict[str, float]]:
     return reference, {name: numbers[f"{reference}_percent"] for name, numbers in sorted(conditions.items())}
 
 
-def _example(folder: Path) -> dict[str, list[float]]:
-    """Return the first rows of the first held-out recording, by column."""
+def _example(folder: Path, inputs: Sequence[str]) -> dict[str, list[float]]:
+    """Return the first rows of the first held-out recording, by input."""
     paths = recording_paths(folder)
     if not paths:
         raise TrackingError(f"{folder}: holds no held-out recording; run the split stage")
     first = read_recording(paths[0])
-    return {column: first.column(column)[:EXAMPLE_ROWS].tolist() for column in SAMPLE_COLUMNS}
+    return {column: first.column(column)[:EXAMPLE_ROWS].tolist() for column in inputs}

@@ -4,6 +4,7 @@ import json
 import re
 import tempfile
 import warnings
+from collections.abc import Sequence
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.estimators.base import DESCRIPTION_FILE
+from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.files import read_json
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
@@ -27,22 +30,26 @@ REQUIREMENTS = ("cylinder-friction", "mlflow", "numpy", "pandas", "numba", "onnx
 
 _URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
-SIGNATURE = ModelSignature(
-    inputs=Schema(
-        [
-            *(ColSpec(DataType.double, name) for name in SAMPLE_COLUMNS),
-            ColSpec(DataType.string, "recording", required=False),
-        ]
-    ),
-    outputs=Schema(
-        [
-            *(ColSpec(DataType.double, name) for name in ("friction_n", "lower_n", "upper_n")),
-            ColSpec(DataType.long, "flags"),
-            ColSpec(DataType.boolean, "in_training_range"),
-            *(ColSpec(DataType.double, name, required=False) for name in ("offset_n", "offset_uncertainty_n")),
-        ]
-    ),
+OUTPUTS = Schema(
+    [
+        *(ColSpec(DataType.double, name) for name in ("friction_n", "lower_n", "upper_n")),
+        ColSpec(DataType.long, "flags"),
+        ColSpec(DataType.string, "flag_names"),
+        ColSpec(DataType.boolean, "in_training_range"),
+        *(ColSpec(DataType.double, name, required=False) for name in ("offset_n", "offset_uncertainty_n")),
+    ]
 )
+
+
+def signature_of(inputs: Sequence[str]) -> ModelSignature:
+    """Return the signature of an estimator with these inputs.
+
+    A load that is no input is named as well, as MLflow drops columns that it does not know: it is there to be refused.
+    """
+    optional = [ColSpec(DataType.string, "recording", required=False)]
+    if LOAD_FORCE not in inputs:
+        optional.append(ColSpec(DataType.double, LOAD_FORCE, required=False))
+    return ModelSignature(Schema([*(ColSpec(DataType.double, name) for name in inputs), *optional]), OUTPUTS)
 
 
 def save_model_folder(
@@ -62,7 +69,7 @@ def save_model_folder(
         path=str(path),
         python_model=str(SCORING_CODE),
         artifacts={ESTIMATOR_ARTIFACT: str(estimator), LINEAGE_ARTIFACT: str(lineage_path)},
-        signature=SIGNATURE,
+        signature=signature_of(read_json(estimator / DESCRIPTION_FILE)["input"]),
         input_example=example,
         pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
         mlflow_model=mlflow_model,
