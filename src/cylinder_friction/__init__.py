@@ -34,6 +34,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimation.from_logs import estimate_logs
+    from cylinder_friction.estimation.identification import identify_logs
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.estimators.linear import RidgeEstimator
@@ -57,6 +58,7 @@ __all__ = [
     "compare",
     "estimate_logs",
     "fit_offset_model",
+    "identify_logs",
     "label",
     "load",
     "plot",
@@ -74,6 +76,7 @@ _DEFINED_IN = {
     "compare": "evaluation.comparison",
     "estimate_logs": "estimation.from_logs",
     "fit_offset_model": "labelling.sensor_offset",
+    "identify_logs": "estimation.identification",
     "label": "labelling.label",
     "load": "estimators.loading:load_estimator",
     "plot": "reporting.figures",

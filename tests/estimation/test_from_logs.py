@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
@@ -15,29 +13,10 @@ from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, MODEL_BOUNDS, N
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording
+from logger_files import CHANNELS, write_log
 
 SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
-CHANNELS: dict[str, Any] = {
-    "time_s": {"channel": "t", "unit": "s"},
-    "pressure_1_pa": {"channel": "p1", "unit": "bar"},
-    "pressure_2_pa": {"channel": "p2", "unit": "bar"},
-    "position_m": {"channel": "x", "unit": "mm"},
-}
 STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
-
-
-def write_log(path: Path, recording: Recording, zero_bar: float = 0.0) -> Path:
-    table = pd.DataFrame(
-        {
-            "t": recording.column("time_s"),
-            "p1": recording.column("pressure_1_pa") / 1e5 + zero_bar,
-            "p2": recording.column("pressure_2_pa") / 1e5,
-            "x": 1e3 * recording.column("position_m"),
-        }
-    )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(path, index=False)
-    return path
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ COMMANDS = {
     "check": "check params.yaml",
     "ingest": "ingest init FILE: write a first mapping for a logger's file",
     "estimate": "friction from a logger's files: a file per recording and a page",
+    "identify": "friction models from a logger's files: Stribeck curve, LuGre, files for Modelica and MATLAB",
     "inspect": "check a logger's file or a folder of them, and draw a page",
     "track": "log every finished stage to MLflow, without duplicates",
     "summary": "print the comparison table and where things lie",

@@ -21,16 +21,21 @@ EXPECTED = (ValueError,)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("logs", nargs="+", metavar="LOGS", help="files, folders or patterns, of any supported format")
-    parser.add_argument("--cylinder", help=f"its YAML file, or bore_diameter_m=0.063,... ; without: {PARAMS_FILE}")
-    parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
+    add_log_arguments(parser, "friction")
     parser.add_argument(
         "--model", help="a saved estimator's folder, or models:/NAME@ALIAS; without: the off-line label"
     )
+    parser.add_argument("--format", choices=get_args(FileFormat), default="parquet")
+
+
+def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
+    """Add what every command on logger files takes; without ``--output`` it writes ``folder``."""
+    parser.add_argument("logs", nargs="+", metavar="LOGS", help="files, folders or patterns, of any supported format")
+    parser.add_argument("--cylinder", help=f"its YAML file, or bore_diameter_m=0.063,... ; without: {PARAMS_FILE}")
+    parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
     parser.add_argument("--load", choices=get_args(LoadMode), help="what the cylinder carries; without: as mapped")
     parser.add_argument("--names", help="expression on a file's path with the groups condition and session")
-    parser.add_argument("--output", type=Path, default=Path("friction"), help="folder to write; default: friction")
-    parser.add_argument("--format", choices=get_args(FileFormat), default="parquet")
+    parser.add_argument("--output", type=Path, default=Path(folder), help=f"folder to write; default: {folder}")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of lines")
 
 

@@ -120,16 +120,13 @@ def estimate_logs(
         FileExistsError: The folder holds something else.
     """
     into = Path(into)
-    if into.exists() and not (into / SUMMARY_FILE).is_file():
-        raise FileExistsError(
-            f"{into}: exists already, and holds no {SUMMARY_FILE} of an earlier run; name a new folder"
-        )
+    refuse_other_folder(into, SUMMARY_FILE)
     estimator = load_estimator(model) if isinstance(model, str | Path) else model
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz)
     with whole_folder(into) as folder:
-        run = _Run(logs, cylinder, estimator, folder / ".scratch", default_filter(cylinder))
-        result, panes = run.result(folder, file_format)
+        run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator)
+        result, panes = _written(run, folder, file_format)
         result = replace(result, folder=into)
         shutil.rmtree(run.scratch, ignore_errors=True)
         write_friction_page(folder / PAGE_FILE, panes, result.offsets, _table_rows(result), result.bounds)
@@ -137,40 +134,44 @@ def estimate_logs(
     return result
 
 
-class _Run:
-    """Passes over the recordings, each kept in ``scratch`` between two of them."""
+def refuse_other_folder(folder: Path, marker: str) -> None:
+    """Raise ``FileExistsError`` if the folder exists and holds no file ``marker``, by which a run knows its own."""
+    if folder.exists() and not (folder / marker).is_file():
+        raise FileExistsError(f"{folder}: exists already, and holds no {marker} of an earlier run; name a new folder")
 
-    def __init__(
-        self,
-        logs: Logs,
-        cylinder: Cylinder,
-        estimator: FrictionEstimator | None,
-        scratch: Path,
-        signal_filter: SignalFilter,
-    ) -> None:
+
+class LabelledLogs:
+    """The recordings of logger files with their friction, each kept in ``scratch`` between two passes.
+
+    Args:
+        logs: The files.
+        cylinder: Whose recordings they are.
+        scratch: A folder that may be removed afterwards.
+        estimator: What friction comes from; None: the off-line label, less the sensors' offset where it is known.
+
+    Attributes:
+        refused: Files and recordings that could not be used, once ``recordings`` has ended.
+        offsets: What is known of the sensors' offset by session, from then on; empty with an estimator.
+        loads: By recording, which load was taken off, in words.
+    """
+
+    def __init__(self, logs: Logs, cylinder: Cylinder, scratch: Path, estimator: FrictionEstimator | None) -> None:
         self.logs, self.cylinder, self.estimator, self.scratch = logs, cylinder, estimator, scratch
-        self.filter, self.plan = signal_filter, OffsetPlan()
+        self.filter: SignalFilter = default_filter(cylinder)
+        self.plan = OffsetPlan()
         self.load = logs.recipe.limits.load
         self.labeller = Labeller(cylinder, load=self.load)
         self.refused: list[Quarantined] = []
+        self.offsets: dict[str, KnownOffset] = {}
         self.loads: dict[str, str] = {}
 
-    def result(self, folder: Path, file_format: FileFormat) -> tuple[FrictionOfLogs, list[FrictionPane]]:
+    def recordings(self) -> Iterator[Recording]:
+        """Yield each usable recording with ``friction_n``, its bounds, velocity and usable rows."""
         labelled = list(self._labelled(self._filtered()))
-        offsets = {} if self.estimator is not None else self._offsets([evidence for _, evidence in labelled])
-        known = [path for path, _ in labelled]
-        bounded = False
-        recordings: list[FrictionOfRecording] = []
-        panes: list[FrictionPane] = []
-        for path in known:
-            recording = self._finished(read_recording(path), offsets)
-            bounded |= bool(np.isfinite(recording.column("lower_n")).any())
-            _write(recording, folder, file_format)
-            recordings.append(self._entry(recording))
-            if len(panes) < PLOTTED:
-                panes.append(friction_pane(recording, self.cylinder, self.filter, self.estimator is not None))
-        words = MODEL_BOUNDS if self.estimator is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
-        return FrictionOfLogs(folder, words, recordings, self.refused, list(offsets.values())), panes
+        if self.estimator is None:
+            self.offsets = self._offsets([evidence for _, evidence in labelled])
+        for path, _ in labelled:
+            yield self._finished(read_recording(path), self.offsets)
 
     def _filtered(self) -> dict[str, list[Path]]:
         """Return the files of filtered recordings by session."""
@@ -244,7 +245,8 @@ class _Run:
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
         return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
 
-    def _entry(self, recording: Recording) -> FrictionOfRecording:
+    def entry(self, recording: Recording) -> FrictionOfRecording:
+        """Return what became of a recording."""
         flags, position_m = recording.table.get("flags"), recording.column("position_m")
         usable, velocity_m_s = recording.usable(), recording.column("velocity_m_s")
         friction_n = recording.column("friction_n")
@@ -266,6 +268,20 @@ class _Run:
 
     def _refuse(self, recording: Recording, error: Exception) -> None:
         self.refused.append(Quarantined(recording.metadata.source_file, str(error), recording.name))
+
+
+def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[FrictionOfLogs, list[FrictionPane]]:
+    bounded = False
+    recordings: list[FrictionOfRecording] = []
+    panes: list[FrictionPane] = []
+    for recording in run.recordings():
+        bounded |= bool(np.isfinite(recording.column("lower_n")).any())
+        _write(recording, folder, file_format)
+        recordings.append(run.entry(recording))
+        if len(panes) < PLOTTED:
+            panes.append(friction_pane(recording, run.cylinder, run.filter, run.estimator is not None))
+    words = MODEL_BOUNDS if run.estimator is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
+    return FrictionOfLogs(folder, words, recordings, run.refused, list(run.offsets.values())), panes
 
 
 def _write(recording: Recording, folder: Path, file_format: FileFormat) -> None:

@@ -19,12 +19,9 @@ OPPOSING = 0.7
 
 def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:
     """Return the curve through points of steady sliding, or None and why none is stated."""
-    opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
-    if points and len(opposing) < OPPOSING * len(points):
-        return None, (
-            f"only {len(opposing)} of {len(points)} points of steady sliding oppose the motion, as friction must; the "
-            "force carries a load, the position counts the other way, or the pressures are swapped"
-        )
+    problem = undetermined(points) if points else ""
+    if problem:
+        return None, problem
     try:
         curve = fit_stribeck(
             np.array([point.velocity_m_s for point in points]),
@@ -33,13 +30,28 @@ def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, st
         )
     except ValueError as error:
         return None, str(error)
-    problem = _one_way(points) or _narrow(points) or _beyond_seen(curve, points)
+    problem = _beyond_seen(curve, points)
     return (None, problem) if problem else (curve, "")
 
 
 def is_breakaway_known(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> bool:
     """Return whether sliding as slow as the Stribeck velocity was seen; else static friction is extrapolated."""
     return min(abs(point.velocity_m_s) for point in points) <= curve.stribeck_velocity_m_s
+
+
+def undetermined(points: Sequence[SteadyPoint]) -> str:
+    """Return why points of steady sliding, at least one, do not determine friction at all, empty where they do."""
+    return _too_few_oppose(points) or _one_way(points) or _narrow(points)
+
+
+def _too_few_oppose(points: Sequence[SteadyPoint]) -> str:
+    opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
+    if len(opposing) >= OPPOSING * len(points):
+        return ""
+    return (
+        f"only {len(opposing)} of {len(points)} points of steady sliding oppose the motion, as friction must; the "
+        "force carries a load, the position counts the other way, or the pressures are swapped"
+    )
 
 
 def _one_way(points: Sequence[SteadyPoint]) -> str:

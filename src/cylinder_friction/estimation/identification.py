@@ -1,0 +1,232 @@
+"""Logger files become friction models: Stribeck points and curve, LuGre parameters, and files for simulators."""
+
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.from_logs import LabelledLogs, refuse_other_folder
+from cylinder_friction.estimation.identification_page import write_identification_page
+from cylinder_friction.estimation.identified_model import IdentifiedModel, determined, pressure_problem
+from cylinder_friction.estimation.off_line_velocity import (
+    NOISE_MULTIPLE,
+    odd_window,
+    slope,
+    slope_noise,
+    velocities_on_offer,
+)
+from cylinder_friction.estimation.parameter_files import matlab_script, modelica_record
+from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identified_curve, stribeck_points
+from cylinder_friction.estimation.velocity_choice import FITS_ALIKE, LEAST_SHARE, widened_intervals
+from cylinder_friction.estimators.lugre import condition_of_smallest_friction
+from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
+from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
+from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.files import whole_folder, write_json, write_text
+from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
+from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.inspection.known_curve import undetermined
+from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
+from cylinder_friction.signals.motion import STEADY_DURATION_S
+from cylinder_friction.signals.noise import sensor_noise
+from cylinder_friction.signals.smooth_signals import has_pressures
+
+MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
+CONFIDENCE, DAMPING_RATIO = 0.95, 0.5
+POPULATION, GENERATIONS = 10, 50
+SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
+"""What differential evolution simulates, and the longest piece of each recording in the last local searches."""
+INTERVALS_OF_PARAMETERS = (
+    f"{INTERVAL_METHOD}; widened to hold what is identified with every velocity whose error exceeds the least by at "
+    f"most {100.0 * FITS_ALIKE:g} % of mean |friction|, and to {100.0 * LEAST_SHARE:g} % either way at least"
+)
+INTERVALS_OF_POINTS = "Student's t over the medians of strokes; a single stroke has no interval"
+
+
+@dataclass(frozen=True)
+class FrictionModels:
+    """What was identified from logs."""
+
+    folder: Path  # Where the files lie
+    recordings: tuple[str, ...]  # Names
+    curves: tuple[IdentifiedCurve, ...]  # One per condition
+    models: tuple[IdentifiedModel, ...]  # LuGre, plain and pressure-scaled
+    refused: list[Quarantined] = field(default_factory=list)
+    offsets: list[KnownOffset] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values; what is not known is None."""
+        return {
+            "confidence": CONFIDENCE,
+            "intervals_of_points": INTERVALS_OF_POINTS,
+            "intervals_of_parameters": INTERVALS_OF_PARAMETERS,
+            "recordings": list(self.recordings),
+            "stribeck": {each.condition: each.to_dict() for each in self.curves},
+            "models": {each.name: each.to_dict() for each in self.models},
+            "offsets": {each.session: each.value for each in self.offsets},
+            "refused": [asdict(each) for each in self.refused],
+        }
+
+
+def identify_logs(
+    files: str | Path | Iterable[str | Path],
+    cylinder: Cylinder,
+    into: str | Path = "friction_models",
+    *,
+    channels: str | Path | Mapping[str, Any] | None = None,
+    load: LoadMode | None = None,
+    names: str | None = None,
+    generations: int = GENERATIONS,
+    seed: int = 0,
+) -> FrictionModels:
+    """Identify Stribeck curve and LuGre parameters from logger files.
+
+    The label is that of ``estimate_logs`` without a model. LuGre is identified in the condition of smallest friction
+    and, with dry friction that grows with the sum of both pressures, in all conditions. The folder gets
+    ``friction_models.json``, a page, and for each model that could be identified a Modelica record (``.mo``) and a
+    MATLAB script (``.m``). A parameter that the motion does not determine has no number, but the reason why.
+
+    Args:
+        files, channels, load, names: As in ``read_recordings``.
+        cylinder: Whose recordings they are.
+        into: A new folder, or one that an earlier call wrote.
+        generations: Greatest number of generations of the global search.
+        seed: Of that search.
+
+    Raises:
+        ValueError: Fewer than one generation.
+        RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed. Single files that
+            cannot be used are listed in ``refused``.
+        FileExistsError: The folder holds something else.
+    """
+    into = Path(into)
+    if generations < 1:
+        raise ValueError(f"generations: got {generations}, but expected at least 1")
+    refuse_other_folder(into, MODELS_FILE)
+    logs = find_logs(files, channels, cylinder, names=names, load=load)
+    with whole_folder(into) as folder:
+        run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
+        labelled = list(run.recordings())
+        shutil.rmtree(run.scratch, ignore_errors=True)
+        others = other_rates([recording.metadata for recording in labelled])
+        refused = [*run.refused, *others.values()]
+        recordings = [recording for recording in labelled if recording.name not in others]
+        if not recordings:
+            raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
+        search = _Search(recordings, cylinder, generations, seed)
+        result = FrictionModels(
+            into,
+            tuple(recording.name for recording in recordings),
+            search.curves(),
+            (search.plain(), search.pressure_scaled()),
+            refused,
+            list(run.offsets.values()),
+        )
+        _write(folder, result, search, cylinder)
+    return result
+
+
+class _Search:
+    """Identification on recordings of one sample time."""
+
+    def __init__(self, recordings: Sequence[Recording], cylinder: Cylinder, generations: int, seed: int) -> None:
+        self.cylinder = cylinder
+        sample_time_s = recordings[0].sample_time_s
+        noise_m = max(sensor_noise(recording.column("position_m")) for recording in recordings)
+        window = odd_window(STEADY_DURATION_S, sample_time_s)
+        self.slowest_m_s = NOISE_MULTIPLE * slope_noise(window, noise_m, sample_time_s)
+        smooth = slope(window, 0.0, 0.0)
+        self.recordings = [recording.with_columns(velocity_m_s=smooth(recording)) for recording in recordings]
+        self.velocities = velocities_on_offer(noise_m, sample_time_s)
+        self.effort = SearchEffort(
+            seed,
+            POPULATION,
+            generations,
+            SIMULATED_RECORDINGS,
+            piece_s=PIECE_S,
+            polished_piece_s=POLISHED_PIECE_S,
+        )
+
+    def curves(self) -> tuple[IdentifiedCurve, ...]:
+        conditions = sorted({recording.metadata.condition for recording in self.recordings})
+        return tuple(
+            identified_curve(condition, self._of(condition), self.slowest_m_s, CONFIDENCE) for condition in conditions
+        )
+
+    def plain(self) -> IdentifiedModel:
+        return self._identified(LuGre(), self._of(condition_of_smallest_friction(self.recordings)))
+
+    def pressure_scaled(self) -> IdentifiedModel:
+        model = LuGre(pressure_scaled=True)
+        if not all(has_pressures(recording) for recording in self.recordings):
+            return _unidentified(model, self.recordings, "not every recording holds both pressures")
+        problem = pressure_problem([_pressure(recording)[recording.usable()] for recording in self.recordings])
+        return _unidentified(model, self.recordings, problem) if problem else self._identified(model, self.recordings)
+
+    def simulated(self, identified: IdentifiedModel, recording: Recording) -> Array:
+        """Return the friction of an identified model along a recording [N], shape ``(n,)``."""
+        assert identified.found is not None
+        model, velocity = LuGre(identified.pressure_scaled), self.velocities[identified.velocity]
+        pressure = _pressure(recording) if identified.pressure_scaled else None
+        values, state = identified.found.parameters.packed(), model.new_state()
+        return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
+
+    def _of(self, condition: str) -> list[Recording]:
+        return [recording for recording in self.recordings if recording.metadata.condition == condition]
+
+    def _identified(self, model: LuGre, recordings: Sequence[Recording]) -> IdentifiedModel:
+        points = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE)
+        problem = undetermined(points) if points else ""
+        if problem:
+            return _unidentified(model, recordings, problem)
+        pressure = _pressure if model.pressure_scaled else None
+        mass_kg = self.cylinder.moving_mass_kg
+        try:
+            found = identify(
+                model,
+                recordings,
+                self.velocities,
+                pressure,
+                self.effort,
+                mass_kg=mass_kg,
+                damping_ratio=DAMPING_RATIO,
+                dead_band_m_s=self.slowest_m_s,
+                confidence=CONFIDENCE,
+            )
+        except ValueError as error:  # too few points of steady sliding
+            return _unidentified(model, recordings, str(error))
+        intervals = widened_intervals(
+            found, model, recordings, self.velocities, pressure, mass_kg=mass_kg, damping_ratio=DAMPING_RATIO
+        )
+        found = replace(found, intervals=intervals)
+        parameters = determined(model, found, points, DAMPING_RATIO)
+        names = tuple(recording.name for recording in recordings)
+        return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
+
+
+def _pressure(recording: Recording) -> Array:
+    return recording.column("pressure_1_pa") + recording.column("pressure_2_pa")
+
+
+def _unidentified(model: LuGre, recordings: Sequence[Recording], problem: str) -> IdentifiedModel:
+    return IdentifiedModel(model.name, model.title, tuple(recording.name for recording in recordings), problem)
+
+
+def _write(folder: Path, result: FrictionModels, search: _Search, cylinder: Cylinder) -> None:
+    known = [model for model in result.models if model.found is not None]
+    for model in known:
+        write_text(folder / f"{model.name}.mo", modelica_record(model, cylinder, CONFIDENCE))
+        write_text(folder / f"{model.name}.m", matlab_script(model, cylinder, CONFIDENCE))
+    simulated = [
+        (recording, {model.title: search.simulated(model, recording) for model in known})
+        for recording in search.recordings
+    ]
+    write_identification_page(
+        folder / PAGE_FILE, result.curves, result.models, simulated, result.offsets, result.refused, CONFIDENCE
+    )
+    write_json(folder / MODELS_FILE, result.to_dict())

@@ -1,0 +1,180 @@
+"""The page of an identification: the Stribeck curve, parameters with intervals, and the models against the label."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimation.identified_model import IdentifiedModel, IdentifiedParameter, meaning
+from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve, StribeckPoint
+from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
+from cylinder_friction.recordings.files import write_text
+from cylinder_friction.recordings.ingesting import Quarantined
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.inspection.choice import PLOTTED
+from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
+from cylinder_friction.reporting.page import Cell, Table, four_digits, page_html
+from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES, interactive
+from cylinder_friction.reporting.time_figure import Line, Panel, over_time
+
+MM_PER_M = 1e3
+CURVE_POINTS = 200
+HEADROOM = 1.25
+"""Height of the curve's figure over its greatest friction; intervals of few strokes may reach far beyond."""
+COLOURS = (ORANGE, BLUE)
+NOT_DETERMINED = "not determined"
+
+
+def write_identification_page(
+    path: Path,
+    curves: Sequence[IdentifiedCurve],
+    models: Sequence[IdentifiedModel],
+    simulated: Sequence[tuple[Recording, Mapping[str, Array]]],
+    offsets: Sequence[KnownOffset],
+    refused: Sequence[Quarantined],
+    confidence: float,
+) -> None:
+    """Write the page whole; equal input makes equal bytes.
+
+    Args:
+        path: Of the HTML file.
+        curves: Of every condition.
+        models: Identified or not.
+        simulated: Every labelled recording, and the friction of each identified model by title [N], shape ``(n,)``.
+        offsets: What is known of the pressure sensors' offset in each session.
+        refused: What could not be used.
+        confidence: Of the intervals.
+    """
+    drawn = simulated[:PLOTTED]
+    titles = [model.title for model in models if model.found is not None]
+    html = page_html(
+        "templates/identification.html.j2",
+        title="Friction models",
+        percent=f"{100.0 * confidence:g}",
+        stribeck=_stribeck_figure(curves),
+        conditions=[(_named(each, curves), each.why_not, _curve_table(each), _point_table(each)) for each in curves],
+        models=[(model, None if model.found is None else _parameter_table(model)) for model in models],
+        errors=_error_table(simulated, titles) if titles else None,
+        panes=[(f"recording-{n}", each.name, _over_time(each, lines)) for n, (each, lines) in enumerate(drawn, 1)],
+        left_out=len(simulated) - len(drawn),
+        offsets=offset_table(offsets) if offsets else None,
+        refused=refused,
+    )
+    write_text(path, html)
+
+
+def _named(curve: IdentifiedCurve, curves: Sequence[IdentifiedCurve]) -> str:
+    return f"condition {curve.condition}" if len(curves) > 1 else "all recordings"
+
+
+def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> go.Figure | None:
+    """Return friction against the motion over speed, points with intervals; None without a point."""
+    figure = go.Figure()
+    for number, each in enumerate(curves):
+        for way, words, symbol, dash in ((1.0, "extending", "circle", "solid"), (-1.0, "retracting", "square", "dash")):
+            points = [point for point in each.points if way * point.velocity_m_s > 0.0]
+            name, colour = f"{_named(each, curves)}, {words}", SERIES[number % len(SERIES)]
+            if points:
+                figure.add_trace(_points(points, way, name, colour, symbol))
+            if points and each.curve is not None:
+                speeds = [way * point.velocity_m_s for point in points]
+                seen = np.geomspace(min(speeds), max(speeds), CURVE_POINTS)
+                line = {"color": colour, "width": 1.5, "dash": dash}
+                figure.add_scatter(
+                    x=MM_PER_M * seen,
+                    y=way * each.curve.friction(way * seen),
+                    mode="lines",
+                    line=line,
+                    legendgroup=name,
+                    showlegend=False,
+                    hoverinfo="skip",
+                )
+    if not figure.data:
+        return None
+    seen_n = [abs(point.friction_n) for each in curves for point in each.points]
+    figure.update_xaxes(title_text="speed [mm/s]", type="log", dtick="D2")
+    figure.update_yaxes(title_text="friction against the motion [N]", range=[0.0, HEADROOM * max(seen_n)])
+    return interactive(figure, 480, legend_rows=len(curves))
+
+
+def _points(points: Sequence[StribeckPoint], way: float, name: str, colour: str, symbol: str) -> go.Scatter:
+    return go.Scatter(
+        x=[MM_PER_M * way * point.velocity_m_s for point in points],
+        y=[way * point.friction_n for point in points],
+        error_y={"type": "data", "array": [point.known_half_width_n for point in points], "thickness": 1.2},
+        customdata=[[point.strokes, point.rows] for point in points],
+        mode="markers",
+        name=name,
+        legendgroup=name,
+        marker={"color": colour, "size": 8, "symbol": symbol},
+        hovertemplate="%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>",
+    )
+
+
+def _curve_table(each: IdentifiedCurve) -> Table | None:
+    if each.curve is None:
+        return None
+    rows: list[list[str | Cell]] = []
+    for spec in (*STRIBECK, RETRACT_RATIO):
+        problem = each.why_not_slow if spec.name in SLOW_PARAMETERS else ""
+        remark = Cell(f"{NOT_DETERMINED}: {problem}" if problem else "", style="words")
+        value = Cell("–", style="none") if problem else four_digits(getattr(each.curve, spec.name))
+        rows.append([meaning(spec, pressure_scaled=False), value, spec.unit, remark])
+    return Table(("parameter of the curve", "value", "unit", "remark"), rows, words=(2, 3))
+
+
+def _point_table(each: IdentifiedCurve) -> Table:
+    rows = [
+        (
+            f"{MM_PER_M * point.velocity_m_s:.3g}",
+            four_digits(point.friction_n),
+            "–" if math.isnan(point.half_width_n) else four_digits(point.half_width_n),
+            f"{four_digits(point.lower_quartile_n)} to {four_digits(point.upper_quartile_n)}",
+            str(point.strokes),
+            str(point.rows),
+        )
+        for point in each.points
+    ]
+    return Table(("velocity [mm/s]", "friction [N]", "± [N]", "quartiles [N]", "strokes", "rows"), rows)
+
+
+def _parameter_table(model: IdentifiedModel) -> Table:
+    head = ("parameter", "symbol", "value", "interval", "unit", "remark")
+    return Table(head, [_parameter_row(each) for each in model.parameters], words=(1, 4, 5))
+
+
+def _parameter_row(each: IdentifiedParameter) -> list[str | Cell]:
+    value = Cell("–", style="none") if each.value is None else four_digits(each.value)
+    interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
+    remark = f"{NOT_DETERMINED}: {each.note}" if each.value is None else each.note
+    return [each.meaning, each.symbol, value, interval, each.unit, Cell(remark, style="words")]
+
+
+def _error_table(simulated: Sequence[tuple[Recording, Mapping[str, Array]]], titles: Sequence[str]) -> Table:
+    """Return each recording's mean absolute label and the mean absolute error of each model in percent of it."""
+    rows: list[list[str | Cell]] = []
+    for number, (recording, lines) in enumerate(simulated, start=1):
+        label_n, usable = recording.column("friction_n"), recording.usable()
+        if not usable.any():
+            continue
+        mean_n = float(np.mean(np.abs(label_n[usable])))
+        link = f"#recording-{number}" if number <= PLOTTED else ""
+        errors = [100.0 * float(np.mean(np.abs(lines[name] - label_n)[usable])) / mean_n for name in titles]
+        cells = [Cell(f"{error:.1f}", value=error) for error in errors]
+        rows.append([Cell(recording.name, link=link), four_digits(mean_n), *cells])
+    return Table(("recording", "mean |friction| [N]", *(f"{name} [%]" for name in titles)), rows, sortable=True)
+
+
+def _over_time(recording: Recording, simulated: Mapping[str, Array]) -> go.Figure:
+    gaps = np.where(recording.usable(), 0.0, np.nan)
+    friction = [Line("label, off line", recording.column("friction_n") + gaps, GREEN, 1.5)]
+    friction += [
+        Line(title, values + gaps, colour, 1.0)
+        for (title, values), colour in zip(simulated.items(), COLOURS, strict=False)
+    ]
+    velocity = Line("velocity", MM_PER_M * recording.column("velocity_m_s"), BLUE, in_legend=False)
+    panels = [Panel("friction [N]", friction, 1.6), Panel("velocity [mm/s]", [velocity])]
+    return over_time(recording.column("time_s"), panels)

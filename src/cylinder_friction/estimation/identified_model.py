@@ -1,0 +1,161 @@
+"""What an identification determines: each parameter with its interval, or the reason why it has no number."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, no_rise_seen
+from cylinder_friction.friction_models.identification.procedure import Identification
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
+from cylinder_friction.friction_models.parameters import ParameterSpec
+from cylinder_friction.reporting.page import four_digits
+
+SYMBOLS = {
+    "coulomb_n": "Fc",
+    "static_n": "Fs",
+    "stribeck_velocity_m_s": "vs",
+    "stribeck_exponent": "a",
+    "viscous_n_s_m": "s2",
+    "bristle_stiffness_n_m": "s0",
+    "bristle_damping_n_s_m": "s1",
+    "damping_velocity_m_s": "vc",
+    "retract_ratio": "r",
+    "pressure_slope_n_pa": "k",
+}
+EQUATION = (
+    "dz/dt = v - s0*|v|*z/g",
+    "F = s0*z + s1*exp(-(v/vc)^2)*dz/dt + s2*v",
+    "g = side*{scale}(Fc + (Fs - Fc)*exp(-|v/vs|^a)), side = 1 for v > 0 and r for v < 0",
+)
+PRESSURE_SCALE = "(1 + k*p/Fc)*"
+
+WIDEST = 4.0
+"""Upper over lower limit of an interval above which a parameter is not determined: a factor of 2 either way."""
+LEAST_PRESSURE_SPAN = 1.5
+"""Greatest over least sum of pressures while usable; below it, pressure and preload take each other's place."""
+_AT_THE_EDGE = 0.01
+_FOLLOWS_FROM = {"bristle_damping_n_s_m": "bristle_stiffness_n_m", "damping_velocity_m_s": "stribeck_velocity_m_s"}
+
+
+@dataclass(frozen=True)
+class IdentifiedParameter:
+    """One parameter of a model."""
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    value: float | None  # In its unit; None where the motion does not determine it
+    interval: tuple[float, float] | None  # Confidence interval, in its unit; None without value, or if not searched
+    note: str = ""  # Why there is no value, or where it comes from if not from the search
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """A LuGre model identified from recordings."""
+
+    name: str
+    title: str
+    recordings: tuple[str, ...]  # Names of those that it was identified from
+    why_not: str = ""  # Why nothing could be identified
+    parameters: tuple[IdentifiedParameter, ...] = ()
+    velocity: str = ""  # How velocity is made from position
+    found: Identification | None = None
+
+    @property
+    def pressure_scaled(self) -> bool:
+        return any(each.name == "pressure_slope_n_pa" for each in self.parameters)
+
+    @property
+    def equation(self) -> tuple[str, ...]:
+        return tuple(line.format(scale=PRESSURE_SCALE if self.pressure_scaled else "") for line in EQUATION)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values."""
+        content: dict[str, Any] = {"recordings": list(self.recordings)}
+        if self.found is None:
+            return content | {"why_not": self.why_not}
+        return content | {
+            "equation": list(self.equation),
+            "velocity": self.velocity,
+            "mean_absolute_error_n": self.found.error_n,
+            "error_percent": self.found.error_percent,
+            "parameters": {each.name: {k: v for k, v in vars(each).items() if k != "name"} for each in self.parameters},
+        }
+
+
+def determined(
+    model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float
+) -> tuple[IdentifiedParameter, ...]:
+    """Return every parameter of the model, without a number where the motion does not determine it.
+
+    Args:
+        model: What was identified.
+        found: With which result.
+        points: Of steady sliding in the recordings that it was identified from.
+        damping_ratio: Of the mass on its bristles, as assumed.
+    """
+    assert isinstance(found.parameters, LugreParameters)
+    searched = {spec.name for spec in model.searched}
+    why_not: dict[str, str] = {}
+    no_rise = no_rise_seen(found.parameters.curve, points)
+    for spec in model.searched:
+        why_not[spec.name] = (no_rise if spec.name in SLOW_PARAMETERS else "") or _unknown(spec, found)
+    parameters = []
+    for spec in model.specs:
+        if spec.relative_to == "pressure" and not model.pressure_scaled:
+            continue
+        source = _FOLLOWS_FROM.get(spec.name, spec.name)
+        note = why_not[source]
+        value = None if note else found.parameters.value(spec.name)
+        interval = found.intervals[spec.name] if value is not None and spec.name in searched else None
+        if spec.name not in searched:
+            note = f"follows from {source}, which is not determined" if note else _assumed(spec, damping_ratio)
+        symbol, words = SYMBOLS[spec.name], meaning(spec, model.pressure_scaled)
+        parameters.append(IdentifiedParameter(spec.name, symbol, spec.unit, words, value, interval, note))
+    return tuple(parameters)
+
+
+def meaning(spec: ParameterSpec, pressure_scaled: bool) -> str:
+    """Return what a parameter is, in words; without pressure scaling it holds at the pressures that were recorded."""
+    return spec.meaning if pressure_scaled else spec.meaning.replace("at zero gauge", "at the recorded")
+
+
+def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
+    """Return why sums of pressures [Pa] of usable rows do not determine how friction grows with them, else nothing."""
+    usable_pa = np.concatenate(pressure_pa)
+    if not len(usable_pa):
+        return "no row is usable"
+    least, greatest = (1e-5 * float(each) for each in np.quantile(usable_pa, [0.05, 0.95]))
+    if greatest >= LEAST_PRESSURE_SPAN * max(least, 0.0) and greatest > 0.0:
+        return ""
+    return (
+        f"the sum of both pressures runs from {least:.3g} to {greatest:.3g} bar; how friction grows with it is "
+        f"determined from a factor of {LEAST_PRESSURE_SPAN:g} on; record other loads too"
+    )
+
+
+def _unknown(spec: ParameterSpec, found: Identification) -> str:
+    lower, upper = found.intervals[spec.name]
+    if upper > WIDEST * lower:
+        return f"its interval spans a factor of {min(upper / lower, 1e6):.2g}, more than {WIDEST:g}"
+    value = found.parameters.value(spec.name)
+    if spec.relative_to == "" and not _inside(spec, value):
+        return f"the search ends at its limit, {four_digits(spec.lower)} to {four_digits(spec.upper)} {spec.unit}"
+    return ""
+
+
+def _inside(spec: ParameterSpec, value: float) -> bool:
+    lower, upper = math.log(spec.lower), math.log(spec.upper)
+    margin = _AT_THE_EDGE * (upper - lower)
+    return lower + margin < math.log(value) < upper - margin
+
+
+def _assumed(spec: ParameterSpec, damping_ratio: float) -> str:
+    if spec.name == "bristle_damping_n_s_m":
+        return f"not measured: from the stiffness and a damping ratio of {damping_ratio:g}, which is assumed"
+    return "not measured: the Stribeck velocity, or less where passivity asks"

@@ -1,0 +1,59 @@
+"""The command ``identify``: what it prints, its exit status, and that bad input is named."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import yaml
+
+from cylinder_friction.commands.cli import main
+from cylinder_friction.friction_models.lugre import LugreParameters
+from friction_samples import ODD
+from logger_files import CHANNELS, write_lugre_log
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+
+GEOMETRY = "bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0"
+
+
+def arguments(tmp_path: Path, cylinder: Cylinder, speeds_m_s: list[float]) -> list[str]:
+    truth = ODD["lugre"]
+    assert isinstance(truth, LugreParameters)
+    log = write_lugre_log(tmp_path / "r.csv", truth, cylinder, speeds_m_s, pressure_2_pa=(6e6, 2e5))
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump({"channels": CHANNELS}), encoding="utf-8")
+    options = {"--cylinder": GEOMETRY, "--channels": tmp_path / "mapping.yaml", "--output": tmp_path / "out"}
+    return ["identify", str(log), *(str(word) for pair in options.items() for word in pair)]
+
+
+def test_parameters_are_printed_with_intervals_and_reasons(
+    tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = arguments(tmp_path, cylinder, [*np.geomspace(0.02, 0.2, 9)] * 2)
+    assert main([*given, "--generations", "1"]) == 0
+    printed = capsys.readouterr().out
+    assert "LuGre: 1 recording, error " in printed
+    assert "viscous_n_s_m" in printed
+    assert "static_n               not determined: at the slowest steady sliding" in printed
+    assert "LuGre, pressure-scaled: not identified: the sum of both pressures" in printed
+    assert f"page     {tmp_path}/out/friction_models.html" in printed
+
+
+def test_json_is_all_that_is_printed_and_nothing_identified_is_a_failure(
+    tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*arguments(tmp_path, cylinder, [0.05, 0.06] * 6), "--json"]) == 1
+    content = json.loads(capsys.readouterr().out)
+    assert set(content["models"]) == {"lugre", "pressure_lugre"}
+    assert "a factor of 1;" in content["models"]["lugre"]["why_not"]
+
+
+def test_bad_input_is_named(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:
+    given = arguments(tmp_path, cylinder, [0.05])
+    assert main([*given, "--generations", "0"]) == 1
+    assert capsys.readouterr().err == "cylinder-friction identify: generations: got 0, but expected at least 1\n"

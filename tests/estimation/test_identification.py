@@ -1,0 +1,164 @@
+"""Logs become friction models: known parameters are found, and what the motion does not determine has no number."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.estimation.identification import FrictionModels, identify_logs
+from cylinder_friction.estimation.identified_model import IdentifiedModel, pressure_problem
+from cylinder_friction.friction_models.identification.presliding import bristle_damping, damping_velocity
+from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.recordings.recording import RecordingError
+from logger_files import CHANNELS, write_lugre_log
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+
+DAMPING_N_S_M = bristle_damping(0.5, 2e6, 6.0, 1500.0)
+TRUTH = LugreParameters(
+    coulomb_n=240.0,
+    static_n=360.0,
+    stribeck_velocity_m_s=8e-3,
+    stribeck_exponent=1.5,
+    viscous_n_s_m=1500.0,
+    bristle_stiffness_n_m=2e6,
+    bristle_damping_n_s_m=DAMPING_N_S_M,
+    damping_velocity_m_s=damping_velocity(8e-3, 240.0, DAMPING_N_S_M),
+    retract_ratio=1.2,
+    pressure_slope_n_pa=4e-5,
+)
+SPEEDS_M_S = [*np.geomspace(1e-3, 0.1, 9), *np.geomspace(1.5e-3, 0.06, 6)]
+SLOW = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("identified") / "out"
+
+
+@pytest.fixture(scope="module")
+def result(folder: Path, cylinder: Cylinder) -> FrictionModels:
+    """Two logs with slow and fast strokes at two loads, and one broken file beside them."""
+    logs = folder.parent / "logs"
+    for number, pressure_pa in enumerate((8e5, 16e5), start=1):
+        pressures = (pressure_pa, 4e5)
+        write_lugre_log(logs / f"r{number}.csv", TRUTH, cylinder, SPEEDS_M_S, pressure_2_pa=pressures, seed=number)
+    (logs / "broken.csv").write_text("t,p1\n0,1\n", encoding="utf-8")
+    return identify_logs(logs, cylinder, folder, channels=CHANNELS, generations=1)
+
+
+def model_of(result: FrictionModels, name: str) -> IdentifiedModel:
+    return next(model for model in result.models if model.name == name)
+
+
+@pytest.mark.parametrize("name", ["coulomb_n", *SLOW, "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa"])
+def test_a_known_parameter_lies_in_its_interval(result: FrictionModels, name: str) -> None:
+    parameter = next(each for each in model_of(result, "pressure_lugre").parameters if each.name == name)
+    assert parameter.interval is not None
+    assert parameter.interval[0] <= TRUTH.value(name) <= parameter.interval[1]
+    assert parameter.interval[1] < 1.5 * parameter.interval[0]
+
+
+def test_the_model_follows_the_label(result: FrictionModels) -> None:
+    found = model_of(result, "pressure_lugre").found
+    assert found is not None
+    assert found.error_percent < 3.0
+    assert found.parameters.value("bristle_stiffness_n_m") == pytest.approx(2e6, rel=0.2)
+
+
+def test_every_point_and_the_reason_of_a_refusal_are_in_the_file(result: FrictionModels, folder: Path) -> None:
+    content = json.loads((folder / "friction_models.json").read_text())
+    points = content["stribeck"]["1"]["points"]
+    assert len(points) == len(result.curves[0].points) > 12
+    assert all((point["half_width_n"] is None) == (point["strokes"] == 1) for point in points)
+    assert content["recordings"] == ["r1", "r2"]
+    assert [each["file"] for each in content["refused"]] == ["broken.csv"]
+    assert content["models"]["pressure_lugre"]["parameters"]["coulomb_n"]["unit"] == "N"
+    damping = content["models"]["pressure_lugre"]["parameters"]["bristle_damping_n_s_m"]
+    assert damping["interval"] is None
+    assert "damping ratio of 0.5, which is assumed" in damping["note"]
+
+
+def test_the_page_shows_curve_parameters_and_time(result: FrictionModels, folder: Path) -> None:
+    page = (folder / "friction_models.html").read_text(encoding="utf-8")
+    for words in ("Stribeck curve", "LuGre, pressure-scaled", "viscous coefficient", 'id="recording-2"', "broken.csv"):
+        assert words in page
+
+
+def test_the_files_hold_what_was_identified(result: FrictionModels, folder: Path) -> None:
+    for model in result.models:
+        record = (folder / f"{model.name}.mo").read_text(encoding="utf-8")
+        script = (folder / f"{model.name}.m").read_text(encoding="utf-8")
+        for each in model.parameters:
+            in_record = re.search(rf"parameter Real {each.name}\([^)]*\)(?: = (\S+))? \"", record)
+            in_script = re.search(rf"friction\.{each.name} = (\S+);", script)
+            assert in_record is not None
+            assert in_script is not None
+            if each.value is None:
+                assert (in_record[1], in_script[1]) == (None, "NaN")
+            else:
+                assert float(in_record[1]) == float(in_script[1]) == pytest.approx(each.value, rel=1e-8)
+
+
+def test_without_slow_sliding_and_other_loads_the_rest_is_stated(tmp_path: Path, cylinder: Cylinder) -> None:
+    """Strokes from 20 mm/s on under one great load: no static friction, no law of pressure."""
+    speeds = [*np.geomspace(0.02, 0.2, 9)] * 2
+    write_lugre_log(tmp_path / "fast.csv", TRUTH, cylinder, speeds, pressure_2_pa=(6e6, 2e5))
+    result = identify_logs(tmp_path / "fast.csv", cylinder, tmp_path / "out", channels=CHANNELS, generations=1)
+    assert "the sum of both pressures runs from" in model_of(result, "pressure_lugre").why_not
+    parameters = {each.name: each for each in model_of(result, "lugre").parameters}
+    assert parameters["coulomb_n"].value == pytest.approx(240.0 + 4e-5 * 1.09e7, rel=0.15)
+    for name in SLOW:
+        assert parameters[name].value is None
+        assert parameters[name].interval is None
+        assert "record slower strokes" in parameters[name].note
+    assert 'parameter Real static_n(unit = "N") "Fs' in (tmp_path / "out/lugre.mo").read_text(encoding="utf-8")
+    assert "friction.static_n = NaN; % [N] Fs" in (tmp_path / "out/lugre.m").read_text(encoding="utf-8")
+    assert not (tmp_path / "out/pressure_lugre.mo").exists()
+
+
+@pytest.mark.parametrize(
+    ("speeds_m_s", "ways", "stroke_m", "said"),
+    [
+        ([0.05, 0.06, 0.07, 0.08] * 5, (1.0, -1.0), 0.25, "from 65 to 65 mm/s, a factor of 1;"),
+        ([*np.geomspace(2e-3, 0.1, 20)], (1.0,), 2.0, "while extending alone; record strokes in both directions"),
+    ],
+)
+def test_too_little_motion_gives_no_model_but_the_reason(
+    speeds_m_s: list[float], ways: tuple[float, ...], stroke_m: float, said: str, tmp_path: Path, cylinder: Cylinder
+) -> None:
+    longer = type(cylinder)(**{**vars(cylinder), "stroke_m": stroke_m})
+    write_lugre_log(tmp_path / "r.csv", TRUTH, longer, speeds_m_s, ways)
+    result = identify_logs(tmp_path / "r.csv", longer, tmp_path / "out", channels=CHANNELS, generations=1)
+    for model in result.models:
+        assert model.found is None
+        assert said in model.why_not
+    assert result.curves[0].curve is None
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "friction_models.html",
+        "friction_models.json",
+    ]
+    assert said in (tmp_path / "out/friction_models.html").read_text(encoding="utf-8")
+
+
+def test_pressures_that_hardly_vary_determine_no_law_of_pressure() -> None:
+    assert pressure_problem([np.linspace(20e5, 40e5, 50)]) == ""
+    assert "runs from 20.1 to 21.9 bar" in pressure_problem([np.linspace(20e5, 22e5, 500)])
+
+
+def test_bad_input_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
+    (tmp_path / "broken.csv").write_text("t,p1\n0,1\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="generations: got 0, but expected at least 1"):
+        identify_logs(tmp_path, cylinder, tmp_path / "out", channels=CHANNELS, generations=0)
+    with pytest.raises(RecordingError, match=r"none of 1 files is usable; the first, broken\.csv: "):
+        identify_logs(tmp_path / "broken.csv", cylinder, tmp_path / "out", channels=CHANNELS)
+    with pytest.raises(FileExistsError, match=r"holds no friction_models\.json of an earlier run; name a new folder"):
+        identify_logs(tmp_path / "broken.csv", cylinder, tmp_path, channels=CHANNELS)
+    assert [path.name for path in tmp_path.iterdir()] == ["broken.csv"]

@@ -1,0 +1,49 @@
+"""Off-line velocities: no delay, zero at standstill, noise as calculated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.estimation.off_line_velocity import odd_window, slope, slope_noise, velocities_on_offer
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+
+SAMPLE_TIME_S, NOISE_M = 0.005, 3e-5
+
+
+def recording(position_m: np.ndarray) -> Recording:
+    time_s = SAMPLE_TIME_S * np.arange(len(position_m))
+    table = pd.DataFrame({"time_s": time_s, "position_m": position_m, "drive_force_n": 0.0 * time_s})
+    return Recording(RecordingMetadata("r", "1", "s", SAMPLE_TIME_S), table)
+
+
+def test_a_parabola_has_its_slope_without_delay() -> None:
+    time_s = SAMPLE_TIME_S * np.arange(400)
+    velocity = slope(21, 0.0, 0.0)(recording(0.1 + 0.02 * time_s**2))
+    assert velocity.shape == (400,)
+    assert np.allclose(velocity[20:-20], 0.04 * time_s[20:-20])
+
+
+@pytest.mark.parametrize("window", [9, 41])
+def test_noise_is_as_calculated(window: int) -> None:
+    position = 0.1 + np.random.default_rng(0).normal(0.0, NOISE_M, 20_000)
+    velocity = slope(window, 0.0, 0.0)(recording(position))[100:-100]
+    assert velocity.std() == pytest.approx(slope_noise(window, NOISE_M, SAMPLE_TIME_S), rel=0.05)
+
+
+def test_every_candidate_is_zero_at_standstill_and_follows_a_stroke() -> None:
+    true = np.concatenate([np.zeros(1000), np.full(400, 0.05), np.zeros(1000)])
+    noise = np.random.default_rng(1).normal(0.0, NOISE_M, len(true))
+    measured = recording(0.1 + np.cumsum(true) * SAMPLE_TIME_S + noise)
+    offered = velocities_on_offer(NOISE_M, SAMPLE_TIME_S)
+    assert len(offered) == 8
+    for words, velocity in offered.items():
+        found = velocity(measured)
+        assert np.mean(found[100:900] == 0.0) > 0.98, words
+        assert found[1100:1300].mean() == pytest.approx(0.05, rel=0.01), words
+
+
+@pytest.mark.parametrize(("duration_s", "expected"), [(0.195, 39), (0.105, 21), (0.037, 7), (0.001, 3)])
+def test_windows_are_odd(duration_s: float, expected: int) -> None:
+    assert odd_window(duration_s, SAMPLE_TIME_S) == expected

@@ -1,0 +1,81 @@
+"""Parameter files: the Modelica record follows the grammar of a record, the MATLAB script consists of assignments."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.identified_model import IdentifiedModel, determined
+from cylinder_friction.estimation.parameter_files import matlab_script, modelica_record
+from cylinder_friction.friction_models.identification.procedure import Identification
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.friction_models.lugre import LuGre
+from friction_samples import ODD
+
+NAME = 'the "left" one \\ 63x28'
+STRING = r'"(?:[^"\\\n]|\\["\\])*"'
+NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?"
+COMPONENT = re.compile(rf"  parameter Real (\w+)\(unit = {STRING}\)(?: = ({NUMBER}))? {STRING};")
+ASSIGNMENT = re.compile(rf"friction\.([a-z]\w*) = ({NUMBER}|NaN); % \[[^\]]+\] .+")
+
+
+def identified(pressure_scaled: bool, factor: float = 1.05, slowest_m_s: float = 1e-3) -> IdentifiedModel:
+    """Return a model whose intervals reach a factor to either side, from points down to a speed."""
+    model, parameters = LuGre(pressure_scaled), ODD["lugre"]
+    intervals = {
+        spec.name: (parameters.value(spec.name) / factor, parameters.value(spec.name) * factor)
+        for spec in model.searched
+    }
+    points = tuple(SteadyPoint(way * slowest_m_s, way * 300.0, 290.0, 310.0, 50) for way in (-1.0, 1.0))
+    curve = parameters.curve  # type: ignore[attr-defined]
+    found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, 9.0, (5.0,), 1)
+    return IdentifiedModel(
+        model.name, model.title, ("a", "b"), "", determined(model, found, points, 0.5), "exact", found
+    )
+
+
+def cylinder() -> Cylinder:
+    return Cylinder(name=NAME, bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+
+
+@pytest.mark.parametrize("pressure_scaled", [False, True])
+def test_the_record_is_balanced_and_every_line_is_a_component_or_a_comment(pressure_scaled: bool) -> None:
+    model = identified(pressure_scaled)
+    first, *body, last, end = modelica_record(model, cylinder(), 0.95).split("\n")
+    assert re.fullmatch(rf"record {model.name} {STRING}", first)
+    assert (last, end) == (f"end {model.name};", "")
+    components = [COMPONENT.fullmatch(line) for line in body if not line.startswith("  // ")]
+    names = [found[1] for found in components if found is not None]
+    assert len(names) == len(components)
+    assert ("pressure_slope_n_pa" in names) == pressure_scaled
+    assert len(set(names)) == len(names) == (10 if pressure_scaled else 9)
+
+
+@pytest.mark.parametrize("pressure_scaled", [False, True])
+def test_the_script_assigns_every_parameter_and_comments_the_rest(pressure_scaled: bool) -> None:
+    lines = matlab_script(identified(pressure_scaled), cylinder(), 0.95).splitlines()
+    found = [ASSIGNMENT.fullmatch(line) for line in lines if not line.startswith("% ")]
+    assert len(found) == (10 if pressure_scaled else 9)
+    values = {match[1]: float(match[2]) for match in found if match is not None}
+    assert len(values) == len(found)
+    assert values["coulomb_n"] == 240.0
+    assert any("dz/dt" in line for line in lines)
+
+
+def test_a_parameter_with_a_wide_interval_has_no_number_and_its_damping_neither() -> None:
+    model = identified(False, factor=2.5)
+    assert all(each.value is None for each in model.parameters)
+    components = [COMPONENT.fullmatch(line) for line in modelica_record(model, cylinder(), 0.95).splitlines()]
+    assert [found[2] for found in components if found is not None] == [None] * len(model.parameters)
+    notes = {each.name: each.note for each in model.parameters}
+    assert notes["coulomb_n"] == "its interval spans a factor of 6.2, more than 4"
+    assert notes["bristle_damping_n_s_m"] == "follows from bristle_stiffness_n_m, which is not determined"
+
+
+def test_no_number_for_what_only_slower_sliding_determines() -> None:
+    parameters = {each.name: each for each in identified(False, slowest_m_s=0.05).parameters}
+    assert parameters["coulomb_n"].value == 240.0
+    assert parameters["static_n"].value is None
+    assert parameters["static_n"].note.startswith("at the slowest steady sliding, 50 mm/s, friction does not rise")

@@ -1,0 +1,66 @@
+"""Points of steady sliding with confidence intervals: strokes count, rows do not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.estimation.stribeck_points import StribeckPoint, identified_curve, stribeck_points
+from cylinder_friction.friction_models.stribeck import StribeckCurve
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+
+STROKE_ROWS, FRICTION_N = 200, 300.0
+
+
+def strokes(speeds_m_s: list[float], offsets_n: np.ndarray, curve: StribeckCurve | None = None) -> Recording:
+    """Return a second at each speed, extending and retracting, with an offset in each stroke's friction."""
+    velocity = np.concatenate([np.full(STROKE_ROWS, way * speed) for speed in speeds_m_s for way in (1.0, -1.0)])
+    friction = FRICTION_N * np.sign(velocity) if curve is None else curve.friction(velocity)
+    time_s = 0.005 * np.arange(len(velocity))
+    friction = friction + np.repeat(offsets_n, STROKE_ROWS)
+    raw = {"time_s": time_s, "position_m": np.cumsum(velocity) * 0.005, "drive_force_n": friction}
+    table = pd.DataFrame({**raw, "velocity_m_s": velocity, "friction_n": friction})
+    return Recording(RecordingMetadata("r", "1", "s", 0.005), table)
+
+
+def extending(points: tuple[StribeckPoint, ...]) -> StribeckPoint:
+    return next(point for point in points if point.velocity_m_s > 0.0)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    generator, held, repeats = np.random.default_rng(0), 0, 200
+    for _ in range(repeats):
+        point = extending(stribeck_points([strokes([0.05] * 5, generator.normal(0.0, 20.0, 10))], 1e-3, 0.95))
+        assert point.strokes == 5
+        held += abs(point.friction_n - FRICTION_N) <= point.half_width_n
+    assert 0.9 < held / repeats <= 0.99
+
+
+def test_an_interval_is_no_narrower_for_more_rows_of_the_same_strokes() -> None:
+    offsets_n = np.array([-15.0, 0.0, 5.0, 0.0, 25.0, 0.0, 10.0, 0.0])
+    recording = strokes([0.05] * 4, offsets_n)
+    twice = Recording(
+        recording.metadata, recording.table.loc[np.repeat(recording.table.index, 2)].reset_index(drop=True)
+    )
+    one, other = (extending(stribeck_points([each], 1e-3, 0.95)) for each in (recording, twice))
+    assert other.rows > 1.8 * one.rows
+    assert other.half_width_n == pytest.approx(one.half_width_n, rel=0.05)
+
+
+def test_a_single_stroke_has_no_interval() -> None:
+    point = extending(stribeck_points([strokes([0.05], np.zeros(2))], 1e-3, 0.95))
+    assert (point.strokes, point.known_half_width_n) == (1, None)
+    assert math.isnan(point.half_width_n)
+
+
+def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:
+    curve = StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
+    speeds = np.geomspace(1e-3, 0.2, 12).tolist()
+    for chosen, known in ((speeds, True), (speeds[5:], False)):
+        found = identified_curve("1", [strokes(chosen, np.zeros(2 * len(chosen)), curve)], 5e-4, 0.95).to_dict()
+        assert found["curve"]["coulomb_n"] == pytest.approx(240.0, rel=0.1)
+        assert (found["curve"]["static_n"] is not None) == known
+        assert ("record" in found["why_not"]) != known

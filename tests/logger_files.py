@@ -1,0 +1,89 @@
+"""Logger files of known recordings, and of strokes whose friction is a known LuGre model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from friction_samples import new_bristle, simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.friction_models.lugre import LugreParameters
+    from cylinder_friction.recordings.recording import Recording
+
+CHANNELS: dict[str, Any] = {
+    "time_s": {"channel": "t", "unit": "s"},
+    "pressure_1_pa": {"channel": "p1", "unit": "bar"},
+    "pressure_2_pa": {"channel": "p2", "unit": "bar"},
+    "position_m": {"channel": "x", "unit": "mm"},
+}
+SAMPLE_TIME_S = 0.005
+FINE = 20
+
+
+def write_log(path: Path, recording: Recording, zero_bar: float = 0.0) -> Path:
+    """Write raw columns as ``CHANNELS`` maps them; ``zero_bar`` is an offset of the first pressure sensor."""
+    columns = [recording.column(name) for name in ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")]
+    return _write(path, *columns, zero_bar=zero_bar)
+
+
+def write_lugre_log(
+    path: Path,
+    truth: LugreParameters,
+    cylinder: Cylinder,
+    speeds_m_s: Sequence[float],
+    ways: Sequence[float] = (1.0, -1.0),
+    pressure_2_pa: tuple[float, float] = (1e6, 5e5),
+    noise_m: float = 1e-6,
+    seed: int = 0,
+) -> Path:
+    """Write strokes of a second at each speed in each way, with pauses; friction is simulated at 4 kHz.
+
+    Args:
+        path: Of the file.
+        truth: The friction.
+        cylinder: Areas and mass.
+        speeds_m_s, ways: Of the strokes, from the middle of the travel; ways are 1 (extending) or -1.
+        pressure_2_pa: Mean and amplitude of the pressure on the rod side [Pa].
+        noise_m: Standard deviation of the position's noise [m].
+        seed: Of noise and of the pressure's phase.
+    """
+    fine_s, generator = SAMPLE_TIME_S / FINE, np.random.default_rng(seed)
+    held, pause = np.ones(round(1.0 / fine_s)), np.zeros(round(0.3 / fine_s))
+    targets = [np.concatenate([way * speed * held, pause]) for speed in speeds_m_s for way in ways]
+    window = np.hanning(round(0.1 / fine_s))
+    fine = np.convolve(np.concatenate([pause, *targets]), window / window.sum(), mode="same")
+    velocity, position = fine[FINE - 1 :: FINE], (np.cumsum(fine) * fine_s)[FINE - 1 :: FINE]
+    time_s = SAMPLE_TIME_S * np.arange(len(velocity))
+    second = pressure_2_pa[0] + pressure_2_pa[1] * np.sin(0.7 * time_s + seed)
+    others_n = second * cylinder.annulus_area_m2 + cylinder.moving_mass_kg * np.gradient(velocity, SAMPLE_TIME_S)
+    first = others_n / cylinder.piston_area_m2
+    for _ in range(5):  # friction depends on the pressure that overcomes it
+        sums = np.repeat(first + second, FINE)
+        friction = simulate(truth, fine, fine_s, new_bristle(), sums)[FINE - 1 :: FINE]
+        first = (others_n + friction) / cylinder.piston_area_m2
+    noise_pa = generator.normal(0.0, 2e3, len(first))
+    middle_m = 0.5 * (cylinder.stroke_m - position.max() - position.min())
+    return _write(
+        path, time_s, first + noise_pa, second, middle_m + position + generator.normal(0.0, noise_m, len(first))
+    )
+
+
+def _write(
+    path: Path,
+    time_s: np.ndarray,
+    first_pa: np.ndarray,
+    second_pa: np.ndarray,
+    position_m: np.ndarray,
+    zero_bar: float = 0.0,
+) -> Path:
+    table = pd.DataFrame({"t": time_s, "p1": first_pa / 1e5 + zero_bar, "p2": second_pa / 1e5, "x": 1e3 * position_m})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(path, index=False)
+    return path
