@@ -41,6 +41,7 @@ def write_lugre_log(
     ways: Sequence[float] = (1.0, -1.0),
     pressure_2_pa: tuple[float, float] = (1e6, 5e5),
     noise_m: float = 1e-6,
+    load_n: float = 0.0,
     seed: int = 0,
 ) -> Path:
     """Write strokes of a second at each speed in each way, with pauses; friction is simulated at 4 kHz.
@@ -52,6 +53,7 @@ def write_lugre_log(
         speeds_m_s, ways: Of the strokes, from the middle of the travel; ways are 1 (extending) or -1.
         pressure_2_pa: Mean and amplitude of the pressure on the rod side [Pa].
         noise_m: Standard deviation of the position's noise [m].
+        load_n: A constant force against extension [N].
         seed: Of noise and of the pressure's phase.
     """
     fine_s, generator = SAMPLE_TIME_S / FINE, np.random.default_rng(seed)
@@ -62,7 +64,9 @@ def write_lugre_log(
     velocity, position = fine[FINE - 1 :: FINE], (np.cumsum(fine) * fine_s)[FINE - 1 :: FINE]
     time_s = SAMPLE_TIME_S * np.arange(len(velocity))
     second = pressure_2_pa[0] + pressure_2_pa[1] * np.sin(0.7 * time_s + seed)
-    others_n = second * cylinder.annulus_area_m2 + cylinder.moving_mass_kg * np.gradient(velocity, SAMPLE_TIME_S)
+    others_n = (
+        load_n + second * cylinder.annulus_area_m2 + cylinder.moving_mass_kg * np.gradient(velocity, SAMPLE_TIME_S)
+    )
     first = others_n / cylinder.piston_area_m2
     for _ in range(5):  # friction depends on the pressure that overcomes it
         sums = np.repeat(first + second, FINE)

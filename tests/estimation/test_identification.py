@@ -153,6 +153,14 @@ def test_pressures_that_hardly_vary_determine_no_law_of_pressure() -> None:
     assert "runs from 20.1 to 21.9 bar" in pressure_problem([np.linspace(20e5, 22e5, 500)])
 
 
+def test_a_load_in_friction_is_no_parameter(tmp_path: Path, cylinder: Cylinder) -> None:
+    write_lugre_log(tmp_path / "r.csv", TRUTH, cylinder, [0.01, 0.05, 0.08] * 5, load_n=900.0)
+    with pytest.raises(
+        RecordingError, match=r"first, r\.csv: friction_n holds a load of about \d{3} N; map a load cell"
+    ):
+        identify_logs(tmp_path / "r.csv", cylinder, tmp_path / "out", channels=CHANNELS)
+
+
 def test_bad_input_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
     (tmp_path / "broken.csv").write_text("t,p1\n0,1\n", encoding="utf-8")
     with pytest.raises(ValueError, match="generations: got 0, but expected at least 1"):

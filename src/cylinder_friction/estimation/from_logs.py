@@ -294,10 +294,15 @@ def _write(recording: Recording, folder: Path, file_format: FileFormat) -> None:
 def remarks(each: FrictionOfRecording) -> list[str]:
     """Return what is worth knowing of a recording beside its numbers."""
     flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
-    left = []
-    if each.load_left_n is not None:
-        left = [f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"]
-    return [*left, *([] if each.load == "none" else [f"load: {each.load}"]), *flags, *each.repairs]
+    left = load_left(each)
+    return [*([left] if left else []), *([] if each.load == "none" else [f"load: {each.load}"]), *flags, *each.repairs]
+
+
+def load_left(each: FrictionOfRecording) -> str:
+    """Return what load friction still holds, and what to do; empty where nothing hints at one."""
+    if each.load_left_n is None:
+        return ""
+    return f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"
 
 
 def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:

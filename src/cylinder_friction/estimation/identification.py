@@ -8,7 +8,7 @@ from typing import Any
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import LabelledLogs, refuse_other_folder
+from cylinder_friction.estimation.from_logs import LabelledLogs, load_left, refuse_other_folder
 from cylinder_friction.estimation.identification_page import write_identification_page
 from cylinder_friction.estimation.identified_model import IdentifiedModel, determined, pressure_problem
 from cylinder_friction.estimation.off_line_velocity import (
@@ -113,7 +113,7 @@ def identify_logs(
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
         labelled = list(run.recordings())
         shutil.rmtree(run.scratch, ignore_errors=True)
-        others = other_rates([recording.metadata for recording in labelled])
+        others = _loaded(run, labelled) | other_rates([recording.metadata for recording in labelled])
         refused = [*run.refused, *others.values()]
         recordings = [recording for recording in labelled if recording.name not in others]
         if not recordings:
@@ -207,6 +207,12 @@ class _Search:
         parameters = determined(model, found, points, DAMPING_RATIO)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
+
+
+def _loaded(run: LabelledLogs, recordings: Sequence[Recording]) -> dict[str, Quarantined]:
+    """Return, by name, the recordings whose friction still holds a load: it would pass for another parameter."""
+    left = {each.name: (each.metadata.source_file, load_left(run.entry(each))) for each in recordings}
+    return {name: Quarantined(file, words, name) for name, (file, words) in left.items() if words}
 
 
 def _pressure(recording: Recording) -> Array:
