@@ -1,6 +1,9 @@
 """A day at 200 Hz through the exported C: drift against a fresh start, holds beside motion, first hour beside last.
 
-Usage: python performance/c_day.py [model folder] [steps]
+Usage: python performance/c_day.py [model folder] [steps] [without-offset]
+
+``without-offset`` leaves out what a step spends on learning the offset of the sensors' zeros: the two times beside each
+other are its price.
 """
 
 from __future__ import annotations
@@ -27,7 +30,10 @@ def main() -> None:
     steps = sys.argv[2] if len(sys.argv) > 2 else str(DAY)
     samples = np.concatenate([recording.samples() for recording in read_recordings(Path("data/processed/test"))])
     with tempfile.TemporaryDirectory() as folder:
-        exported = export_c(load_estimator(model), Path(folder))
+        estimator = load_estimator(model)
+        if "without-offset" in sys.argv[3:]:
+            estimator.offset = None
+        exported = export_c(estimator, Path(folder))
         program, rows = Path(folder) / "c_day", Path(folder) / "samples"
         samples.astype(np.float64).tofile(rows)
         sources = [str(PROGRAM), str(exported.source), f"-I{folder}"]
