@@ -9,6 +9,7 @@ import numpy as np
 from cylinder_friction.friction_models.coulomb_stribeck import CoulombStribeckParameters
 from cylinder_friction.friction_models.dahl import DahlParameters
 from cylinder_friction.friction_models.film_lugre import FilmLugreParameters
+from cylinder_friction.friction_models.identification.presliding import bristle_damping, damping_velocity
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
 
@@ -88,3 +89,20 @@ def simulate(
 ) -> NDArray[np.float64]:
     """Return LuGre's friction [N], shape ``(n,)``; changes the bristle deflection."""
     return LuGre().simulate(parameters.packed(), velocity_m_s, sample_time_s, bristle_m, pressure_pa)
+
+
+def lugre_to_find(mass_kg: float, slope_n_pa: float = 0.0) -> LugreParameters:
+    """Return LuGre with a direction, its bristles damped by half of critically on this mass."""
+    damping = bristle_damping(0.5, 2e6, mass_kg, 1500.0)
+    return LugreParameters(
+        coulomb_n=240.0,
+        static_n=360.0,
+        stribeck_velocity_m_s=8e-3,
+        stribeck_exponent=1.5,
+        viscous_n_s_m=1500.0,
+        bristle_stiffness_n_m=2e6,
+        bristle_damping_n_s_m=damping,
+        damping_velocity_m_s=damping_velocity(8e-3, 240.0, damping),
+        retract_ratio=1.2,
+        pressure_slope_n_pa=slope_n_pa,
+    )

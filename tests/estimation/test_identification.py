@@ -11,9 +11,8 @@ import pytest
 
 from cylinder_friction.estimation.identification import FrictionModels, identify_logs
 from cylinder_friction.estimation.identified_model import IdentifiedModel, pressure_problem
-from cylinder_friction.friction_models.identification.presliding import bristle_damping, damping_velocity
-from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import RecordingError
+from friction_samples import lugre_to_find
 from logger_files import CHANNELS, write_lugre_log
 
 if TYPE_CHECKING:
@@ -21,19 +20,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
 
-DAMPING_N_S_M = bristle_damping(0.5, 2e6, 6.0, 1500.0)
-TRUTH = LugreParameters(
-    coulomb_n=240.0,
-    static_n=360.0,
-    stribeck_velocity_m_s=8e-3,
-    stribeck_exponent=1.5,
-    viscous_n_s_m=1500.0,
-    bristle_stiffness_n_m=2e6,
-    bristle_damping_n_s_m=DAMPING_N_S_M,
-    damping_velocity_m_s=damping_velocity(8e-3, 240.0, DAMPING_N_S_M),
-    retract_ratio=1.2,
-    pressure_slope_n_pa=4e-5,
-)
+TRUTH = lugre_to_find(6.0, 4e-5)
 SPEEDS_M_S = [*np.geomspace(1e-3, 0.1, 9), *np.geomspace(1.5e-3, 0.06, 6)]
 SLOW = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")
 

@@ -8,9 +8,7 @@ import pytest
 
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.presliding import (
-    bristle_damping,
     bristle_stiffness,
-    damping_velocity,
 )
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
 from cylinder_friction.friction_models.identification.search import Coordinates
@@ -18,7 +16,7 @@ from cylinder_friction.friction_models.identification.simulation import Motion, 
 from cylinder_friction.friction_models.identification.steady_points import steady_points, steady_sliding_by_speed
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from friction_samples import new_bristle, simulate
+from friction_samples import lugre_to_find, new_bristle, simulate
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -31,22 +29,6 @@ DEAD_BAND_M_S = 6e-4
 def with_dead_band(velocity_m_s: np.ndarray, dead_band_m_s: float) -> np.ndarray:
     """Return the velocity with everything slower than the dead band set to zero."""
     return np.where(np.abs(velocity_m_s) < dead_band_m_s, 0.0, velocity_m_s)
-
-
-def known(mass_kg: float, slope_n_pa: float = 0.0) -> LugreParameters:
-    damping = bristle_damping(0.5, 2e6, mass_kg, 1500.0)
-    return LugreParameters(
-        coulomb_n=240.0,
-        static_n=360.0,
-        stribeck_velocity_m_s=8e-3,
-        stribeck_exponent=1.5,
-        viscous_n_s_m=1500.0,
-        bristle_stiffness_n_m=2e6,
-        bristle_damping_n_s_m=damping,
-        damping_velocity_m_s=damping_velocity(8e-3, 240.0, damping),
-        retract_ratio=1.2,
-        pressure_slope_n_pa=slope_n_pa,
-    )
 
 
 def synthetic_recording(truth: LugreParameters, seed: int, seconds: float = 30.0, noise_n: float = 10.0) -> Recording:
@@ -97,12 +79,12 @@ def identified(
 
 @pytest.fixture(scope="module")
 def plain_recordings(cylinder: Cylinder) -> list[Recording]:
-    return [synthetic_recording(known(cylinder.moving_mass_kg), seed) for seed in range(4)]
+    return [synthetic_recording(lugre_to_find(cylinder.moving_mass_kg), seed) for seed in range(4)]
 
 
 def test_steady_points_lie_on_the_curve(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
     points = steady_points(plain_recordings, DEAD_BAND_M_S)
-    curve = known(cylinder.moving_mass_kg).curve
+    curve = lugre_to_find(cylinder.moving_mass_kg).curve
     velocity = np.array([point.velocity_m_s for point in points])
     friction = np.array([point.friction_n for point in points])
     assert min((velocity < 0.0).sum(), (velocity > 0.0).sum()) >= 6
@@ -140,7 +122,7 @@ def test_bristle_stiffness_has_the_right_order(cylinder: Cylinder, plain_recordi
 
 
 def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
-    truth = known(cylinder.moving_mass_kg)
+    truth = lugre_to_find(cylinder.moving_mass_kg)
     found = identified(plain_recordings, cylinder.moving_mass_kg, False, SearchEffort(1, 6, 12, 2))
     assert isinstance(found.parameters, LugreParameters)
     assert found.parameters.coulomb_n == pytest.approx(truth.coulomb_n, rel=0.02)
@@ -165,7 +147,7 @@ def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_
 
 
 def test_the_pressure_slope_comes_back(cylinder: Cylinder) -> None:
-    truth = known(cylinder.moving_mass_kg, slope_n_pa=4e-5)
+    truth = lugre_to_find(cylinder.moving_mass_kg, slope_n_pa=4e-5)
     recordings = [synthetic_recording(truth, seed) for seed in range(3)]
     found = identified(recordings, cylinder.moving_mass_kg, True, SearchEffort(1, 6, 12, 2))
     assert isinstance(found.parameters, LugreParameters)
@@ -183,7 +165,7 @@ def test_the_same_seed_finds_the_same_bits(cylinder: Cylinder, plain_recordings:
 @pytest.mark.slow
 def test_intervals_hold_the_truth_about_as_often_as_they_say(cylinder: Cylinder) -> None:
     """Where the model is right, 80 % intervals of Coulomb friction, viscosity and ratio hold it most of the time."""
-    truth = known(cylinder.moving_mass_kg)
+    truth = lugre_to_find(cylinder.moving_mass_kg)
     names = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
     inside = 0
     for seed in range(8):
@@ -200,7 +182,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(cylinder: Cylinder)
 
 
 def test_what_the_motion_says_nothing_about_gets_a_wide_interval(cylinder: Cylinder) -> None:
-    truth = known(cylinder.moving_mass_kg)
+    truth = lugre_to_find(cylinder.moving_mass_kg)
     velocity = np.full(4000, 0.1)
     friction = simulate(truth, velocity, SAMPLE_TIME_S, new_bristle())
     label = friction + np.random.default_rng(0).normal(0.0, 5.0, len(velocity))
@@ -212,7 +194,7 @@ def test_what_the_motion_says_nothing_about_gets_a_wide_interval(cylinder: Cylin
 
 @pytest.mark.parametrize("reference_pressure_pa", [0.0, 1.5e6])
 def test_a_point_of_the_search_is_its_parameters_and_back(cylinder: Cylinder, reference_pressure_pa: float) -> None:
-    truth = known(cylinder.moving_mass_kg, slope_n_pa=4e-5 if reference_pressure_pa else 0.0)
+    truth = lugre_to_find(cylinder.moving_mass_kg, slope_n_pa=4e-5 if reference_pressure_pa else 0.0)
     coordinates = Coordinates.around(
         LuGre(reference_pressure_pa > 0.0), truth.curve, cylinder.moving_mass_kg, 0.5, reference_pressure_pa
     )
@@ -222,7 +204,7 @@ def test_a_point_of_the_search_is_its_parameters_and_back(cylinder: Cylinder, re
 
 
 def test_every_corner_of_the_search_is_physical_and_passive(cylinder: Cylinder) -> None:
-    coordinates = Coordinates.around(LuGre(True), known(6.0).curve, cylinder.moving_mass_kg, 0.5, 1.5e6)
+    coordinates = Coordinates.around(LuGre(True), lugre_to_find(6.0).curve, cylinder.moving_mass_kg, 0.5, 1.5e6)
     generator = np.random.default_rng(0)
     for _ in range(200):
         corner = np.where(generator.random(8) < 0.5, coordinates.lower, coordinates.upper)

@@ -4,10 +4,12 @@ import argparse
 import json
 import tempfile
 import warnings
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, TypeVar, get_args
 
 import yaml
 
@@ -17,7 +19,11 @@ from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, load_par
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.stages._stage import cylinder_from
 
+if TYPE_CHECKING:
+    from cylinder_friction.estimation.identification import FrictionModels
+
 EXPECTED = (ValueError,)
+Result = TypeVar("Result")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,21 +46,43 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    with ExitStack() as stack, warnings.catch_warnings(record=True) as caught:
+    with ExitStack() as stack:
+        function = partial(estimate_logs, model=_model(options.model, stack), file_format=options.format)
+        result, notes = run_on_logs(function, options)
+    print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"bounds   {result.bounds}"])
+    return 1 if result.refused or not result.recordings else 0
+
+
+def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:
+    """Return what a function makes of the logs that ``add_log_arguments`` names, and the warnings it gave."""
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        result = estimate_logs(
+        result = function(
             options.logs,
             cylinder_of(options.cylinder),
             options.output,
             channels=options.channels,
-            model=_model(options.model, stack),
             load=options.load,
             names=options.names,
-            file_format=options.format,
         )
-    notes = [str(each.message) for each in caught]
-    print(json.dumps({**result.to_dict(), "notes": notes}, indent=2) if options.json else _lines(result, notes))
-    return 1 if result.refused or not result.recordings else 0
+    return result, [str(each.message) for each in caught]
+
+
+def print_result(
+    result: "FrictionOfLogs | FrictionModels",
+    notes: Sequence[str],
+    as_json: bool,
+    lines: Sequence[str],
+    page: str,
+    beside: Sequence[str] = (),
+) -> None:
+    """Print a result as JSON, or its notes, ``lines``, refused files and, with ``beside``, where everything lies."""
+    if as_json:
+        print(json.dumps({**result.to_dict(), "notes": notes}, indent=2))
+        return
+    refused = [f"{each.file}: refused: {each.reason}" for each in result.refused]
+    where = [f"files    {result.folder}", f"page     {result.folder / page}"]
+    print("\n".join([*(f"note     {note}" for note in notes), *lines, *refused, "", *beside, *where]))
 
 
 def cylinder_of(given: str | None) -> Cylinder:
@@ -88,12 +116,10 @@ def _model(given: str | None, stack: ExitStack) -> Path | None:
     return estimator_folder(given, Path(), Path(stack.enter_context(tempfile.TemporaryDirectory())))
 
 
-def _lines(result: FrictionOfLogs, notes: list[str]) -> str:
-    lines = [f"note     {note}" for note in notes]
+def _lines(result: FrictionOfLogs) -> list[str]:
+    lines = []
     for each in result.recordings:
         friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:.0f} N"
         beside = "".join(f"; {words}" for words in remarks(each))
         lines.append(f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{beside}")
-    lines += [f"{each.file}: refused: {each.reason}" for each in result.refused]
-    lines += ["", f"bounds   {result.bounds}", f"files    {result.folder}", f"page     {result.folder / PAGE_FILE}"]
-    return "\n".join(lines)
+    return lines

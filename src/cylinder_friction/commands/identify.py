@@ -1,10 +1,9 @@
 """The command ``identify``: from logger files to a Stribeck curve, LuGre parameters, and files for simulators."""
 
 import argparse
-import json
-import warnings
+from functools import partial
 
-from cylinder_friction.commands.estimate import add_log_arguments, cylinder_of
+from cylinder_friction.commands.estimate import add_log_arguments, print_result, run_on_logs
 from cylinder_friction.estimation.identification import GENERATIONS, PAGE_FILE, FrictionModels, identify_logs
 from cylinder_friction.estimation.identified_model import IdentifiedParameter
 
@@ -18,24 +17,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        result = identify_logs(
-            options.logs,
-            cylinder_of(options.cylinder),
-            options.output,
-            channels=options.channels,
-            load=options.load,
-            names=options.names,
-            generations=options.generations,
-        )
-    notes = [str(each.message) for each in caught]
-    print(json.dumps({**result.to_dict(), "notes": notes}, indent=2) if options.json else _lines(result, notes))
+    result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
+    print_result(result, notes, options.json, _lines(result), PAGE_FILE)
     return 1 if result.refused or all(model.found is None for model in result.models) else 0
 
 
-def _lines(result: FrictionModels, notes: list[str]) -> str:
-    lines = [f"note     {note}" for note in notes]
+def _lines(result: FrictionModels) -> list[str]:
+    lines = []
     for curve in result.curves:
         words = "curve fitted" if curve.curve is not None else f"no curve: {curve.why_not}"
         lines.append(f"condition {curve.condition}: {len(curve.points)} points of steady sliding, {words}")
@@ -46,9 +34,7 @@ def _lines(result: FrictionModels, notes: list[str]) -> str:
         count = "1 recording" if len(model.recordings) == 1 else f"{len(model.recordings)} recordings"
         lines += ["", f"{model.title}: {count}, error {model.found.error_percent:.1f} % of mean |friction|"]
         lines += [_line(each) for each in model.parameters]
-    lines += [f"{each.file}: refused: {each.reason}" for each in result.refused]
-    lines += ["", f"files    {result.folder}", f"page     {result.folder / PAGE_FILE}"]
-    return "\n".join(lines)
+    return lines
 
 
 def _line(each: IdentifiedParameter) -> str:

@@ -26,7 +26,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
 from cylinder_friction.reporting.inspection.choice import PLOTTED
-from cylinder_friction.reporting.inspection.friction_view import LOAD_SHARE, up_and_down
+from cylinder_friction.reporting.inspection.friction_view import holds_load, up_and_down
 from cylinder_friction.reporting.inspection.sensor_offsets import (
     STROKES,
     KnownOffset,
@@ -167,11 +167,13 @@ class LabelledLogs:
 
     def recordings(self) -> Iterator[Recording]:
         """Yield each usable recording with ``friction_n``, its bounds, velocity and usable rows."""
-        labelled = list(self._labelled(self._filtered()))
+        evidence: list[OffsetEvidence] = []
+        labelled = list(self._labelled(self._filtered(), evidence))
         if self.estimator is None:
-            self.offsets = self._offsets([evidence for _, evidence in labelled])
-        for path, _ in labelled:
-            yield self._finished(read_recording(path), self.offsets)
+            known = known_offsets(evidence, self.cylinder, self.plan)
+            self.offsets = {each.session: each for each in known}
+        for path in labelled:
+            yield self._finished(read_recording(path))
 
     def _filtered(self) -> dict[str, list[Path]]:
         """Return the files of filtered recordings by session."""
@@ -189,8 +191,8 @@ class LabelledLogs:
             sessions.setdefault(outcome.metadata.session, []).append(written)
         return sessions
 
-    def _labelled(self, sessions: Mapping[str, list[Path]]) -> Iterator[tuple[Path, OffsetEvidence]]:
-        """Yield the file of each labelled recording, and what the recording shows of its sensors' offset."""
+    def _labelled(self, sessions: Mapping[str, list[Path]], evidence: list[OffsetEvidence]) -> Iterator[Path]:
+        """Yield the file of each recording with its friction; what a label shows of an offset joins ``evidence``."""
         for paths in sessions.values():
             identified: SessionIdentification | None = None
             try:
@@ -204,22 +206,15 @@ class LabelledLogs:
                 recording = self.labeller.labelled(read_recording(path), self.filter, identified)
                 if identified is not None and identified.load is not None:
                     self.loads[recording.name] = identified.load.sentence()
-                try:
-                    recording = self._estimated(recording)
-                except RecordingError as error:
-                    self._refuse(recording, error)
-                    continue
-                yield write_recording(self.scratch / "labelled", recording), self._evidence(recording)
-
-    def _estimated(self, recording: Recording) -> Recording:
-        """Return a labelled recording with the estimator's friction, bounds and flags, and the label beside them."""
-        if self.estimator is None:
-            return recording
-        newtons, flags = self.estimator.real_time().run(recording.samples(self.estimator.inputs))
-        friction_n, lower_n, upper_n = self.estimator.aligned(newtons).T
-        return recording.with_columns(
-            label_n=recording.column("friction_n"), friction_n=friction_n, lower_n=lower_n, upper_n=upper_n, flags=flags
-        )
+                if self.estimator is None:
+                    evidence.append(self._evidence(recording))
+                else:
+                    try:
+                        recording = _estimated(recording, self.estimator)
+                    except RecordingError as error:
+                        self._refuse(recording, error)
+                        continue
+                yield write_recording(self.scratch / "labelled", recording)
 
     def _evidence(self, recording: Recording) -> OffsetEvidence:
         position_m, velocity_m_s = recording.column("position_m"), recording.column("velocity_m_s")
@@ -228,17 +223,14 @@ class LabelledLogs:
         )
         return offset_evidence(recording, self.cylinder, self.plan, *halves, NO_OFFSET.get(self.load, ""))
 
-    def _offsets(self, evidence: list[OffsetEvidence]) -> dict[str, KnownOffset]:
-        return {known.session: known for known in known_offsets(evidence, self.cylinder, self.plan)}
-
-    def _finished(self, recording: Recording, offsets: Mapping[str, KnownOffset]) -> Recording:
+    def _finished(self, recording: Recording) -> Recording:
         """Return a recording with its bounds, and without the offset of its session where strokes determine it."""
         if self.estimator is not None:
             return recording.without_columns(UNCERTAINTY_COLUMN)
         friction_n, half_n = recording.column("friction_n"), np.full(len(recording), math.nan)
         if UNCERTAINTY_COLUMN in recording.table.columns:
             half_n = recording.column(UNCERTAINTY_COLUMN)
-        known = offsets[recording.metadata.session]
+        known = self.offsets[recording.metadata.session]
         if known.source == STROKES:
             friction_n = friction_n - known.offset_n
             half_n = np.sqrt(np.maximum(half_n**2 - known.stated_n**2, 0.0) + known.uncertainty_n**2)
@@ -262,7 +254,7 @@ class LabelledLogs:
             friction_n=_known(half_n),
             flags_percent=None if flags is None else _shares(flags.to_numpy()),
             load=self.loads.get(recording.name) or words[self.load],
-            load_left_n=_known(load_n) if abs(load_n) > LOAD_SHARE * abs(half_n) else None,
+            load_left_n=_known(load_n) if holds_load(load_n, half_n) else None,
             repairs=tuple(recording.metadata.repairs),
         )
 
@@ -303,6 +295,15 @@ def load_left(each: FrictionOfRecording) -> str:
     if each.load_left_n is None:
         return ""
     return f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"
+
+
+def _estimated(recording: Recording, estimator: FrictionEstimator) -> Recording:
+    """Return a labelled recording with the estimator's friction, bounds and flags, and the label beside them."""
+    newtons, flags = estimator.real_time().run(recording.samples(estimator.inputs))
+    friction_n, lower_n, upper_n = estimator.aligned(newtons).T
+    return recording.with_columns(
+        label_n=recording.column("friction_n"), friction_n=friction_n, lower_n=lower_n, upper_n=upper_n, flags=flags
+    )
 
 
 def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:

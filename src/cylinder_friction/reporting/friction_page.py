@@ -1,19 +1,17 @@
 """The page of a run over logs: every recording's friction over time and over velocity, and what was refused."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.friction_models.identification.steady_points import steady_points
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.friction_figures import against_velocity, compared
-from cylinder_friction.reporting.inspection.friction_view import FrictionView, friction_view, up_and_down
-from cylinder_friction.reporting.inspection.known_curve import known_curve
+from cylinder_friction.reporting.inspection.friction_view import FrictionView, view_of_labelled
 from cylinder_friction.reporting.inspection.recording_pane import (
     calculated_panels,
     measured_panels,
@@ -23,7 +21,7 @@ from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, o
 from cylinder_friction.reporting.page import Cell, Table, page_html
 from cylinder_friction.reporting.style import GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
-from cylinder_friction.signals.smooth_signals import SignalFilter
+from cylinder_friction.signals.smooth_signals import SignalFilter, smooth_recording
 
 POINTS = 1200
 
@@ -50,7 +48,7 @@ def friction_pane(recording: Recording, cylinder: Cylinder, method: SignalFilter
         method: Which filter the label's velocity comes from.
         estimated: Whether friction is an estimator's, with the label beside it.
     """
-    view = _view(recording, cylinder, method)
+    view = view_of_labelled(recording, smooth_recording(recording, method), cylinder, method)
     friction = [
         Line("bounds", _usable(recording, "lower_n"), PALE, 1.0),
         Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False),
@@ -104,28 +102,6 @@ def write_friction_page(
         bounds=bounds,
     )
     write_text(path, html)
-
-
-def _view(recording: Recording, cylinder: Cylinder, method: SignalFilter) -> FrictionView:
-    """Return what the inspection would show, its friction replaced by the recording's own."""
-    raw = recording.without_columns("friction_n", "velocity_m_s", "usable")
-    view = friction_view(raw, cylinder, method, 0.0)
-    friction_n, usable = recording.column("friction_n"), recording.usable()
-    points = tuple(steady_points([recording], view.slowest_m_s))
-    curve, no_curve = known_curve(points)
-    position_m, velocity_m_s = recording.column("position_m"), recording.column("velocity_m_s")
-    load_n, half_n = up_and_down(position_m, velocity_m_s, friction_n, usable, view.slowest_m_s)
-    return replace(
-        view,
-        labelled=recording,
-        friction_n=friction_n,
-        usable=usable,
-        points=points,
-        curve=curve,
-        no_curve=no_curve,
-        load_n=load_n,
-        half_difference_n=half_n,
-    )
 
 
 def _usable(recording: Recording, column: str) -> np.ndarray:

@@ -65,7 +65,7 @@ class FrictionView:
     @property
     def carries_load(self) -> bool:
         """Whether ``friction_n`` holds a load; False where directions cannot be compared."""
-        return abs(self.load_n) > LOAD_SHARE * abs(self.half_difference_n)
+        return holds_load(self.load_n, self.half_difference_n)
 
     @property
     def friction_name(self) -> str:
@@ -80,23 +80,45 @@ def friction_view(
     Raises:
         ValueError: The recording is shorter than the filter.
     """
-    position_m, sample_time_s = recording.column("position_m"), recording.sample_time_s
-    signals, support = smooth_recording(recording, method), method.support(sample_time_s)
+    position_m, signals = recording.column("position_m"), smooth_recording(recording, method)
     load_force_n = smooth_load(recording, method)
     friction_n = friction_label(
         signals, position_m, 0.0 if load_force_n is None else load_force_n, cylinder, Stiffness()
     )
-    usable = usable_rows(position_m, cylinder.stroke_m, end_stop_margin_m, support)
+    usable = usable_rows(position_m, cylinder.stroke_m, end_stop_margin_m, method.support(recording.sample_time_s))
+    labelled = recording.with_columns(friction_n=friction_n, velocity_m_s=signals.velocity_m_s, usable=usable)
+    return view_of_labelled(
+        labelled, signals, cylinder, method, _assumed(recording, cylinder, load_force_n is not None, end_stop_margin_m)
+    )
+
+
+def view_of_labelled(
+    labelled: Recording,
+    signals: SmoothSignals | SmoothDrive,
+    cylinder: Cylinder,
+    method: SignalFilter,
+    assumed: tuple[str, ...] = (),
+) -> FrictionView:
+    """Return the view of friction that is known already.
+
+    Args:
+        labelled: With ``friction_n``, ``velocity_m_s`` and ``usable``.
+        signals: Of the recording, smooth.
+        cylinder: Its areas.
+        method: Which filter smoothed them.
+        assumed: What the force balance takes for granted, one sentence each.
+    """
+    position_m, sample_time_s = labelled.column("position_m"), labelled.sample_time_s
+    friction_n, usable, support = labelled.column("friction_n"), labelled.usable(), method.support(sample_time_s)
     rest = standstill_rows(position_m, sample_time_s, max(support.before, support.after))
     at_rest_m_s = float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest)))
     slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, _noise_of_sensor(position_m, sample_time_s, method))
-    labelled = recording.with_columns(friction_n=friction_n, velocity_m_s=signals.velocity_m_s, usable=usable)
     points = tuple(steady_points([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
     load_n, half_difference_n = up_and_down(position_m, signals.velocity_m_s, friction_n, usable, slowest_m_s)
     return FrictionView(
         signals=signals,
-        force_name=PRESSURE_FORCE if has_pressures(recording) else MEASURED_FORCE,
+        force_name=PRESSURE_FORCE if has_pressures(labelled) else MEASURED_FORCE,
         labelled=labelled,
         force_n=drive_force(signals, cylinder),
         friction_n=friction_n,
@@ -107,13 +129,18 @@ def friction_view(
         load_n=load_n,
         half_difference_n=half_difference_n,
         no_curve=no_curve,
-        assumed=_assumed(recording, cylinder, load_force_n is not None, end_stop_margin_m),
+        assumed=assumed,
     )
 
 
 def _noise_of_sensor(position_m: Array, sample_time_s: float, method: SignalFilter) -> float:
     """Return what the position sensor's noise leaves in the velocity [m/s]."""
     return sensor_noise(position_m) * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
+
+
+def holds_load(load_n: float, half_difference_n: float) -> bool:
+    """Return whether a force holds a load, from what ``up_and_down`` gives; False where that is not known."""
+    return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
 
 
 def with_friction(
