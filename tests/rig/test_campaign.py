@@ -151,6 +151,20 @@ def test_with_the_measured_load_sensors_tell_friction_as_without_one(
         assert np.abs(oil - truth["friction_n"])[inside].mean() > 2.0 * error
 
 
+def test_a_crane_loads_all_recordings_alike_by_position_alone_and_has_no_load_cell(cylinder: Cylinder) -> None:
+    crane = list(campaign(cylinder, replace(SHORT, external_load="boom", recordings_per_session=1)))
+    truth = pd.concat([recording.truth for recording in crane]).sort_values("position_m")
+    load_n, position_m = truth["load_force_n"].to_numpy(), truth["position_m"].to_numpy()
+    assert load_n.max() > 1500.0
+    assert load_n.min() < -1000.0
+    # Straight between 65 positions over the stroke, nowhere steeper than 24 N/mm
+    assert (np.abs(np.diff(load_n)) <= 24e3 * np.diff(position_m) + 1e-6).all()
+    for recording in crane:
+        assert tuple(recording.logger.columns) == LOGGER_COLUMNS
+        assert tuple(recording.truth.columns) == (*TRUTH_COLUMNS, "load_force_n")
+        assert recording.metadata.load.endswith("a weight on a crane's boom")
+
+
 def test_a_load_that_pulls_draws_no_vacuum(loaded: list[RigRecording]) -> None:
     assert min(recording.truth[["pressure_1_pa", "pressure_2_pa"]].to_numpy().min() for recording in loaded) > -0.7e5
 
@@ -163,7 +177,7 @@ def test_a_wide_specimen_is_another_rig(cylinder: Cylinder, recordings: list[Rig
 
 @pytest.mark.parametrize(
     ("key", "value", "known"),
-    [("external_load", "heavy", "'none', 'varied'"), ("specimen", "narrow", "'default', 'wide'")],
+    [("external_load", "heavy", "'boom', 'none', 'varied'"), ("specimen", "narrow", "'default', 'wide'")],
 )
 def test_unknown_choices_are_refused(cylinder: Cylinder, key: str, value: Any, known: str) -> None:
     with pytest.raises(ValueError, match=rf"record\.{key}: got '{value}', but expected one of \[{known}\]"):

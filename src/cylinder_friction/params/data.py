@@ -35,7 +35,7 @@ class RecordParams(Section):
     residual_offset_bar: NotNegative
     asymmetry_sd: NotNegative
     fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
-    external_load: Literal["none", "varied"]
+    external_load: Literal["none", "varied", "boom"]
     specimen: Literal["default", "wide"]
 
     @field_validator("duration_s", "sample_time_s")

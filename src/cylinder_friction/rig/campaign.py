@@ -11,7 +11,7 @@ from numpy.random import Generator
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.recording import RecordingMetadata
 from cylinder_friction.rig.duty_cycles import duty_cycle
-from cylinder_friction.rig.external_load import varied_load
+from cylinder_friction.rig.external_load import ExternalLoad, crane_load, varied_load
 from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.lever import TICK_S
 from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig, refuse_unknown
@@ -34,10 +34,14 @@ LOADS = {
     "3": "medium load, throttle setting 3",
     "4": "heavy load, throttle setting 4",
 }
-EXTERNAL_LOADS = ("none", "varied")
+EXTERNAL_LOADS = {
+    "none": "",
+    "varied": "; an external load that varies, measured by a load cell",
+    "boom": "; a weight on a crane's boom",
+}
+"""Forces on the rod, and how the metadata of a recording describe them."""
 SPECIMENS = {"default": draw_rig, "wide": draw_wide_rig}
 MAKEUP_GAIN = 2e-6  # Gain of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]
-WITH_EXTERNAL_LOAD = "; an external load that varies, measured by a load cell"
 LOAD_SEED = 1
 """Last word of the seed of the load's random numbers, so that a campaign with a load has the same hand and noise."""
 
@@ -71,8 +75,9 @@ class CampaignPlan:
     # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
     asymmetry_sd: float = 0.0
     fault: str = "none"  # One of ``faults.FAULTS``
-    # ``"none"``, or ``"varied"``: a load cell and forces on the rod that change within a recording
-    external_load: Literal["none", "varied"] = "none"
+    # ``"none"``; ``"varied"``, a load cell and forces on the rod that change within a recording; or ``"boom"``, one
+    # crane without a load cell, whose load depends on position alone
+    external_load: Literal["none", "varied", "boom"] = "none"
     # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
     specimen: Literal["default", "wide"] = "default"
 
@@ -118,10 +123,7 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
         generator = _generator(plan, int(condition), number, take)
         began_s = (take - 1) * (plan.duration_s + PAUSE_S)
         rig = session.rig
-        load = None
-        if plan.external_load != "none":
-            load_generator = _generator(plan, int(condition), number, take, LOAD_SEED)
-            load = varied_load(load_generator, plan.duration_s, rig.hydraulics.stroke_m)
+        load = _load(plan, rig.hydraulics.stroke_m, int(condition), number, take)
         position_m = rig.hydraulics.stroke_m * generator.uniform(0.2, 0.8)
         start = balanced_state(
             rig,
@@ -136,10 +138,16 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
         # Work goes on between recordings and warms the oil at the same rate.
         warming_c = float(trace["oil_temperature_c"].iloc[-1]) - temperature_c
         temperature_c += warming_c * (1.0 + PAUSE_S / plan.duration_s)
-        logger = measure(rig.sensors, trace, generator, began_s, load_cell=load is not None)
+        logger = measure(rig.sensors, trace, generator, began_s, load_cell=plan.external_load == "varied")
         known = TRUTH_COLUMNS if load is None else (*TRUTH_COLUMNS, "load_force_n")
         truth = trace[list(known)].iloc[::stride].reset_index(drop=True)
         yield RigRecording(_metadata(plan, rig.cylinder.name, condition, number, take), logger, truth)
+
+
+def _load(plan: CampaignPlan, stroke_m: float, *words: int) -> ExternalLoad | None:
+    if plan.external_load == "varied":
+        return varied_load(_generator(plan, *words, LOAD_SEED), plan.duration_s, stroke_m)
+    return crane_load(plan.duration_s, stroke_m) if plan.external_load == "boom" else None
 
 
 def _metadata(plan: CampaignPlan, cylinder: str, condition: str, number: int, take: int) -> RecordingMetadata:
@@ -149,7 +157,7 @@ def _metadata(plan: CampaignPlan, cylinder: str, condition: str, number: int, ta
         session=f"condition{condition}_session{number:02d}",
         sample_time_s=plan.sample_time_s,
         cylinder=cylinder,
-        load=LOADS[condition] + (WITH_EXTERNAL_LOAD if plan.external_load != "none" else ""),
+        load=LOADS[condition] + EXTERNAL_LOADS[plan.external_load],
     )
 
 

@@ -26,6 +26,9 @@ GRAVITY_M_S2 = 9.81
 FRAME_M, BOOM_M, CLOSED_M = 0.55, 0.35, 0.45
 """From the boom's pivot to the cylinder's foot and to its rod eye, and the cylinder's length with the rod in."""
 REACH_M = 1.0  # From the boom's pivot to its weight
+CRANE_MASS_KG, CRANE_ANGLE_RAD = 165.0, math.radians(65.0)
+"""Weight on the crane's boom, and the boom's angle above the horizon with the rod in: it swings over its pivot, so that
+the load goes from 1960 N against extension to 2040 N with it over 250 mm of stroke."""
 
 
 @dataclass(frozen=True)
@@ -95,19 +98,34 @@ def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> Ext
 
 
 def boom_n(generator: Generator, stroke_m: float) -> Array:
-    """Return the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N].
+    """Return the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N]."""
+    above_horizon = generator.uniform(math.radians(-40.0), math.radians(20.0))
+    sign = 1.0 if generator.random() < 0.6 else -1.0
+    return sign * weight_n(generator.uniform(12.0, 65.0), above_horizon, stroke_m)
+
+
+def crane_load(duration_s: float, stroke_m: float) -> ExternalLoad:
+    """Return the load of the crane, which depends on position alone and is the same in every recording."""
+    ticks = round(duration_s / TICK_S) + 2
+    return ExternalLoad(np.zeros(ticks), np.ones(ticks), weight_n(CRANE_MASS_KG, CRANE_ANGLE_RAD, stroke_m))
+
+
+def weight_n(mass_kg: float, angle_rad: float, stroke_m: float) -> Array:
+    """Return the force of a weight on a boom at each position, shape ``(PLACES,)`` [N].
 
     The boom turns by some 45° over the stroke: the weight's lever changes with the cosine of the boom's angle, the
     cylinder's by the law of cosines in the triangle of frame, boom and cylinder.
+
+    Args:
+        mass_kg: Mass of the weight.
+        angle_rad: Of the boom above the horizon with the rod in.
+        stroke_m: Length of travel.
     """
     length = CLOSED_M + np.linspace(0.0, 1.0, PLACES) * stroke_m
     cosine = np.clip((FRAME_M**2 + BOOM_M**2 - length**2) / (2.0 * FRAME_M * BOOM_M), -0.95, 0.95)
     angle = np.arccos(cosine)
     lever_m = FRAME_M * BOOM_M * np.sin(angle) / length
-    above_horizon = generator.uniform(math.radians(-40.0), math.radians(20.0)) + angle - angle[0]
-    sign = 1.0 if generator.random() < 0.6 else -1.0
-    mass_kg = generator.uniform(12.0, 65.0)
-    return np.asarray(sign * mass_kg * GRAVITY_M_S2 * REACH_M * np.cos(above_horizon) / lever_m)
+    return np.asarray(mass_kg * GRAVITY_M_S2 * REACH_M * np.cos(angle_rad + angle - angle[0]) / lever_m)
 
 
 def spring_n(generator: Generator, stroke_m: float) -> Array:
