@@ -10,9 +10,9 @@ import pytest
 
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.realtime.bounds import causal_velocity
-from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, REST, RETRACTED, WALK
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, REST, RETRACTED, WALK, ZERO
+from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import IdentifiedZero, RecordingError, SensorUncertainty
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -49,6 +49,36 @@ def test_the_offset_of_an_unknown_session_is_learned(
     assert found[0, 1] > 1.5 * found[-1, 1]
     assert abs(found[-1, 0] - true_n) < 2.0 * found[-1, 1]
     assert abs(found[-1, 0] - true_n) < 5.0
+
+
+def test_the_zero_of_a_load_cell_is_learned_beside_a_load_that_makes_friction_uneven(
+    cylinder: Cylinder, offset_recordings: list[Recording]
+) -> None:
+    """A load of ±1 kN, of which the pressures carry two hundredths more, as if friction resisted it unevenly."""
+    loaded = [with_load(each, cylinder) for each in offset_recordings]
+    columns = (*SAMPLE_COLUMNS, LOAD_FORCE)
+    tracker = fit_offset_tracker(loaded[:-1], cylinder, columns)
+    assert tracker.weights[BALANCE, 3] == pytest.approx(-1.02, abs=0.005)
+    recording = loaded[-1].with_columns(load_force_n=loaded[-1].column(LOAD_FORCE) - 10.0)
+    state, velocity = tracker.new_state(), causal_velocity(recording)
+    found = tracker.rows(recording.samples(columns), velocity, PLACE, state)
+    true_n = offset_of(offset_recordings[-1], cylinder) + 10.0
+    assert abs(found[-1, 0] - true_n) < 5.0
+    assert tracker.weights[ZERO] @ tracker.weights[BALANCE] == pytest.approx(1.0, abs=0.01)
+
+
+def with_load(recording: Recording, cylinder: Cylinder) -> Recording:
+    """Return a recording with a load that a cell measures, to a standard uncertainty of its zero of 8 N."""
+    load_n = 1000.0 * np.sin(0.9 * recording.column("time_s"))
+    metadata = recording.metadata
+    stated = {**metadata.uncertainty, LOAD_FORCE: SensorUncertainty(8.0, 0.0)}
+    zeros = {**metadata.identified_zero, LOAD_FORCE: IdentifiedZero(0.0, 3.0)}
+    more = recording.with_columns(
+        load_force_n=load_n,
+        pressure_1_pa=recording.column("pressure_1_pa") + 1.02 * load_n / cylinder.piston_area_m2,
+        friction_n=recording.column("friction_n") + 0.02 * load_n,
+    )
+    return replace(more, metadata=replace(metadata, uncertainty=stated, identified_zero=zeros))
 
 
 def test_an_offset_far_beyond_what_was_stated_is_still_found(

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 STEP_S, DURATION_S = 0.01, 40.0
 ZERO_PA = 3000.0
+AREAS_M2 = (np.pi * 0.063**2 / 4.0, -np.pi * (0.063**2 - 0.028**2) / 4.0)
+CELL = {"load_force_n": SensorUncertainty(5.0, 0.0)}
 PRESSURES = {name: SensorUncertainty(ZERO_PA, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
 
 
@@ -93,11 +95,36 @@ def test_offsets_of_sessions_are_found_together(cylinder: Cylinder, drive: bool)
 
 @pytest.mark.parametrize("columns", [{"oil_temperature_c": 35.0}, {"load_force_n": 100.0}])
 def test_temperature_and_a_measured_load_may_be_there(cylinder: Cylinder, columns: dict[str, float]) -> None:
-    cell = {"load_force_n": SensorUncertainty(5.0, 0.0)}
-    recordings = campaign(cylinder, uncertainty=cell, **columns)
+    recordings = campaign(cylinder, uncertainty=CELL, **columns)
     model = fit_offset_model(recordings.values(), cylinder)
     assert set(columns) < set(model.inputs)
     assert np.abs(errors(model, recordings)[0]).max() < 4.0
+
+
+def test_a_load_that_makes_friction_uneven_or_is_read_too_large_is_no_offset(cylinder: Cylinder) -> None:
+    """Sessions differ by the load that they carry most of the time; a hundredth of it is in the label either way."""
+    recordings = {}
+    for number, (offset, recording) in enumerate(campaign(cylinder, uncertainty=CELL).items()):
+        load_n = 1000.0 * (-1.0) ** number + 1500.0 * np.sin(0.7 * recording.column("time_s"))
+        label_n = recording.column("friction_n") + 0.01 * load_n
+        recordings[offset] = recording.with_columns(load_force_n=load_n, friction_n=label_n)
+    error, ratio = errors(fit_offset_model(recordings.values(), cylinder), recordings)
+    assert np.sqrt(np.mean(error**2)) < 2.0
+    assert np.abs(ratio).max() < 3.0
+
+
+def test_the_load_cell_takes_the_share_of_an_offset_that_its_zero_makes_likely(cylinder: Cylinder) -> None:
+    cell = {"load_force_n": SensorUncertainty(9.0, 0.0)}
+    recordings = list(campaign(cylinder, uncertainty=cell, load_force_n=100.0).values())
+    model = fit_offset_model(recordings, cylinder)
+    (corrected,) = model.corrected(recordings[:1])
+    found, zeros = model.sessions["s00"], corrected.metadata.identified_zero
+    assert found.prior_n == pytest.approx(np.hypot(ZERO_PA * np.hypot(*AREAS_M2), 9.0), rel=1e-4)
+    assert zeros["load_force_n"].offset == pytest.approx(-found.offset_n * 81.0 / found.prior_n**2)
+    taken_n = (corrected.column("load_force_n") - corrected.zeroed().column("load_force_n"))[0]
+    assert taken_n == pytest.approx(zeros["load_force_n"].offset)
+    pressures_n = sum(zeros[name].offset * area for name, area in zip(PRESSURES, AREAS_M2, strict=True))
+    assert pressures_n - taken_n == pytest.approx(found.offset_n)
 
 
 def test_a_further_session_is_identified_without_the_others(cylinder: Cylinder) -> None:

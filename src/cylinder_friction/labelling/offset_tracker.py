@@ -159,18 +159,22 @@ def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], pr
     powers = legendre.leg2poly([0.0, *model.coefficients[1 + count : 1 + count + POSITION_ORDER]])
     along[: len(powers)] = model.level_n * powers
     along[0] += model.level_n * model.coefficients[0] - float(standard @ np.array(model.means))
-    even_constant, even_pressure = model.level_n * np.array(model.coefficients[1 + count + POSITION_ORDER :])
-    even_pressure /= model.deviations[0]
+    even = model.level_n * np.array(model.coefficients[1 + count + POSITION_ORDER :])
+    of = np.array(model.even_places[1:]) - 1
+    even_slopes = even[1:] / np.array(model.deviations)[of]
+    even_constant = even[0] - float(even_slopes @ np.array(model.means)[of])
     plan, block = model.plan, max(1, round(model.plan.block_s / step_s))
     speed = model.speed_place
     settings = [
         *(plan.slowest_m_s, round(plan.settling_s / step_s), block, model.cylinder.moving_mass_kg, block * step_s),
         *(model.noise_n, model.stroke_n, prior_n**2 * step_s / plan.drift_s, model.common_uncertainty_n),
         *(model.means[speed], model.deviations[speed], *model.position_range_m),
-        *(even_constant - even_pressure * model.means[0], even_pressure, 1.0, prior_n**2, model.level_n),
+        *(even_constant, even_slopes[0], 1.0, prior_n**2, model.level_n),
     ]
+    weights = _weights(recording, model.cylinder, inputs, prior_n)
+    weights[BALANCE] -= float(sum(even_slopes[1:])) * weights[LOAD]
     return OffsetTracker(
-        weights=_weights(recording, model.cylinder, inputs, prior_n),
+        weights=weights,
         settings=np.array(settings),
         friction=friction,
         position=along,

@@ -3,7 +3,7 @@
 Friction changes its sign with the direction of motion, a sensor's zero does not. Over steady sliding, averaged in
 short blocks, the label of a session is a linear mixed model (Henderson 1975):
 
-    label = direction·g(speed, pressure, temperature, position) + h(pressure)
+    label = direction·g(speed, pressure, load, temperature, position) + h(pressure, load)
             + offset + asymmetry·mean level + scale·direction·level + stroke + noise
 
 g is friction and h its asymmetry, common to all sessions of a cylinder. Each session has an offset of its own, whose
@@ -19,8 +19,9 @@ they show; nor **the mean offset of all sessions from the asymmetry common to th
 uncertain as the sensors' zeros make it, divided by the root of the number of sessions.
 
 Only the mean of both pressures, weighted by their areas, explains friction: each pressure by itself contains friction,
-as their difference is the label. A gain error of the sensors is not identified; what of it does not change with
-direction goes into the offset.
+as their difference is the label. With a measured load it is the load that shows how the mean divides between them. A
+gain error of the sensors is not identified; what of it does not change with direction goes into the offset, or where
+all sessions share it and it grows with the load, into h.
 """
 
 from __future__ import annotations
@@ -155,6 +156,12 @@ class OffsetModel:
         """Place of the speed among the quantities that explain friction."""
         return 2 if PRESSURE_1 in self.inputs else 0
 
+    @property
+    def even_places(self) -> list[int]:
+        """Places of what explains the common asymmetry, h, among what explains friction: constant, pressure, load."""
+        pressure = [1] if PRESSURE_1 in self.inputs else []
+        return [0, *pressure, *([self.speed_place + 4] if LOAD_FORCE in self.inputs else [])]
+
     def identify(self, recordings: Iterable[Recording]) -> SessionOffset:
         """Return the offset of a further session from its own labelled recordings, given the friction of the others.
 
@@ -228,8 +235,7 @@ class OffsetModel:
     def _design(self, session: SteadySliding) -> Array:
         """Return the columns of friction and of its common asymmetry, shape ``(blocks, coefficients)``."""
         explaining = self._explaining(session)
-        even = explaining[:, : 1 + (PRESSURE_1 in self.inputs)]
-        return np.hstack([session.direction[:, None] * explaining, even]) * self.level_n
+        return np.hstack([session.direction[:, None] * explaining, explaining[:, self.even_places]]) * self.level_n
 
     @property
     def _warm_known(self) -> bool:
@@ -488,7 +494,7 @@ def _fitted(
     """
     evidence = [model._evidence(each) for each in sessions]
     size = evidence[0].size
-    even = 1 + (PRESSURE_1 in model.inputs)
+    even = len(model.even_places)
     # Friction's coefficients may be as large as its level, those of its asymmetry as the plan states.
     precision = np.diag(np.repeat([1.0, 1.0 / max(model.plan.asymmetry, 1e-6) ** 2], [size - even, even]))
 

@@ -50,8 +50,9 @@ RANGED = 4  # Quantities whose range is checked: pressure, speed, load and tempe
 class OffsetTracker:
     """What a step must know to learn the offset."""
 
-    # Of each input, shape ``(5, inputs)``, see the rows above: derivatives of the force balance [N], of the mean
-    # pressure [Pa], of the load and of the temperature, and zero of the sensor that one newton of offset stands for
+    # Of each input, shape ``(5, inputs)``, see the rows above: derivatives of the force balance [N], less what of
+    # friction's asymmetry grows with the load; of the mean pressure [Pa], of the load and of the temperature; and zero
+    # of the sensor that one newton of offset stands for
     weights: Array
     settings: Array  # See the places above
     friction: Array  # Coefficients of ``QUANTITIES`` in g [N], shape ``(14,)``
