@@ -113,3 +113,60 @@ def test_missing_files_and_channels_are_refused(logs: Path, cylinder: Cylinder, 
         read_logs(logs, tmp_path / "empty.yaml", cylinder)
     with pytest.raises(RecordingError, match="column 'position_m' has no channel"):
         read_logs(logs, {column: CHANNELS[column] for column in list(CHANNELS)[:3]}, cylinder)
+
+
+@pytest.fixture(scope="module")
+def several_rates(tmp_path_factory: pytest.TempPathFactory, rig_tables: dict[str, pd.DataFrame]) -> Path:
+    """A file in which position (100 Hz) and load (50 Hz) have time columns of their own beside the pressures'."""
+    table = next(iter(rig_tables.values()))
+    groups = [
+        {"Druck Kolben": table["pressure_1_pa"] / 1e5, "Druck Stange": table["pressure_2_pa"] / 1e5},
+        {"Weg": table["position_m"][::2] * 1e3},
+        {"Last": 1.0 + np.sin(table["time_s"][::4])},
+    ]
+    logged = {}
+    for number, (step_ms, channels) in enumerate(zip((5, 10, 20), groups, strict=True)):
+        rows = len(next(iter(channels.values())))
+        logged[f"Name {number}"] = pd.Series(step_ms * np.arange(rows), dtype="Int64")
+        logged |= {name: pd.Series(np.asarray(values)) for name, values in channels.items()}
+    text = pd.DataFrame(logged).to_csv(index=False, sep=";", decimal=",")
+    path = tmp_path_factory.mktemp("rates") / "stroke.csv"
+    header, _, rows_text = text.partition("\n")
+    for number in range(3):
+        header = header.replace(f"Name {number}", "Name")
+    path.write_text(f"Name;Presse;\nFile;D:\\presse.csv;\n\n{header}\n\n{rows_text}EOF\n", encoding="utf-8")
+    return path
+
+
+def test_channels_at_three_rates_are_found_and_brought_to_one(
+    several_rates: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame]
+) -> None:
+    with pytest.warns(UserWarning, match="no mapping was given") as warned:
+        (recording,) = read_logs(several_rates, None, cylinder, load="none")
+    guessed = str(warned[0].message)
+    for line in (
+        'time_s: {channel: "Name", unit: ms}',
+        'pressure_1_pa: {channel: "Druck Kolben", unit: bar}',
+        'pressure_2_pa: {channel: "Druck Stange", unit: bar}',
+        'position_m: {channel: "Weg", unit: mm}',
+        'load_force_n: {channel: "Last", unit: kN}',
+    ):
+        assert line in guessed
+    assert recording.sample_time_s == 0.02
+    true = next(iter(rig_tables.values()))
+    position = np.interp(recording.column("time_s"), true["time_s"], true["position_m"])
+    assert np.abs(recording.column("position_m") - position)[10:-10].max() < 5e-4
+    assert len(recording) == pytest.approx(len(true) / 4, abs=2)
+
+
+def test_a_rate_in_place_of_three_time_columns_is_refused_for_that(several_rates: Path, cylinder: Cylinder) -> None:
+    channels = {
+        "time_s": {"rate_hz": 200.0},
+        "pressure_1_pa": {"channel": "Druck Kolben", "unit": "bar"},
+        "pressure_2_pa": {"channel": "Druck Stange", "unit": "bar"},
+        "position_m": {"channel": "Weg", "unit": "mm"},
+    }
+    with pytest.raises(
+        RecordingError, match=r"200 Hz contradicts the file: its time channel 'Name' runs at 100 Hz, so"
+    ):
+        read_logs(several_rates, channels, cylinder)

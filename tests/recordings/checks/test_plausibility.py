@@ -171,6 +171,24 @@ def test_what_cannot_be_told_is_noted(table: pd.DataFrame, text: str) -> None:
     assert text in finding.text
 
 
+def test_friction_that_would_drive_the_motion_on_average_is_never_ok(
+    rig_tables: dict[str, pd.DataFrame], areas: tuple[float, float]
+) -> None:
+    negative = 0
+    for table in rig_tables.values():
+        for factor in (1.5, 2.0, 3.0):  # position as if it had been logged at a fraction of the rate of the pressures
+            rows = np.arange(0.0, len(table), factor)
+            fast = table.iloc[: len(rows)].assign(
+                position_m=np.interp(rows, np.arange(len(table)), table["position_m"])
+            )
+            for finding in check_friction(fast, 0.005, STROKE_M, areas):
+                if "-" in finding.text.split("seal (")[-1].split()[0] and finding.check == "friction_size":
+                    negative += 1
+                    assert finding.outcome == "noted"
+                    assert "expected more than 0, for it opposes the motion; check which pressure is" in finding.text
+    assert negative > 0
+
+
 def test_without_areas_pressures_cannot_be_judged(rig_tables: dict[str, pd.DataFrame]) -> None:
     (finding,) = check_friction(next(iter(rig_tables.values())), 0.005, STROKE_M, None)
     assert finding.outcome == "noted"

@@ -180,9 +180,38 @@ def test_tables_with_clocks_of_their_own_are_told_apart() -> None:
     fast = LoggedTable(pd.DataFrame({"t_fast": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE}), name="pressures")
     slow = LoggedTable(pd.DataFrame({"t_slow": TIME[::2], "x": 200 * STROKE[::2]}), name="motion")
     found = channels_of(mapping_yaml(guess_mapping([fast, slow], PATH)))
-    assert found["time_s"] == {"channel": "t_fast", "unit": "s", "table": "pressures"}
-    assert found["position_m"] == {"channel": "x", "unit": "mm", "table": "motion", "time": "t_slow"}
+    assert found["time_s"] == {"channel": "t_fast", "unit": "s"}
+    assert found["position_m"] == {"channel": "x", "unit": "mm", "time": "t_slow"}
     assert "time" not in found["pressure_1_pa"]
+
+
+def test_a_table_is_named_where_a_channel_is_in_several() -> None:
+    one = LoggedTable(pd.DataFrame({"Name": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE}), name="group 1")
+    two = LoggedTable(pd.DataFrame({"Name": TIME[::2], "x": 200 * STROKE[::2], "p1": TIME[::2]}), name="group 2")
+    found = channels_of(mapping_yaml(guess_mapping([one, two], PATH)))
+    assert found["time_s"] == {"channel": "Name", "unit": "s"}
+    assert found["pressure_1_pa"] == {"channel": "p1", "unit": "bar", "table": "group 1"}
+    assert found["position_m"] == {"channel": "x", "unit": "mm"}
+
+
+def test_time_columns_of_one_table_stamp_what_stands_behind_them() -> None:
+    columns = {"t p [s]": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE, "t x [ms]": 1e3 * TIME, "x": 200 * STROKE}
+    found = channels_of(text_of(columns))
+    assert found["time_s"] == {"channel": "t p [s]", "unit": "s"}
+    assert "time" not in found["pressure_2_pa"]
+    assert found["position_m"]["time"] == "t x [ms]"
+    before_all = {"Date": pd.Timestamp("2026-03-14") + pd.to_timedelta(TIME, "s"), **columns}
+    assert "time" not in channels_of(text_of(before_all))["position_m"]
+
+
+@pytest.mark.parametrize(
+    "names", [("JibPaCyl", "JibPbCyl", "JibPistonPosition"), ("Jib Pa Cyl", "Jib Pb Cyl", "Jib Piston Position")]
+)
+def test_the_ports_of_a_crane_s_plc(names: tuple[str, str, str]) -> None:
+    columns = dict(zip(names, (43 + STROKE, 79 + STROKE, 0.5 * STROKE), strict=True))
+    others = {"JibPaDCV": 47 + STROKE, "JibPbDCV": 47 + STROKE, "JibXRef": 0.5 * STROKE, "Ps": 150 + STROKE}
+    found = names_of(text_of({"Name": 10.0 * np.arange(ROWS), **others, **columns}))
+    assert found == dict(zip(("time_s", "pressure_1_pa", "pressure_2_pa", "position_m"), ("Name", *names), strict=True))
 
 
 @pytest.mark.parametrize("sign", [1, -1])

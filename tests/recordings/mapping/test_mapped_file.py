@@ -106,6 +106,62 @@ def test_rate_makes_time_where_none_is_logged() -> None:
         map_signals([table("fast", **FAST), table("slow", **SLOW)], mapping)
 
 
+RATE = MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)}
+
+
+@pytest.mark.parametrize(
+    ("name", "stamps", "unit", "logged_hz", "faster"),
+    [
+        ("Name", 10.0 * np.arange(6), "ms", "100", "2"),
+        ("Zeit", 10.0 * np.arange(6), "", "100", "2"),
+        ("Time [s]", 0.01 * np.arange(6), "s", "100", "2"),
+        ("when", pd.date_range("2026-03-14", periods=6, freq="20ms"), "", "50", "4"),
+    ],
+)
+def test_a_rate_that_the_files_time_contradicts_is_refused(
+    name: str, stamps: Any, unit: str, logged_hz: str, faster: str
+) -> None:
+    columns = {name if name != "when" else "Datum": stamps, "a": np.ones(6), "b": np.ones(6), "x": np.zeros(6)}
+    with pytest.raises(RecordingError) as refused:
+        map_signals([LoggedTable(pd.DataFrame(columns), {name: unit} if unit else {})], RATE)
+    assert f"runs at {logged_hz} Hz, so that its channels would run {faster} times too fast" in str(refused.value)
+    assert f"time_s.rate_hz = 200 Hz contradicts the file: its time channel {next(iter(columns))!r}" in str(
+        refused.value
+    )
+    assert "map it instead, time_s: {channel: " in str(refused.value)
+
+
+def test_a_rate_that_the_files_time_confirms_passes() -> None:
+    lost = np.delete(np.arange(200), [50, 51])
+    columns = {"t": 5.0 * lost, "a": np.ones(198), "b": np.ones(198), "x": np.zeros(198)}
+    assert len(map_signals([LoggedTable(pd.DataFrame(columns))], RATE).signals["position_m"].values) == 198
+
+
+def ending(rows: int, of: int = 2000, **more: Any) -> LoggedTable:
+    x = np.where(np.arange(of) < rows, 1.0, np.nan)
+    return LoggedTable(pd.DataFrame({"a": np.ones(of), "b": np.ones(of), "x": x, **more}))
+
+
+@pytest.mark.parametrize("rows", [500, 1000, 1001, 1600])
+def test_columns_that_end_at_different_rows_are_refused_under_a_rate(rows: int) -> None:
+    with pytest.raises(RecordingError) as refused:
+        map_signals([ending(rows)], RATE)
+    assert str(refused.value).startswith(
+        f"columns end at different rows: position_m ('x') at row {rows}, pressure_1_pa ('a') at row 2000; they were "
+        f"logged at different rates, and on one clock position_m would run {2000 / rows:.3g} times too fast; "
+    )
+
+
+def test_a_column_that_ends_halfway_below_one_time_column_was_logged_slower() -> None:
+    time = {"t": 5.0 * np.arange(2000)}
+    with pytest.raises(RecordingError, match="would run 2 times too fast; export a time column for each rate and name"):
+        map_signals([ending(1000, **time)], MAPPING)
+    for rows in (1600, 1010, 1990, 2000):  # lost at some row
+        map_signals([ending(rows, **time)], MAPPING)
+    every_other = np.where(np.arange(2000) % 2 == 0, ending(1000).channels["x"], np.nan)
+    map_signals([ending(1000, **time, x=every_other)], MAPPING)
+
+
 @pytest.mark.parametrize("zone", [None, "Europe/Vienna"])
 def test_dates_of_two_tables_count_from_the_earliest(zone: str | None) -> None:
     start = pd.Timestamp("2026-03-14 09:00:00.5", tz=zone)

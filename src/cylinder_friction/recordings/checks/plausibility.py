@@ -243,6 +243,12 @@ def _size(as_is: Balance, areas_m2: tuple[float, float]) -> Finding:
     bore_m, rod_m = (math.sqrt(4.0 * area / math.pi) for area in (areas_m2[0], areas_m2[0] - areas_m2[1]))
     gradient = as_is.friction_n / (math.pi * (bore_m + rod_m) * 1e3)
     text = f"friction is {gradient:.3g} N per millimetre of seal ({as_is.friction_n:.3g} N)"
+    if as_is.friction_n <= 0.0:
+        text += (
+            ", expected more than 0, for it opposes the motion; check which pressure is which, the sign of position_m, "
+            "and that each channel has its own time"
+        )
+        return Finding("friction_size", "noted", text)
     if gradient > GREATEST_N_MM:
         text += (
             f", expected less than {GREATEST_N_MM:.0f}; check the unit of the pressures (kPa read as bar?), bore and "

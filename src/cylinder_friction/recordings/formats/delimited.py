@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Collection
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pandas as pd
@@ -12,19 +14,23 @@ from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import MISSING, split_cells
 from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
+from cylinder_friction.recordings.formats.header import SCOPE_TIME
 from cylinder_friction.recordings.formats.layout import Layout, find_layout
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
+from cylinder_friction.recordings.formats.time_groups import dated, repeated_names, split_groups
 from cylinder_friction.recordings.recording import RecordingError
 
 _FEWEST_LINES = 20
 _LARGEST_HEAD = 64 * HEAD_SIZE
 
 
-def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[str] | None) -> LoggedTable:
+def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return the table of a text file: the layout shows in its first lines, Arrow reads the rest in one pass.
+
+    A file with several time columns of one name gives a table for each, with the channels behind it.
 
     Raises:
         RecordingError: The file is no such table: another encoding, no rows of numbers, a line with more or fewer
@@ -41,14 +47,15 @@ def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[s
         return _read(convert_text(source), options, wanted)
 
 
-def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> LoggedTable:
-    lines = _first_lines(text)
-    layout = find_layout([line.decode() for line in lines], options)
+def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
+    lines, layout = _first_lines(text, options)
     names = layout.names
-    loaded = [index for index, name in enumerate(names) if wanted is None or (name and name in wanted)]
-    unread = tuple(name for index, name in enumerate(names) if name and index not in set(loaded))
-    if not loaded:
-        return LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)
+    asked = set(names) if wanted is None else set(wanted) - {""}
+    unread = tuple(name for name in names if name and name not in asked)
+    if asked.isdisjoint(names):
+        return [LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)]
+    repeated = repeated_names(names)
+    loaded = [index for index, name in enumerate(names) if name in asked | repeated]
     rows = _Rows(text, layout, text.start + sum(map(len, lines[: layout.first_row])))
     table, decimal = rows.parsed(loaded)
     columns: list[tuple[str, NDArray[Any]]] = []
@@ -60,21 +67,28 @@ def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> Lo
             values, clock = text_values(column, decimal, names[index])
         if clock:
             units[names[index]] = "s"
+        if names[index] == SCOPE_TIME and (stamps := dated(values)) is not None:
+            values, units[SCOPE_TIME] = stamps, ""
         if names[index] or not pd.isna(values).all():
             columns.append((names[index] or f"column_{index + 1}", values))
-    return LoggedTable(named_columns(columns), units, unread=unread, notes=text.notes)
+    first, *others = split_groups(columns, units, repeated)
+    return [replace(first, unread=unread, notes=(*text.notes, *first.notes)), *others]
 
 
-def _first_lines(text: Text) -> list[bytes]:
-    """Return the first whole lines, so many that names and rows are surely among them."""
+def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
+    """Return the first whole lines, so many that names and rows are surely among them, and their layout."""
     size = HEAD_SIZE
     while True:
         head = text.file.read_at(min(size, text.end - text.start), text.start)
         lines: list[bytes] = head.splitlines(keepends=True)
-        if size >= text.end - text.start:
-            return lines
-        if len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD:
-            return lines[:-1]
+        whole = size >= text.end - text.start
+        if whole or len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD:
+            lines = lines if whole else lines[:-1]
+            try:
+                return lines, find_layout([line.decode() for line in lines], options)
+            except RecordingError:  # what stands above the rows may be long
+                if whole or size >= _LARGEST_HEAD:
+                    raise
         size *= 4
 
 
@@ -122,13 +136,25 @@ class _Rows:
 
     def _stream(self) -> Any:
         length = self.text.end - self.begin
-        if self.layout.delimiter != "whitespace":
+        spaces = self.layout.delimiter == "whitespace"
+        if not spaces and not repeated_names(self.layout.names):
             return self.text.file.get_stream(self.begin, length)
         content = self.text.file.read_at(length, self.begin)
+        if not spaces:
+            return pa.BufferReader(self._padded(content))
         content = re.sub(rb"[ \t]+", b"\t", content)
         for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
             content = content.replace(outside, end)
         return pa.BufferReader(content.strip(b"\t"))
+
+    def _padded(self, content: bytes) -> bytes:
+        """Return rows that all have as many cells as there are names: a time column may end before the others."""
+        lines = [line for line in re.split(rb"\r\n|\n|\r", content) if line]
+        delimiter, width = self.layout.delimiter.encode(), len(self.layout.names)
+        missing = [width - 1 - line.count(delimiter) for line in lines]
+        if any(before > after for before, after in pairwise(missing)):
+            self._refuse_ragged_line()
+        return b"\n".join(line + delimiter * count for line, count in zip(lines, missing, strict=True))
 
     def _lines(self) -> list[tuple[int, str]]:
         """Return the rows that are not empty, each with its number within the file, counted from 1."""
@@ -143,6 +169,7 @@ class _Rows:
                 raise RecordingError(
                     f"line {number} holds {count} values: {line[:80]!r}; expected {width} as in the lines above it; "
                     "correct the line, or cut the file there if it holds two logs"
+                    + (", or export it separated by tab or semicolon" if self.layout.delimiter == "whitespace" else "")
                 )
 
     def refuse_second_header(self, column: Any, name: str) -> None:

@@ -60,6 +60,11 @@ def units_in_line(cells: list[str]) -> list[str] | None:
     return units if any(units) else None
 
 
+SCOPE_TIME = "Name"  # what the TwinCAT Scope calls every time column
+_SCOPE_KEY = re.compile(
+    r"symbol(comment|based|name)|data-type|sampletime\[ms\]|variablesize|index(group|offset)|netid|port|bitmask|"
+    r"(unit )?(offset|scalefactor)|unit|(start|end)time"
+)
 _COMMENT = ("#", "%", "//", ";", "'")
 
 
@@ -90,7 +95,9 @@ def read_header(above: list[str], delimiter: str, width: int, trailing: bool, mo
     if not block or (mode == "names_units" and units is None):
         _refuse_other_width(above, delimiter, width, always=mode != "auto")
         return _named([], None, width, trailing)
-    names = _names_of_pairs(block) or block[-1]
+    if scope := _scope_lines(above, delimiter, width):
+        return _named(scope["name"], _scope_units(scope, above), width, trailing)
+    names = block[-1]
     if mode == "auto":
         for index in range(len(block) - 1, 0, -1):
             if units_in_line(block[index]) and not units_in_line(block[index - 1]):
@@ -135,16 +142,31 @@ def _refuse_other_width(above: list[str], delimiter: str, width: int, always: bo
         )
 
 
-def _names_of_pairs(block: list[list[str]]) -> list[str] | None:
-    """Return the names where each channel brings its own time column and a keyword stands above each of those.
+def _scope_lines(above: list[str], delimiter: str, width: int) -> dict[str, list[str]]:
+    """Return the lines by which the TwinCAT Scope describes its channels, by their keys; empty for other files.
 
-    So does the TwinCAT Scope: Name;Axis.Pos;Name;Axis.Vel, then SymbolName;...;SymbolName;... and the like.
+    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` where channels share a time column.
+    SymbolName;...;SymbolName;... and the like may follow below it.
     """
-    for cells in reversed(block):
-        keys = {cell.casefold() for cell in cells[::2] if cell}
-        if len(block) > 1 and len(cells) >= 2 and keys == {"name"}:
-            return [name for channel in cells[1::2] for name in (f"time of {channel}", channel)]
-    return None
+    found: dict[str, list[str]] = {}
+    for cells in reversed([split_cells(line, delimiter) for line in above]):
+        key = cells[0].casefold() if len(cells) == width else ""
+        if key == "name":
+            return {**found, key: cells}
+        if _SCOPE_KEY.fullmatch(key):
+            found[key] = cells
+        elif key:
+            break
+    return {}
+
+
+def _scope_units(found: dict[str, list[str]], above: list[str]) -> list[str] | None:
+    """Return the units of a TwinCAT Scope's channels, which it writes as ``V (Voltage)``; its time is in ms."""
+    names = found["name"]
+    if len(found) == 1 and not any("Starttime of export" in line for line in above):
+        return None
+    stated = [cell.partition("(")[0].strip() for cell in found.get("unit", [""] * len(names))]
+    return ["ms" if name == SCOPE_TIME else unit for name, unit in zip(names, stated, strict=True)]
 
 
 def _named(cells: list[str], units: list[str] | None, width: int, trailing: bool) -> Header:

@@ -7,6 +7,7 @@ from functools import cache
 from cylinder_friction.recordings.formats.cells import has_thousands, is_missing, is_number, is_value, split_cells
 from cylinder_friction.recordings.formats.header import read_header
 from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.time_groups import padded
 from cylinder_friction.recordings.recording import RecordingError
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
@@ -51,6 +52,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
+    lines = padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
     grids = [grid for delimiter in delimiters if (grid := _grid(lines, content, delimiter, decimal)) is not None]
     if not grids:

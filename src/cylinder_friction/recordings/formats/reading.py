@@ -42,7 +42,7 @@ def read_logged_file(
     if kind == "csv":
         source = open_source(path)
         with guarded("a text table"):
-            tables = [read_delimited(source, csv, wanted)]
+            tables = read_delimited(source, csv, wanted)
     elif kind == "parquet":  # hundreds of hours come this way, and Arrow stands damage
         source = open_source(path)
         with guarded("a Parquet file"):

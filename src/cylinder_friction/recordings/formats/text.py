@@ -1,6 +1,7 @@
 """Characters of a text file, whatever their encoding, and where its last whole line ends."""
 
 import codecs
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
 _TAIL = 1 << 16
+_EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ def _ended(file: Any, start: int) -> Text:
     body = _last_byte_but(file, start, size, b"\0\x1a")
     if size - body > 1:
         notes.append(f"{size - body} zero bytes at its end were left out, as a logger leaves them that loses power")
+    body = _before_eof(file, start, body)
     end = _last_byte_but(file, start, body, b"\r\n")
     if end == body and body > start:
         # Where the last line begins is where the one before it ends.
@@ -97,6 +100,13 @@ def _ended(file: Any, start: int) -> Text:
             "holds not one whole line; expected a line of names and one line per sample, each with its end"
         )
     return Text(file, start, end, tuple(notes))
+
+
+def _before_eof(file: Any, start: int, end: int) -> int:
+    """Return where a text ends before a last line that only states its end: ``EOF``, perhaps in every cell."""
+    begin = max(start, end - _TAIL)
+    match = _EOF.search(file.read_at(end - begin, begin))
+    return begin + match.start() if match else end
 
 
 def _last_byte_but(file: Any, start: int, end: int, stripped: bytes) -> int:

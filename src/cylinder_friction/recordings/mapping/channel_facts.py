@@ -41,7 +41,7 @@ def _words(words: str, stems: str = "") -> Vocabulary:
 
 QUANTITY_WORDS = {
     "pressure": _words("p pr press pres", "druck pressure"),
-    "time": _words("t time date datum seconds secs sek clock", "zeit timestamp datetime"),
+    "time": _words("t time date datum seconds secs sek clock name", "zeit timestamp datetime"),
     "temperature": _words("temp", "temperatur"),
     "length": _words("x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf"),
     "force": _words("f fx fz load last", "force kraft loadcell kraftmess friction reibung"),
@@ -53,7 +53,7 @@ PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden")
 ROD_SIDE = _words("2 b rod ring head gland", "stange annul ringseit ringraum rodside")
 ELSEWHERE = _words("s t 0 ls sys pump tank supply return system", "versorg pumpe speise rücklauf ruecklauf")
 WANTED_VALUE = _words("ref set soll cmd sp target demand command", "sollw setpoint reference vorgabe")
-AT_VALVE = _words("valve", "ventil")
+AT_VALVE = _words("valve dcv", "ventil")
 AT_CYLINDER = _words("cyl zyl", "cylinder zylinder")
 CARRIED = _words("load last", "loadcell payload nutzlast")
 
@@ -101,13 +101,10 @@ def words_of(name: str) -> Words:
 
 
 def _tokens(name: str) -> list[str]:
-    """Return the words of a name; ``PA`` is a pressure and a port, ``pa`` only where it is the whole name."""
+    """Return the words of a name; ``PA`` and ``Pa`` are a pressure and a port, ``pa`` only as the whole name."""
     found = [str(word) for word in _TOKEN.findall(name)]
-    alone = len(found) == 1
-    split = [
-        list(word) if word in ("PA", "PB") or (alone and word.casefold() in ("pa", "pb")) else [word] for word in found
-    ]
-    return [word for words in split for word in words]
+    ports = ("PA", "PB", "Pa", "Pb", *(("pa", "pb") if len(found) == 1 else ()))
+    return [part for word in found for part in (word if word in ports else [word])]
 
 
 def _without_unit(name: str) -> tuple[str, str]:
@@ -185,6 +182,13 @@ def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
         for name in table.channels.columns
         if (table.channels.columns == name).sum() == 1
     ]
+
+
+def clocks_of(table: LoggedTable) -> list[ChannelFacts]:
+    """Return the channels of a table that are time by name, unit and values."""
+    named = [str(name) for name in table.channels.columns if words_of(str(name)).quantity == "time"]
+    facts = [_facts(0, table, name, table.channels[name]) for name in named if named.count(name) == 1]
+    return [fact for fact in facts if fact.rising and quantity_of(fact.unit) in (("time",) if fact.unit else (None,))]
 
 
 def _facts(index: int, table: LoggedTable, name: str, raw: pd.Series[Any]) -> ChannelFacts:

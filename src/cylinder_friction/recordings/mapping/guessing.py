@@ -1,7 +1,9 @@
 """A first mapping of a file that nobody has described yet: guesses from names, units and values, with their reasons."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -77,9 +79,8 @@ class GuessedMapping:
     path: Path
     columns: dict[str, GuessedColumn]  # By column, those that a recording needs first
     unused: tuple[ChannelFacts, ...]  # Channels that no column took
-    several_tables: bool = False  # Whether a channel's name may not be enough to find it
-    # Time channel of each table that has one, by the table's place in the file
-    stamps: dict[int, ChannelFacts] = field(default_factory=dict)
+    ambiguous: frozenset[str] = frozenset()  # Names of channels that occur in several tables
+    stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a damaged file may hold numbers at the limit of the representable
@@ -95,18 +96,19 @@ def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
-    stamps = _stamps(ranked[TIME], chosen)
-    main = next((chosen[column].table for column in (*SAMPLE_COLUMNS, DRIVE_FORCE) if column in chosen), None)
-    time = stamps.get(main) if main is not None else next(iter(stamps.values()), None)
+    stamps = _stamps(ranked[TIME], chosen, facts)
+    time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time
+    elif not chosen and ranked[TIME]:
+        chosen[TIME] = ranked[TIME][0][0]
     sign = position_sign(chosen)
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
     return GuessedMapping(
         path=path,
         columns={column: _guessed(column, chosen, ranked[column], sign) for column in wanted},
         unused=tuple(channel for channel in facts if id(channel) not in used),
-        several_tables=len({channel.table for channel in facts}) > 1,
+        ambiguous=frozenset(name for name, count in Counter(channel.name for channel in facts).items() if count > 1),
         stamps=stamps,
     )
 
@@ -183,14 +185,23 @@ def _take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, C
         chosen[column] = free[0]
 
 
-def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[int, ChannelFacts]:
-    """Return the best time channel of each table that another column comes from, or of every table if none does."""
-    tables = {channel.table for channel in chosen.values()} or {channel.table for channel, _ in ranked}
-    best: dict[int, ChannelFacts] = {}
-    for channel, _ in ranked:
-        if channel.table in tables and channel not in chosen.values():
-            best.setdefault(channel.table, channel)
-    return best
+def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts], facts: Sequence[ChannelFacts]) -> dict[str, ChannelFacts]:
+    """Return the time channel of each column: the best of its table, or the last one before it where they alternate.
+
+    They alternate where a table has several time channels of one kind, each followed by channels of its rate.
+    """
+    free = [channel for channel, _ in ranked if channel not in chosen.values()]
+    stamps: dict[str, ChannelFacts] = {}
+    for column, channel in chosen.items():
+        best = [time for time in free if time.table == channel.table]
+        named = [time for time in best if time.words.quantity == "time" and time.dates == best[0].dates]
+        table = [other for other in facts if other.table == channel.table]
+        behind = {id(time) for time, other in pairwise(table) if other not in named}
+        if len(named) > 1 and table[0] in named and all(id(time) in behind for time in named):
+            best = [other for other in table[: table.index(channel)] if other in named][::-1]
+        if best:
+            stamps[column] = best[0]
+    return stamps
 
 
 def _guessed(column: str, chosen: dict[str, ChannelFacts], ranked: Ranked, position: tuple[int, str]) -> GuessedColumn:

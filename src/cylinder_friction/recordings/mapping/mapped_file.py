@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -11,13 +12,19 @@ import numpy as np
 import pandas as pd
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.columns import QUANTITIES, TIME
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping import units
+from cylinder_friction.recordings.mapping.channel_facts import clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 
+RATE_AGREES = 0.05  # a stated rate may be off that of a time channel by this share: stamps are rounded, samples lost
+TIME_UNITS_S = (1.0, 1e-3, 1e-6)  # what a time channel without a unit may count in [s]
+ENDS_TOGETHER = 0.95  # columns that end within this share of their rows are of one rate
+FEWEST_ROWS = 10  # in fewer no rate shows
+MOST_TIMES_SLOWER = 20  # an end at a smaller share of the rows may be chance
 MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
 
 
@@ -114,8 +121,10 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     columns = [column for column in mapping if column != "time_s"]
     places = {name: find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
-    if mapping["time_s"].rate_hz is not None:
-        _refuse_two_lengths(tables, clocks, mapping["time_s"].rate_hz)
+    if (rate_hz := mapping["time_s"].rate_hz) is not None:
+        for index in sorted({clock.table for clock in clocks.values() if not clock.channel}):
+            _refuse_other_rate(tables[index], rate_hz)
+        _refuse_two_lengths(tables, clocks, rate_hz)
     stamps = _stamps(tables, clocks, mapping["time_s"])
     notes = [note for index in sorted(set(places.values())) for note in tables[index].notes]
     signals = {}
@@ -130,6 +139,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
                 f"{clocks[column].channel!r} has {len(time_s)}; name its own as ingest.channels.{column}.time"
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
+    _refuse_two_ends(signals, mapping)
     return MappedFile(signals, tuple(notes))
 
 
@@ -166,6 +176,50 @@ def _refuse_two_lengths(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clo
             f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {lengths} rows; "
             "name the time channel of each as ingest.channels.<column>.time"
         )
+
+
+def _refuse_other_rate(table: LoggedTable, rate_hz: float) -> None:
+    """Refuse a stated rate that neither the mean nor the median step of a time channel beside the rows confirms."""
+    for clock in clocks_of(table):
+        stamps = stamps_to_seconds(table.channels[clock.name]) if clock.dates else clock.values
+        stamps = stamps[np.isfinite(stamps)]
+        unit_s = units.column_scale(TIME, clock.unit) if clock.unit else 1.0
+        scales = (unit_s,) if clock.unit or clock.dates else TIME_UNITS_S
+        steps = ((stamps[-1] - stamps[0]) / (len(stamps) - 1), float(np.median(np.diff(stamps))))
+        rates_hz = [1.0 / (step * scale) for scale in scales for step in steps if step > 0.0]
+        if rates_hz and all(abs(rate_hz / rate - 1.0) > RATE_AGREES for rate in rates_hz):
+            logged_hz = min(rates_hz, key=lambda rate: abs(math.log(rate_hz / rate)))
+            raise RecordingError(
+                f"time_s.rate_hz = {rate_hz:g} Hz contradicts the file: its time channel {clock.name!r} runs at "
+                f"{logged_hz:.4g} Hz, so that its channels would run {rate_hz / logged_hz:.3g} times too fast; map it "
+                f"instead, time_s: {{channel: {clock.name!r}, unit: {clock.unit or '...'}}}, or state its rate"
+            )
+
+
+def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, ChannelMapping]) -> None:
+    """Refuse columns of one clock that end at different rows because they were logged at different rates.
+
+    One without blanks that ends at a half, a third, ... of the rows is that. Under a stated rate any other end is.
+    """
+    ends: dict[int, dict[str, int]] = {}
+    for column, signal in signals.items():
+        valid = np.flatnonzero(np.isfinite(signal.values))
+        if len(valid) >= FEWEST_ROWS:
+            ends.setdefault(id(signal.time_s), {})[column] = int(valid[-1]) + 1
+    for of_columns in ends.values():
+        longest, last = max(of_columns.items(), key=lambda item: item[1])
+        for column, end in of_columns.items():
+            share = last / end
+            whole = 1 < round(share) <= MOST_TIMES_SLOWER and abs(end * round(share) - last) <= round(share)
+            packed = whole and np.isfinite(signals[column].values[:end]).mean() > ENDS_TOGETHER
+            stated = mapping["time_s"].rate_hz is not None and end < ENDS_TOGETHER * last
+            if stated or packed:
+                raise RecordingError(
+                    f"columns end at different rows: {column} ({mapping[column].channel!r}) at row {end}, {longest} "
+                    f"({mapping[longest].channel!r}) at row {last}; they were logged at different rates, and on one "
+                    f"clock {column} would run {share:.3g} times too fast; export a time column for each rate and name "
+                    f"it as ingest.channels.{column}.time, or cut the file at row {end} if it was only lost"
+                )
 
 
 def _stamps(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], time: ChannelMapping) -> dict[_Clock, Array]:

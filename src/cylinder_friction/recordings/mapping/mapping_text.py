@@ -75,11 +75,11 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
         lines.append(f"# AMBIGUOUS: {in_comment(' or '.join(named))}")
     lines += [f"# CHECK: {in_comment(check)}" for check in column.checks]
     entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
-    if guess.several_tables:
+    stamp, main = guess.stamps.get(column.column), guess.columns["time_s"].channel
+    if column.column != "time_s" and column.channel.name in guess.ambiguous:
         entry["table"] = quoted(column.channel.table_name)
-        stamp, main = guess.stamps.get(column.channel.table), guess.columns["time_s"].channel
-        if column.column != "time_s" and stamp is not None and main is not None and stamp.name != main.name:
-            entry["time"] = quoted(stamp.name)
+    if stamp is not None and main is not None and stamp.name != main.name:
+        entry["time"] = quoted(stamp.name)
     if column.sign != 1:
         entry["sign"] = str(column.sign)
     if electrical(column.unit) is not None:

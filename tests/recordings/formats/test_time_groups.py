@@ -1,0 +1,172 @@
+"""Files with several time columns of one name; their layouts are those of real exports, their numbers made up here."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.recordings.formats.logged_table import LoggedTable
+
+FAST = [[0, 0, 10], [5, 1, 11], [10, 2, 12], [15, 3, 13], [20, 4, 14], [25, 5, 15]]
+SLOW = [[0, 0.5], [10, 1.5], [20, 2.5]]
+BANNER = "Name;Press;\nFile;D:\\a.csv;\nStarttime of export;134179488000000000;14. March 2026;08:00:00.000\n\n\n"
+METADATA = (
+    "SymbolComment;;piston (* of\nthe press *);SymbolComment;\nData-Type;REAL64;REAL64;Data-Type;REAL64\n"
+    "SampleTime[ms];5;5;SampleTime[ms];10\nOffset;0;0;Offset;0\nScaleFactor;1;1;ScaleFactor;1\n"
+    "Unit;bar (Pressure);(None);Unit;m (Length)\nUnit ScaleFactor;1;1;Unit ScaleFactor;1\n"
+)
+
+
+@pytest.fixture
+def read(tmp_path: Path):  # type: ignore[no-untyped-def]
+    def written(content: str | bytes, wanted: list[str] | None = None, **options: str) -> list[LoggedTable]:
+        path = tmp_path / "log.csv"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_logged_file(path, "csv", CsvOptions(**options), wanted)
+
+    return written
+
+
+def rows(padding: str = "", slow_first: bool = False) -> str:
+    """Return rows; padding stands in the cells of the group that has ended, or nothing where it is 'short'."""
+    lines = []
+    for index, fast in enumerate(FAST):
+        slow = SLOW[index] if index < len(SLOW) else [padding, padding]
+        cells = [*slow, *fast] if slow_first else [*fast, *([] if slow == ["short"] * 2 else slow)]
+        lines.append(";".join(map(str, cells)))
+    return "\n".join(lines) + "\n"
+
+
+HEADER = "Name;p1;p2;Name;x\n"
+
+FILES = {
+    "empty cells": BANNER + HEADER + "\n" + rows(),
+    "blanks": BANNER + HEADER + "\n" + rows(" "),
+    "EOF in the columns that end": HEADER + rows("EOF"),
+    "EOF in one column": HEADER + rows().replace("15;3;13;;", "15;3;13;;EOF"),
+    "shorter rows": BANNER + HEADER + "\n" + rows("short"),
+    "shorter rows, then EOF": BANNER + HEADER + "\n" + rows("short") + "EOF\n",
+    "EOF in every cell, no line end": BANNER + HEADER + "\n" + rows() + "EOF;EOF;EOF;EOF;EOF",
+    "all that the scope knows": BANNER + HEADER + METADATA + "\n" + rows("short"),
+    "decimal commas": BANNER + HEADER + "\n" + rows().replace(".", ","),
+    "commas": (BANNER + HEADER + "\n" + rows("short")).replace(";", ","),
+    "tabs and decimal commas": (BANNER + HEADER + "\n" + rows("short")).replace(".", ",").replace(";", "\t"),
+    "quoted names": BANNER + '"Name";"p1";"p2";"Name";"x"\n' + rows(),
+    "UTF-16": (BANNER + HEADER + "\n" + rows()).encode("utf-16"),
+    "CRLF": (BANNER + HEADER + "\n" + rows("short")).replace("\n", "\r\n"),
+    "other lines above": "# operator: Zoë\n" * 3 + BANNER + HEADER + "\n" + rows(),
+    "filled with the value before": HEADER
+    + "\n".join(f"{a};{b};{c};{SLOW[i // 2][0]};{SLOW[i // 2][1]}" for i, (a, b, c) in enumerate(FAST))
+    + "\n",
+    "each value where it was sampled": HEADER
+    + "\n".join(
+        f"{a};{b};{c};" + (f"{SLOW[i // 2][0]};{SLOW[i // 2][1]}" if i % 2 == 0 else ";")
+        for i, (a, b, c) in enumerate(FAST)
+    )
+    + "\n",
+}
+
+
+@pytest.mark.parametrize("content", FILES.values(), ids=FILES)
+def test_each_time_column_stamps_the_channels_behind_it(read, content: str | bytes) -> None:  # type: ignore[no-untyped-def]
+    fast, slow = read(content)
+    assert (fast.name, slow.name) == ("group 1", "group 2")
+    assert list(fast.channels) == ["Name", "p1", "p2"]
+    assert list(slow.channels) == ["Name", "x"]
+    np.testing.assert_array_equal(fast.channels.to_numpy(np.float64), FAST)
+    np.testing.assert_array_equal(slow.channels.to_numpy(np.float64), SLOW)
+
+
+def test_a_slower_group_may_come_first_and_only_some_channels_be_asked_for(read) -> None:  # type: ignore[no-untyped-def]
+    text = BANNER + "Name;x;Name;p1;p2\n\n" + rows(" ", slow_first=True)
+    slow, fast = read(text, ["Name", "p2"])
+    assert (list(slow.channels), list(fast.channels)) == (["Name"], ["Name", "p2"])
+    assert slow.unread == ("x", "p1")
+    assert fast.channels["p2"].tolist() == [10, 11, 12, 13, 14, 15]
+    without_time = read(text, ["x", "p1"])
+    assert [len(table.channels) for table in without_time] == [3, 6]
+
+
+def test_the_scope_counts_milliseconds_and_states_units(read) -> None:  # type: ignore[no-untyped-def]
+    fast, _ = read(BANNER + HEADER + METADATA + "\n" + rows())
+    assert fast.units == {"Name": "ms", "p1": "bar", "x": "m"}
+    assert read(BANNER + HEADER + "\n" + rows())[0].units == {"Name": "ms"}
+    assert read(HEADER + rows())[0].units == {}
+    (one,) = read(BANNER + "Name;p1;p2\nUnit;bar;bar\n\n0;1;2\n5;3;4\nEOF\n")
+    assert one.units == {"Name": "ms", "p1": "bar", "p2": "bar"}
+    assert one.channels.to_dict("list") == {"Name": [0, 5], "p1": [1, 3], "p2": [2, 4]}
+
+
+def test_a_value_repeated_up_to_a_faster_rate_is_said(read) -> None:  # type: ignore[no-untyped-def]
+    _, slow = read(FILES["filled with the value before"])
+    assert slow.notes == ("3 rows of 'x' that repeat stamp and values of the row before left out",)
+
+
+def test_a_stamp_with_two_values_stays(read) -> None:  # type: ignore[no-untyped-def]
+    _, slow = read("Time;p;Time;x\n0;1;0;1\n1;1;0;2\n2;1;1;3\n3;1;1;4\n")
+    assert slow.channels["x"].tolist() == [1, 2, 3, 4]
+
+
+def test_full_stamps_of_windows_are_dates(read) -> None:  # type: ignore[no-untyped-def]
+    start = 134179488000120000
+    lines = "".join(f"{start + 50000 * i};{i};{start + 20000 + 50000 * i};{i}\n" for i in range(3))
+    one, other = read(BANNER + "Name;p1;Name;x\n\n" + lines)
+    assert one.channels["Name"].iloc[0] == np.datetime64("2026-03-14T08:00:00.012")
+    assert other.channels["Name"].iloc[2] == np.datetime64("2026-03-14T08:00:00.024")
+
+
+@pytest.mark.parametrize(
+    ("header", "names"),
+    [
+        ("Zeit [ms];Druck [bar];Zeit [ms];Weg [mm]", ["Zeit [ms]", "Druck [bar]"]),
+        ("X_Value;p;X_Value;x;Comment", ["X_Value", "p"]),
+        ("Temps;Pression;Temps;Position", ["Temps", "Pression"]),
+        ("Nr;Time;p;Time;x", ["Nr", "Time", "p"]),
+    ],
+)
+def test_time_columns_may_have_any_name_that_comes_again(read, header: str, names: list[str]) -> None:  # type: ignore[no-untyped-def]
+    row = "{0};{1};2;{1};3" if len(names) == 3 else "{1};2;{1};3"
+    first, second = read(header + "\n" + "".join(row.format(i, 5 * i) + "\n" for i in range(8)))
+    assert list(first.channels) == names
+    assert list(second.channels)[:2] == [names[-2], header.split(";")[len(names) + 1]]
+
+
+def test_a_name_that_comes_again_is_no_time_unless_it_rises(read) -> None:  # type: ignore[no-untyped-def]
+    (table,) = read("t;p;x;q;x\n0;1;5;1;6\n1;1;4;1;7\n2;1;5;1;8\n")
+    assert list(table.channels) == ["t", "p", "x", "q", "x"]
+
+
+def test_a_clock_that_restarts_is_still_a_clock(read) -> None:  # type: ignore[no-untyped-def]
+    lines = "".join(f"{5 * (i % 150)};{i};{5 * i};{i}\n" for i in range(300))
+    first, second = read("Name;p;Name;x\n" + lines)
+    assert first.channels["Name"].iloc[-1] == 745
+    assert second.channels["Name"].iloc[-1] == 1495
+
+
+def test_a_short_row_above_longer_ones_is_damage(read) -> None:  # type: ignore[no-untyped-def]
+    lines = rows("short").splitlines()
+    damaged = "\n".join([lines[0], "5;1", *lines[2:], ""])
+    with pytest.raises(RecordingError, match=re.escape("line 3 holds 2 values: '5;1'; expected 5 as in the lines")):
+        read(HEADER + damaged)
+
+
+def test_what_stands_above_the_names_may_be_longer_than_the_first_look(read) -> None:  # type: ignore[no-untyped-def]
+    lines = "".join(f"{i};1;2;{i};3\n" for i in range(300))
+    fast, slow = read("# a PLC's whole symbol table, line by line\n" * 4000 + BANNER + HEADER + "\n" + lines)
+    assert (len(fast.channels), len(slow.channels)) == (300, 300)
+
+
+def test_blanks_between_numbers_cannot_show_which_column_ended(read) -> None:  # type: ignore[no-untyped-def]
+    lines = "".join(f"{i} 1 2 {i} 3\n" for i in range(60)) + "60 1 2\n"
+    with pytest.raises(RecordingError, match=r"holds 3 values: '60 1 2'; expected 5 .*, or export it separated by tab"):
+        read("Name p1 p2 Name x\n" + lines)
