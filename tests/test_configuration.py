@@ -63,6 +63,14 @@ def test_the_paper_recipe_searches_table_1_as_published() -> None:
     }
 
 
+def test_the_paper_recipe_is_about_the_published_hybrid_on_the_published_label() -> None:
+    content = compose_params(CONF, ["experiment=paper"])
+    assert content["compare"]["main"] == content["register"]["candidate"] == "paper_hybrid"
+    assert content["filter"]["method"] == "moving_average"
+    assert content["offset"]["identify"] == "never"
+    assert content["train"]["design"] == "force_balance"  # the row beside it
+
+
 def test_the_papers_final_values_are_trained_by_default(composed: dict[str, Any]) -> None:
     assert composed["baselines"]["hybrid"] == {
         "layers": 4,

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, mean_percent, points_ahead, with_gaps
 from cylinder_friction.evaluation.metric_tree import flat_metrics, metric_tree
+from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.signals.causal_chain import MovingAverage
+from cylinder_friction.signals.smooth_signals import filtered
 
 
 def test_scores_by_hand(compared, strokes):
@@ -115,3 +119,16 @@ def test_it_prints_as_a_table_with_the_denominator_in_the_head(compared, strokes
     assert html.count("<table") == 2
     assert "&lt;LuGre&gt;" in html
     assert "true friction" not in repr(compared(hybrid=3.0))
+
+
+@pytest.mark.parametrize(("window", "equal"), [(10, ["force_balance_paper"]), (9, [])])
+def test_the_papers_force_balance_equals_the_label_of_the_papers_filter(cylinder, labelled_recordings, window, equal):
+    raw = [
+        each.without_columns("velocity_m_s", "acceleration_m_s2", "friction_n", "usable")
+        for each in labelled_recordings[:4]
+    ]
+    smooth = MovingAverage(window)
+    labelled = [Labeller(cylinder).labelled(filtered(each, smooth), smooth) for each in raw]
+    estimators = baselines(cylinder)
+    comparison = compare({name: each.fit(labelled) for name, each in estimators.items()}, labelled)
+    assert comparison.equal_to_label == equal

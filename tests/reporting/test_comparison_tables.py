@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cylinder_friction.evaluation.timing import StepTime
@@ -18,7 +20,9 @@ from cylinder_friction.reporting.comparison_tables import (
 
 
 def test_the_error_table_states_its_denominator_and_marks_the_smallest(compared, strokes):
-    table = error_table((comparison := compared(hybrid=1.0, lugre=40.0)).label, comparison.conditions, "label", True)
+    table = error_table(
+        (comparison := compared(hybrid=1.0, lugre=40.0)).label, comparison.conditions, "label", {}, True
+    )
     labels = np.concatenate([r.column("friction_n")[10:] for r in strokes if r.metadata.condition == "1"])
     denominator = np.abs(labels).mean()
     head = table.head_cells[1]
@@ -41,6 +45,31 @@ def test_markdown_keeps_its_columns_though_heads_hold_bars(compared, strokes):
     rows = [line.replace("\\|", "") for line in text.splitlines() if line.startswith("|")]
     assert {line.count("|") for line in rows} == {6}
     assert "**0.33 % (1.0 N)**" in text
+    assert text.endswith("|\n")
+    published = markdown_tables(compared(hybrid=1.0, lugre=40.0), published=True)
+    assert published.endswith("| Published: hybrid (other data) | 5.76 % | 6.35 % | 8.84 % | 5.57 % |\n")
+    assert "Published" not in text
+
+
+def test_what_equals_the_label_says_so_in_both_tables_and_is_never_marked(compared, strokes):
+    truth = {recording.name: recording.column("friction_n") + 5.0 for recording in strokes}
+    comparison = replace(
+        compared(truth, force_balance_paper=0.0, hybrid=1.0, lugre=40.0),
+        notes={"lugre": "identified in condition 1", "label": "off line, looks ahead"},
+    )
+    against_truth, against_label = markdown_tables(comparison).split("which estimators learn from")
+    row = "| Force balance, moving averages (equals the label by construction) | "
+    assert row + "0.00 % (0.0 N) |" in against_label
+    assert "**0.33 % (1.0 N)**" in against_label
+    assert row in against_truth
+    assert against_label.endswith(
+        "\nThe label is, sample by sample, what the force balance with the paper's moving averages gives. Whatever can "
+        "learn that filter has next to no error against the label; this states nothing about friction.\n"
+    )
+    assert "| LuGre (identified in condition 1) |" in against_truth
+    assert "| Label itself (off line, looks ahead) |" in against_truth
+    without = compared(force_balance_paper=0.0, hybrid=1.0, lugre=40.0)
+    assert [row[0].words for row in difference_table(without, "hybrid").cells] == ["LuGre"]
 
 
 def test_the_session_table_shows_every_session_and_the_mean_of_the_conditions(compared, strokes):
@@ -54,7 +83,7 @@ def test_the_session_table_shows_every_session_and_the_mean_of_the_conditions(co
 
 def test_the_cost_table_shows_counts_times_and_the_published_ones(compared):
     table = cost_table(compared(hybrid=1.0, lugre=2.0, paper_hybrid=3.0), {"lugre": StepTime(10, 2e-6, 5e-6, 9e-6)})
-    assert table.rows[1] == ("LuGre (identified in one condition)", "2", "2.0", "5.0", "87")
+    assert table.rows[1] == ("LuGre", "2", "2.0", "5.0", "87")
     assert table.rows[2][2:] == ("not measured", "not measured", "1510")
 
 
@@ -65,18 +94,20 @@ def test_the_data_table_counts_recordings_minutes_and_rows(compared):
 
 
 def test_table_one_shows_ranges_choices_and_published_values():
-    table = hyperparameter_table({"layers": [1, 2], "learning_rate": [1e-3, 1e-2]}, {"layers": 1, "dropout": 0.1})
-    assert table.rows[0] == ("LSTM layers", "1, 2", "1", "3, 4, 5", "4")
-    assert table.rows[3][1:3] == ("0.001 to 0.01", "not recorded")
-    assert table.rows[2][1:3] == ("not searched", "0.1")
+    searched, found = {"layers": [1, 2], "learning_rate": [1e-3, 1e-2]}, {"layers": 1, "learning_rate": 5e-3}
+    table = hyperparameter_table(searched, found, {"layers": 4, "dropout": 0.1})
+    assert table.head[1:] == ("Range searched", "Value found", "Value used", "Published range", "Published value")
+    assert table.rows[0] == ("LSTM layers", "1, 2", "1", "4", "3, 4, 5", "4")
+    assert table.rows[3][1:4] == ("0.001 to 0.01", "0.005", "not recorded")
+    assert table.rows[2][1:4] == ("not searched", "not recorded", "0.1")
 
 
 def test_the_difference_table_colours_what_is_clear(compared):
     table = difference_table(compared(hybrid=3.0, ridge=1.0, lugre=40.0, lstm=(3.0, 0.1)), "hybrid")
     assert [row[0].words for row in table.cells] == [
         "Ridge on lagged samples",
-        "LuGre (identified in one condition)",
-        "LSTM alone (corrects the force balance)",
+        "LuGre",
+        "LSTM alone",
     ]
     assert [row[1].style for row in table.cells] == ["bad", "good", ""]
     assert table.cells[0][1].words.startswith("-0.6")

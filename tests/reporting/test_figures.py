@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cylinder_friction.reporting.figures import plot
+from cylinder_friction.reporting.figures import errors_by_condition, plot
 from cylinder_friction.reporting.style import png_bytes, svg_text
 
 
@@ -50,3 +50,10 @@ def test_an_svg_has_identifiers_of_its_own_and_a_name_for_screen_readers(strokes
     assert 'pt"' not in one[:200]
     assert one.replace("one-", "") == other.replace("two-", "")
     assert "http" not in one
+
+
+def test_what_equals_the_label_has_words_for_marks_and_does_not_stretch_the_axis(compared):
+    comparison = compared(force_balance_paper=0.0, hybrid=1.0, lugre=40.0)
+    (axis,) = errors_by_condition(comparison.label, comparison.conditions, "label", "hybrid").axes
+    assert "equals the label by construction" in [text.get_text() for text in axis.texts]
+    assert axis.get_xlim()[0] > 0.05

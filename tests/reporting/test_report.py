@@ -50,7 +50,8 @@ def analysis(compared, curves, strokes):
 def page(analysis):
     times = {"hybrid": StepTime(10, 2e-6, 5e-6, 9e-6)}
     return report_html(
-        analysis, ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, AUDIT, [SESSION], [STARTS], [HELD])
+        analysis,
+        ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, {"layers": 1}, AUDIT, [SESSION], [STARTS], [HELD]),
     )
 
 
@@ -62,7 +63,7 @@ def bare(compared, curves):
 
 @pytest.fixture(scope="module")
 def bare_page(bare):
-    return report_html(bare, ReportInputs({}, {}, {}, None, [], [], []))
+    return report_html(bare, ReportInputs({}, {}, {}, {}, None, [], [], []))
 
 
 @pytest.mark.slow
@@ -185,3 +186,17 @@ def test_the_audit_shows_all_conditions_at_once_first_and_each_in_a_fold(page):
     audit = page[page.index(">Label audit</h2>") :]
     assert audit.count("6.50") == 2
     assert audit.index("9.00") < audit.index("<details>") < audit.index("77.25")
+
+
+@pytest.mark.slow
+def test_where_an_estimator_equals_the_label_the_report_warns_and_shows_none_of_its_residuals(compared, curves, page):
+    comparison = compared(force_balance_paper=0.0, paper_hybrid=3.0, hybrid=1.0, lugre=40.0)
+    shown = report_html(
+        analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, {}, None, [], [], [])
+    )
+    errors, _, rest = shown[shown.index('<h2 id="label-errors"') :].partition('<h2 id="over-time"')
+    assert "this states nothing about friction" in errors
+    assert "Force balance, moving averages<small>(equals the label by construction)</small>" in errors
+    assert "the hybrid as published against the label" in rest
+    assert "Force balance, moving averages" not in rest[rest.index('<h2 id="residuals"') : rest.index('<h2 id="cost"')]
+    assert "this states nothing about friction" not in page

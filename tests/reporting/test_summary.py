@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from cylinder_friction.evaluation.comparison import compare, points_ahead
+from dataclasses import replace
+
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, points_ahead
 from cylinder_friction.evaluation.metric_tree import metric_tree
 from cylinder_friction.reporting.comparison_tables import difference_table
 from cylinder_friction.reporting.summary import CLEAR_POINTS, leaders, summary, verdict, winner
@@ -61,8 +63,23 @@ def test_true_friction_comes_first_where_it_is_known(compared, strokes):
     assert words[0].startswith("Against true friction, the mean absolute error of the hybrid is")
     assert words[0].endswith("9.0 N.")
     assert "LuGre is clearly better" in words[1]
-    assert words[2].startswith("Nearest to true friction is LuGre; the label itself, made off line")
-    assert "Against that label, which it has learned from, it errs by" in words[2]
+    assert words[2].startswith("Nearest to true friction is LuGre; the label itself errs by")
+    assert "Against that label, which it was trained on, the hybrid errs by" in words[2]
+
+
+def test_an_estimator_that_equals_the_label_beats_nobody_and_is_named(compared, strokes):
+    words = summary(compared(force_balance_paper=0.0, hybrid=1.0, lugre=40.0), "hybrid")
+    assert words[1] == (
+        "It is clearly better than every other estimator in every condition; what equals the label by construction is "
+        "left out: the force balance with the paper's moving averages."
+    )
+    truth = {r.name: r.column("friction_n") + 10.0 for r in strokes}
+    comparison = compared(truth, force_balance_paper=0.0, hybrid=1.0, lugre=40.0)
+    words = summary(replace(comparison, notes={LABEL_ITSELF: "off line, late"}), "hybrid")
+    assert words[2].startswith(
+        "No estimator betters it; the label itself (off line, late; by construction equal to the force balance with "
+        "the paper's moving averages) errs by "
+    )
 
 
 def test_unknown_truth_is_stated(compared):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,15 +14,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.estimators.analytical import AnalyticalEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.params.checking import Params
 from cylinder_friction.params.learning import CompareParams
 from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
+from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages import compare
-from cylinder_friction.stages._stage import CHOSEN_FILE, INGESTED_FILE, OFFSET_FILE, SPACE_FILE
+from cylinder_friction.stages._stage import BEST_FILE, CHOSEN_FILE, FILTERS_FILE, INGESTED_FILE, OFFSET_FILE, SPACE_FILE
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -28,6 +36,7 @@ if TYPE_CHECKING:
     from cylinder_friction.run_record import RunRecord
 
 SETTINGS = CompareParams(
+    main="hybrid",
     figure_duration_s=2.0,
     autocorrelation_lags=40,
     timing_repeats=5,
@@ -38,11 +47,11 @@ SETTINGS = CompareParams(
 TRUTH_FOLDER = Path("data/raw/rig_truth")
 
 
-def tiny_params(truth: str = TRUTH_FOLDER.as_posix()) -> Params:
+def tiny_params(truth: str = TRUTH_FOLDER.as_posix(), main: str = "hybrid") -> Params:
     """Only what the stage reads; what earlier stages decided lies in their files."""
     write_json(INGESTED_FILE, {"source": "data/raw/rig", "truth": truth, "load": "none"})
     write_json(OFFSET_FILE, {"left_alone_because": "offset.identify is never", "sessions": []})
-    return Params.model_construct(compare=SETTINGS)
+    return Params.model_construct(compare=SETTINGS.model_copy(update={"main": main}))
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +101,10 @@ def write_what_it_reads(cylinder: Cylinder, labelled_recordings: list[Recording]
         curve = {"epoch": [1, 2], "train_mae_n": [9.0, 5.0], "validation_mae_n": [9.5, 6.0], "best_epoch": 2}
         write_json(Path("models") / name / "learning_curve.json", curve)
     chosen = {"layers": 1, "nodes": 8, "dropout": 0.0, "learning_rate": 1e-3, "forest_trees": 4, "forest_depth": 3}
-    write_json(CHOSEN_FILE, chosen)
+    write_json(Path("models/hybrid") / CHOSEN_FILE, chosen)
+    write_json(Path("models/paper_hybrid") / CHOSEN_FILE, chosen | {"nodes": 77})
+    write_json(BEST_FILE, chosen | {"nodes": 99, "design": "paper"})
+    write_json(FILTERS_FILE, {"method": "moving_average"})
     ranges = {"learning_rate": [1e-3, 1e-2], "forest_trees": [4, 8], "forest_depth": [3, 5]}
     write_json(SPACE_FILE, {"layers": [1], "nodes": [8], "dropout": [0.0], **ranges})
     write_json(Path("reports/runs/train.json"), {"kept": True})
@@ -136,15 +148,64 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(finished, labe
     assert not list(Path("reports").glob(".*"))
 
 
-def test_without_truth_there_is_no_truth_anywhere_and_the_audit_says_why(workplace):
-    write_json(Path("data/processed/audit/audit.json"), {"note": "true friction is unknown here"})
-    for path in Path("data/processed/test").iterdir():  # two conditions are enough, and fewer figures
+def keep_two_conditions() -> None:
+    """Leave enough to compare on, and fewer figures."""
+    for path in Path("data/processed/test").iterdir():
         if path.name.startswith(("condition3", "condition4")):
             path.unlink()
+
+
+def test_without_truth_there_is_no_truth_anywhere_and_the_audit_says_why(workplace):
+    write_json(Path("data/processed/audit/audit.json"), {"note": "true friction is unknown here"})
+    keep_two_conditions()
     compare.run(tiny_params(truth=""))
     assert "true friction is unknown here" in compare.REPORT_FILE.read_text()
     assert "truth_" not in compare.METRICS_FILE.read_text()
     assert "True friction is not known" in compare.TABLE_FILE.read_text()
+
+
+def test_summary_figures_and_table_one_are_of_the_estimator_that_compare_main_names(workplace):
+    keep_two_conditions()
+    record = compare.run(tiny_params(main="paper_hybrid"))
+    report = compare.REPORT_FILE.read_text()
+    assert "the mean absolute error of the hybrid as published is" in record.tags["summary"]
+    assert "Figure 8: the hybrid as published against the label." in report
+    assert [path.name for path in compare.FIGURES_FOLDER.glob("figure7*")] == ["figure7_residuals_paper_hybrid.png"]
+    assert "search, which was over the published design. Used: what the hybrid as published of this report" in report
+    nodes = re.search(r"<td>LSTM nodes per layer</td>(.*?)</tr>", report)
+    assert nodes is not None
+    assert re.findall(r"<td>(.*?)</td>", nodes[1]) == ["8", "99", "77", "16, 32, 64", "64, 64, 64"]
+
+
+def test_notes_state_what_is_known_of_label_design_and_load(cylinder, labelled_recordings):
+    lugre, everywhere, hybrid = LugreEstimator(cylinder, "1"), AnalyticalEstimator(cylinder, LuGre()), HybridEstimator()
+    estimators: dict[str, FrictionEstimator] = {"lugre": lugre, "pressure_lugre_all": everywhere, "hybrid": hybrid}
+    notes = partial(compare.notes_of, estimators)
+    assert notes(labelled_recordings, "rts") == {
+        "label": "off line, looks ahead",
+        "lugre": "identified in condition 1",
+        "hybrid": "corrects the force balance",
+    }
+    hybrid.design = "paper"
+    assert notes(labelled_recordings, "moving_average") == {
+        "label": "off line, late: causal moving averages",
+        "lugre": "identified in condition 1",
+        "hybrid": "of the published design",
+    }
+    lifting = [
+        replace(each, table=each.table.assign(load_force_n=np.linspace(-20.0, 2500.0, len(each))))
+        for each in labelled_recordings
+    ]
+    lifting[0] = replace(lifting[0], table=lifting[0].table.assign(usable=False, load_force_n=9e9))
+    assert notes(lifting, "rts")["lugre"] == "identified in condition 1, under a load of -20 to 2500 N"
+    named = [replace(each, metadata=replace(each.metadata, load="none, rod free")) for each in labelled_recordings]
+    assert notes(named, "rts")["lugre"] == "identified in condition 1, load: none, rod free"
+
+
+def test_a_label_that_does_not_look_ahead_is_known_by_its_filter(cylinder):
+    methods = filters_by_method(cylinder, {}, {}, {}, {})
+    causal = {name for name, each in methods.items() if each.support(0.005).after == 0}
+    assert causal == set(compare.LABEL_NOTES)
 
 
 def test_truth_of_another_run_is_refused(workplace, labelled_recordings):

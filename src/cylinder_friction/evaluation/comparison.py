@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,10 @@ from cylinder_friction.realtime.bounds import creep_below_m_s
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 LABEL_ITSELF = "label"
-"""In the scores against truth: the off-line label, which looks ahead, scored like an estimate."""
+"""In the scores against truth: the off-line label, scored like an estimate."""
+
+EQUAL_PERCENT = 1e-3
+"""A smaller error [% of mean |label|] is rounding to single precision: nothing that only learns comes so near."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,8 @@ class Comparison:
     limits: StrataLimits
     multiply_adds: dict[str, int]  # Operations of one step by estimator
     traces: tuple[Trace, ...]  # Every recording with every estimate; 8 bytes per sample and estimator
+    # What is known of an estimator, or of ``LABEL_ITSELF``, beside its errors, in a few words
+    notes: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return "\n\n".join(f"{words}:\n{table.to_string()}" for words, table in self._tables())
@@ -103,6 +108,11 @@ class Comparison:
         """The number of held-out sessions with a usable row."""
         return sum(len(score.sessions.percent) for score in self.label[self.estimators[0]].values())
 
+    @property
+    def equal_to_label(self) -> list[str]:
+        """The estimators whose output is the label by construction, so that an error against it means nothing."""
+        return equal_to_label(self.label)
+
     def of_condition(self, condition: str) -> list[Trace]:
         return [trace for trace in self.traces if trace.condition == condition]
 
@@ -117,6 +127,15 @@ class Comparison:
             [trace.usable for trace in self.traces],
             1,
         )
+
+
+def equal_to_label(scores: Scores) -> list[str]:
+    """Return the estimators whose output is the label but for rounding, in every condition; none against the truth."""
+    if LABEL_ITSELF in scores:
+        return []
+    return [
+        name for name, each in scores.items() if all(score.errors.percent < EQUAL_PERCENT for score in each.values())
+    ]
 
 
 def mean_percent(by_condition: Mapping[str, Score], conditions: Sequence[str]) -> tuple[float, float, float]:

@@ -103,6 +103,7 @@ class LugreParams(Section):
 class CompareParams(Section):
     """The comparison on held-out recordings."""
 
+    main: Literal["hybrid", "paper_hybrid"]
     figure_duration_s: Positive
     autocorrelation_lags: Count
     timing_repeats: Count

@@ -7,12 +7,13 @@ from typing import Any
 from cylinder_friction.evaluation.analysis import Analysis
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, mean_percent, points_ahead
 from cylinder_friction.evaluation.coverage import Coverage
+from cylinder_friction.evaluation.residuals import ResidualFigures
 from cylinder_friction.evaluation.starts import Starts
 from cylinder_friction.evaluation.timing import StepTime
-from cylinder_friction.reporting.estimator_titles import title
+from cylinder_friction.reporting.estimator_titles import phrase, title
 from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
-from cylinder_friction.reporting.summary import best_reference, leaders, verdict
+from cylinder_friction.reporting.summary import best_reference, leaders, ranked, verdict
 from cylinder_friction.tuning.space import RANGES
 
 AUDIT_HEADS = {
@@ -25,7 +26,9 @@ AUDIT_HEADS = {
 }
 
 
-def error_table(scores: Scores, conditions: Sequence[str], against: str, published: bool = False) -> Table:
+def error_table(
+    scores: Scores, conditions: Sequence[str], against: str, notes: Mapping[str, str], published: bool = False
+) -> Table:
     """Return Table II: percent of mean |friction| and newtons, by estimator and condition.
 
     The smallest error of a condition stands out, and every error that it is not clearly better than.
@@ -34,6 +37,7 @@ def error_table(scores: Scores, conditions: Sequence[str], against: str, publish
         scores: Against the label or against the truth, never both.
         conditions: Columns.
         against: ``label`` or ``true friction``, for the head, which also states each denominator.
+        notes: What stands with a title, see ``row_notes``.
         published: Whether the paper's own rows are added below; they come from other data.
     """
     names = list(scores)
@@ -49,11 +53,16 @@ def error_table(scores: Scores, conditions: Sequence[str], against: str, publish
             Cell(f"{each.percent:.2f} % ({each.mae_n:.1f} N)", style="best" if name in best[condition] else "")
             for condition, each in found.items()
         ]
-        rows.append([title(name), *cells])
+        rows.append([Cell(title(name), f"({notes[name]})") if name in notes else title(name), *cells])
     if published and set(conditions) <= set(PERCENT_BY_TEST):
         for key, words in (("lugre", "Published: LuGre (other data)"), ("hybrid", "Published: hybrid (other data)")):
             rows.append([words, *(f"{PERCENT_BY_TEST[condition][key]:.2f} %" for condition in conditions)])
     return Table(head, rows)
+
+
+def row_notes(comparison: Comparison) -> dict[str, str]:
+    """Return what is known of an estimator in a few words, by name; that it equals the label above all."""
+    return dict(comparison.notes) | dict.fromkeys(comparison.equal_to_label, "equals the label by construction")
 
 
 def coverage_table(found: Sequence[Coverage]) -> Table:
@@ -116,7 +125,7 @@ def difference_table(comparison: Comparison, main: str) -> Table:
     """Return by how many percentage points every other estimator is behind ``main``, and whether that is clear."""
     scores, known = best_reference(comparison)
     rows: list[list[str | Cell]] = []
-    for name in comparison.estimators:
+    for name in ranked(scores):
         if name == main:
             continue
         row: list[str | Cell] = [title(name)]
@@ -160,8 +169,8 @@ def session_table(scores: Scores, conditions: Sequence[str]) -> Table:
     return Table([*head, "Mean of the conditions"], rows)
 
 
-def hyperparameter_table(searched: Mapping[str, Any], chosen: Mapping[str, Any]) -> Table:
-    """Return Table I: the range searched and the value used, beside the published ones."""
+def hyperparameter_table(searched: Mapping[str, Any], best: Mapping[str, Any], chosen: Mapping[str, Any]) -> Table:
+    """Return Table I: the range searched, the value found there and the value used, beside the published ones."""
     words = {
         "layers": "LSTM layers",
         "nodes": "LSTM nodes per layer",
@@ -171,10 +180,11 @@ def hyperparameter_table(searched: Mapping[str, Any], chosen: Mapping[str, Any])
         "forest_depth": "Forest: greatest depth",
     }
     rows = [
-        (name, _searched(key, searched.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key])
+        (name, _searched(key, searched.get(key)), _value(best.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key])
         for key, name in words.items()
     ]
-    return Table(("Hyperparameter", "Range searched", "Value used", "Published range", "Published value"), rows)
+    values = ("Range searched", "Value found", "Value used")
+    return Table(("Hyperparameter", *values, "Published range", "Published value"), rows)
 
 
 def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:
@@ -213,7 +223,7 @@ def residual_shape_table(analysis: Analysis) -> Table:
             f"{found.excess_kurtosis:+.1f}",
             f"{found.jarque_bera:.3g} ({_p_value(found.jarque_bera_p)})",
         )
-        for name, found in analysis.residuals.items()
+        for name, found in _residuals(analysis)
     ]
     return Table(head, rows)
 
@@ -231,9 +241,14 @@ def residual_memory_table(analysis: Analysis) -> Table:
             f"{found.effective_rows:,.0f}",
             *(f"{analysis.dependences[name][key]:+.2f}" for key in inputs),
         )
-        for name, found in analysis.residuals.items()
+        for name, found in _residuals(analysis)
     ]
     return Table([*head, *(f"correlation with {name}" for name in inputs)], rows)
+
+
+def _residuals(analysis: Analysis) -> list[tuple[str, ResidualFigures]]:
+    """Return the estimators whose residuals are more than rounding."""
+    return [(name, analysis.residuals[name]) for name in ranked(analysis.comparison.label)]
 
 
 def data_table(comparison: Comparison) -> Table:
@@ -279,19 +294,35 @@ def _groups(content: Any, path: tuple[str, ...]) -> list[tuple[str, dict[str, An
     return found
 
 
-def markdown_tables(comparison: Comparison) -> str:
-    """Return Table II against true friction, where it is known, and against the label, as Markdown."""
-    against_label = error_table(comparison.label, comparison.conditions, "label").markdown()
+def markdown_tables(comparison: Comparison, published: bool = False) -> str:
+    """Return Table II against true friction, where it is known, and against the label, as Markdown.
+
+    With ``published`` the paper's own rows stand below the latter, which they were measured against too.
+    """
+    notes = row_notes(comparison)
+    against_label = error_table(comparison.label, comparison.conditions, "label", notes, published).markdown()
     parts = [
         f"{comparison.sessions} held-out sessions. Bold: the smallest error of a condition, and those that it is not "
         "clearly better than.\n"
     ]
     if comparison.truth:
-        against_truth = error_table(comparison.truth, comparison.truth_conditions, "true friction").markdown()
+        against_truth = error_table(comparison.truth, comparison.truth_conditions, "true friction", notes).markdown()
         parts += ["Mean absolute error against true friction:\n", against_truth]
     else:
         parts.append("True friction is not known for these recordings.\n")
-    return "\n".join([*parts, "Mean absolute error against the label, which estimators learn from:\n", against_label])
+    parts += ["Mean absolute error against the label, which estimators learn from:\n", against_label]
+    return "\n".join(parts + [f"{words}\n" for words in (label_warning(comparison),) if words])
+
+
+def label_warning(comparison: Comparison) -> str:
+    """Return what an error against the label means where an estimator equals it, nothing where none does."""
+    if not comparison.equal_to_label:
+        return ""
+    equal = " and ".join(map(phrase, comparison.equal_to_label))
+    return (
+        f"The label is, sample by sample, what {equal} gives. Whatever can learn that filter has next to no error "
+        "against the label; this states nothing about friction."
+    )
 
 
 def _interval(low: float, high: float, digits: str) -> str:

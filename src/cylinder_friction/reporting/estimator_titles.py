@@ -15,9 +15,9 @@ class Naming:
 
 
 _KNOWN = {
-    "hybrid": Naming("Hybrid (corrects the force balance)", "the hybrid", "hybrid"),
+    "hybrid": Naming("Hybrid", "the hybrid", "hybrid"),
     "paper_hybrid": Naming("Hybrid as published", "the hybrid as published", "hybrid"),
-    "lugre": Naming("LuGre (identified in one condition)", "LuGre", "friction model"),
+    "lugre": Naming("LuGre", "LuGre", "friction model"),
     "pressure_lugre": Naming("LuGre, pressure-scaled", "the pressure-scaled LuGre", "friction model"),
     "pressure_lugre_all": Naming(
         "LuGre, pressure-scaled, all conditions",
@@ -33,9 +33,9 @@ _KNOWN = {
     ),
     "ridge": Naming("Ridge on lagged samples", "ridge on lagged samples", "learned"),
     "random_forest": Naming("Random forest alone", "the random forest alone", "learned"),
-    "lstm": Naming("LSTM alone (corrects the force balance)", "the hybrid's LSTM alone", "learned"),
+    "lstm": Naming("LSTM alone", "the hybrid's LSTM alone", "learned"),
     "paper_lstm": Naming("LSTM alone, as published", "the published LSTM alone", "learned"),
-    "label": Naming("Label itself (off line, looks ahead)", "the label itself", "label"),
+    "label": Naming("Label itself", "the label itself", "label"),
 }
 
 FAMILY_COLOURS = {

@@ -10,7 +10,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.analysis import Analysis
-from cylinder_friction.evaluation.comparison import Comparison, Scores, mean_percent
+from cylinder_friction.evaluation.comparison import Comparison, Scores, equal_to_label, mean_percent
 from cylinder_friction.evaluation.strata import STRATA
 from cylinder_friction.evaluation.views import Agreement, Excerpt, Histogram, LearningCurve, VelocityProfile
 from cylinder_friction.recordings.recording import Recording
@@ -51,7 +51,7 @@ STRATA_SHADES = {
 
 ROLE_COLOURS = {"train": QUIET, "validation": SKY, "calibration": GREEN, "test": BLUE}
 
-_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
+_TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
 class BoundedEstimate(Protocol):
@@ -158,15 +158,16 @@ def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str,
     """Return one row per estimator, on a log scale: each condition's error, interval and sessions.
 
     A mark is the error of a condition, the line through it its 95 % interval, each stroke one session; ``main`` is
-    shaded.
+    shaded. An estimator that equals the label by construction has no marks.
     """
     names = [name for name in scores if scores[name]]
     figure, (axis,) = panels(1, 1, PANEL[0], 0.5 * len(names) + 0.9)
     spread = np.linspace(-0.04, 0.36, max(2, len(conditions)))
     for row, name in enumerate(names):
         found = [scores[name][condition] for condition in conditions if condition in scores[name]]
+        equal = name in equal_to_label(scores)
         for index, condition in enumerate(conditions):
-            if condition not in scores[name]:
+            if equal or condition not in scores[name]:
                 continue
             score, (shade, marker, _) = scores[name][condition], CONDITION_MARKS[index % len(CONDITION_MARKS)]
             place = row + float(spread[index])
@@ -178,7 +179,8 @@ def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str,
         strong: dict[str, Any] = {"fontweight": "bold"} if name == main else {}
         where: dict[str, Any] = {"transform": axis.get_yaxis_transform(), "va": "center", "fontsize": 8.5}
         axis.text(0.0, row - 0.32, title(name), ha="left", **where, **strong)
-        axis.text(1.0, row - 0.32, f"{low:.2f} – {high:.2f} %", ha="right", **where, **strong)
+        words = "equals the label by construction" if equal else f"{low:.2f} – {high:.2f} %"
+        axis.text(1.0, row - 0.32, words, ha="right", **where, **strong)
         axis.axhline(row - 0.5, color=PALE, linewidth=0.4)
         if name == main:
             axis.axhspan(row - 0.5, row + 0.5, color=BLUE, alpha=0.09, linewidth=0)
@@ -215,7 +217,7 @@ def errors_by_stratum(comparison: Comparison, conditions: Sequence[str]) -> Figu
             heights = [strata[stratum].mae_n for stratum in STRATA if stratum in strata]
             places = [position + (index - 0.5 * (len(shown) - 1)) * width for position in present]
             axis.bar(places, heights, width=width, color=STRATA_SHADES.get(name, QUIET), label=title(name))
-        axis.set_xticks(range(len(STRATA)), [fill(words, 9) for words in STRATA.values()], fontsize=7.5)
+        axis.set_xticks(range(len(STRATA)), [fill(words, 10) for words in STRATA.values()], fontsize=7.5)
         axis.set(title=f"Condition {condition}", ylabel="MAE against the label [N]")
         axis.grid(visible=False, axis="x")
     handles, labels = axes[0].get_legend_handles_labels()
@@ -232,7 +234,7 @@ def estimated_against_calculated(name: str, found: Mapping[str, Agreement]) -> F
         axis.plot(ends, ends, color=BLACK, linewidth=1.0, label="y = x")
         words = f"R² = {points.r_squared:.4f}\nslope {points.slope:.3f}\nintercept {points.intercept_n:z.1f} N"
         axis.text(0.04, 0.96, words, transform=axis.transAxes, va="top", fontsize=8.5)
-        axis.set(title=f"Condition {condition}", xlabel="label [N]", ylabel=f"{title(name).split(' (')[0]} [N]")
+        axis.set(title=f"Condition {condition}", xlabel="label [N]", ylabel=f"{title(name)} [N]")
         axis.legend(loc="lower right")
     return figure
 

@@ -39,13 +39,17 @@ SECTIONS = {
 }
 
 
+DESIGNS = {"paper": "the published design", "force_balance": "the design that corrects the force balance"}
+
+
 @dataclass(frozen=True)
 class ReportInputs:
     """What the report shows beside the analysis."""
 
     times: Mapping[str, StepTime]  # Measured seconds per step by estimator
     searched: Mapping[str, Any]  # Ranges of the hyperparameter search by name
-    chosen: Mapping[str, Any]  # Hyperparameters of the default hybrid by name
+    best: Mapping[str, Any]  # The best hyperparameters that it found by name, and the ``design`` they are of
+    chosen: Mapping[str, Any]  # Hyperparameters that the main estimator was trained with by name
     # The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none
     audit: dict[str, Any] | None
     offsets: Sequence[Mapping[str, Any]]  # Of each session, as the offset stage wrote them; empty where there are none
@@ -73,6 +77,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         reference=_name(comparison, best_reference(comparison)[0]),
         data=tables.data_table(comparison),
         against=_against(analysis),
+        label_warning=tables.label_warning(comparison),
         offsets=(draw(figures.session_offsets, inputs.offsets), tables.offset_table(inputs.offsets))
         if inputs.offsets
         else None,
@@ -83,7 +88,8 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         panels=_panels(analysis),
         residuals=analysis.residuals[main],
         residual_tables=(tables.residual_shape_table(analysis), tables.residual_memory_table(analysis)),
-        hyperparameters=tables.hyperparameter_table(inputs.searched, inputs.chosen),
+        hyperparameters=tables.hyperparameter_table(inputs.searched, inputs.best, inputs.chosen),
+        searched_design=DESIGNS.get(inputs.best.get("design", ""), "a design that is not recorded"),
         cost=tables.cost_table(comparison, inputs.times),
         audit=_audit(audit),
         audit_note=(audit or {}).get("note", ""),
@@ -115,7 +121,8 @@ def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Fig
     for reference, (scores, conditions) in both.items():
         if scores:
             name = _name(comparison, scores)
-            table = tables.error_table(scores, conditions, name, published=reference == "label")
+            notes = tables.row_notes(comparison)
+            table = tables.error_table(scores, conditions, name, notes, published=reference == "label")
             chart = draw(figures.errors_by_condition, scores, conditions, name, analysis.main)
             found[reference] = (table, _details(scores, conditions), None if scores is opens else chart)
     return found

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, points_ahead
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, equal_to_label, points_ahead
 from cylinder_friction.reporting.estimator_titles import phrase
 
 CLEAR_POINTS = 0.1
@@ -12,9 +12,14 @@ The promotion gate tolerates as much (``register.tolerance_percent``).
 """
 
 
+def ranked(scores: Scores) -> list[str]:
+    """Return the estimators, less those that equal the label by construction where that is the reference."""
+    return [name for name in scores if name not in (LABEL_ITSELF, *equal_to_label(scores))]
+
+
 def winner(scores: Scores, condition: str) -> str:
     """Return the estimator with the smallest percentage in a condition; the first by name among equals."""
-    names = [name for name in scores if name != LABEL_ITSELF and condition in scores[name]]
+    names = [name for name in ranked(scores) if condition in scores[name]]
     return min(names, key=lambda name: (scores[name][condition].errors.percent, name))
 
 
@@ -32,7 +37,7 @@ def verdict(scores: Scores, one: str, other: str, condition: str) -> str:
 def leaders(scores: Scores, condition: str) -> list[str]:
     """Return the best estimator of a condition and those that it is not clearly better than."""
     best = winner(scores, condition)
-    names = [name for name in scores if name != LABEL_ITSELF and condition in scores[name]]
+    names = [name for name in ranked(scores) if condition in scores[name]]
     return [name for name in names if name == best or verdict(scores, best, name, condition) != "better"]
 
 
@@ -67,12 +72,14 @@ def _rivals(comparison: Comparison, main: str) -> str:
         )
     scores, known = best_reference(comparison)
     verdicts = {
-        name: [verdict(scores, main, name, condition) for condition in known]
-        for name in comparison.estimators
-        if name != main
+        name: [verdict(scores, main, name, condition) for condition in known] for name in ranked(scores) if name != main
     }
     beaten = sum(set(each) == {"better"} for each in verdicts.values())
-    others = "every other estimator" if beaten == len(verdicts) else f"{beaten} of the {len(verdicts)} other estimators"
+    others = (
+        "every other estimator"
+        if beaten == len(verdicts)
+        else f"{beaten or 'none'} of the {len(verdicts)} other estimators"
+    )
     words = [f"It is clearly better than {others} in every condition"]
     for outcome, relation in (("worse", "clearly better"), ("level", "level with it")):
         names = [
@@ -82,6 +89,9 @@ def _rivals(comparison: Comparison, main: str) -> str:
             where = "" if all(set(verdicts[name]) == {outcome} for name in names) else " in at least one condition"
             listed = _listed(map(phrase, names))
             words.append(f"{listed} {'is' if len(names) == 1 else 'are'} {relation}{where}")
+    left_out = [phrase(name) for name in comparison.equal_to_label if name not in (main, *verdicts)]
+    if left_out:
+        words.append(f"what equals the label by construction is left out: {_listed(left_out)}")
     return f"{'; '.join(words)}."
 
 
@@ -93,9 +103,13 @@ def _label(comparison: Comparison, main: str) -> str:
     own = _span([f"{comparison.label[main][condition].errors.percent:.2f}" for condition in comparison.conditions])
     best = list(dict.fromkeys(winner(truth, condition) for condition in known))
     nearest = f"Nearest to true friction {'is' if len(best) == 1 else 'are'} {_listed(map(phrase, best))}"
+    known_of_it = [comparison.notes[LABEL_ITSELF]] if LABEL_ITSELF in comparison.notes else []
+    if comparison.equal_to_label:
+        known_of_it.append(f"by construction equal to {_listed(map(phrase, comparison.equal_to_label))}")
+    made = f" ({'; '.join(known_of_it)})" if known_of_it else ""
     return (
-        f"{'No estimator betters it' if best == [main] else nearest}; the label itself, made off line and looking "
-        f"ahead, errs by {label} %. Against that label, which it has learned from, it errs by {own} %."
+        f"{'No estimator betters it' if best == [main] else nearest}; the label itself{made} errs by {label} %. "
+        f"Against that label, which it was trained on, {phrase(main)} errs by {own} %."
     )
 
 

@@ -47,8 +47,8 @@ BEST_FILE = SEARCH_FOLDER / "best.json"
 """From ``search``: the ``design`` and the best hyperparameters of the hybrid."""
 SPACE_FILE = SEARCH_FOLDER / "space.json"
 """From ``search``: the ranges that were searched."""
-CHOSEN_FILE = HYBRID_FOLDER / "chosen.json"
-"""From ``train``: the hyperparameters that the hybrid was trained with."""
+CHOSEN_FILE = "chosen.json"
+"""In a hybrid's folder, from ``train`` and ``baselines``: the hyperparameters that it was trained with."""
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``, from which its MLflow run is logged, now or later."""
 

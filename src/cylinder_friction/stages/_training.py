@@ -24,7 +24,7 @@ from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.stages._stage import PROCESSED_FOLDERS, TRACKER_FILE, cylinder_from
+from cylinder_friction.stages._stage import CHOSEN_FILE, PROCESSED_FOLDERS, TRACKER_FILE, cylinder_from
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -108,9 +108,10 @@ def train_hybrid(
     return estimator
 
 
-def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData) -> None:
-    """Write a hybrid with its learning curve and the hashes of the files that it was trained on."""
+def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, chosen: Mapping[str, Any]) -> None:
+    """Write a hybrid with its hyperparameters, its learning curve and the hashes of the files it was trained on."""
     estimator.save(folder)
+    write_json(folder / CHOSEN_FILE, dict(chosen))
     curve = estimator.learning_curve
     write_json(
         folder / "learning_curve.json",

@@ -44,7 +44,7 @@ def run(params: Params) -> RunRecord:
     for name in REAL_TIME:
         named[name].calibrate(largest_friction_n(data.train), data.calibrating)
     with whole_folder(PAPER_HYBRID_FOLDER) as draft:
-        write_hybrid(draft, paper, data)
+        write_hybrid(draft, paper, data, chosen)
     with whole_folder(BASELINES_FOLDER) as draft:
         for name, baseline in named.items():
             baseline.save(draft / name)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from tqdm import tqdm
 
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
+from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.base import DESCRIPTION_FILE, FrictionEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.analysis import Analysis, analyse
-from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare
 from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
 from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
 from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
+from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import known_truth
@@ -31,7 +35,9 @@ from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
     AUDIT_FILE,
     BASELINES_FOLDER,
+    BEST_FILE,
     CHOSEN_FILE,
+    FILTERS_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
     LSTM_FOLDER,
@@ -49,6 +55,7 @@ from cylinder_friction.stages._stage import (
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import CompareParams
+    from cylinder_friction.recordings.recording import Recording
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
 COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
@@ -60,7 +67,10 @@ PLOTS_FOLDER = REPORTS_FOLDER / "plots"
 FILES = (METRICS_FILE, TIMINGS_FILE, STARTS_FILE, COVERAGE_FILE, TABLE_FILE, REPORT_FILE)
 WRITTEN = (*FILES, FIGURES_FOLDER, PLOTS_FOLDER)
 LEARNING_CURVE_FILE = "learning_curve.json"
-MAIN, RIVAL = "hybrid", "lugre"
+RIVAL = "lugre"
+LABEL_NOTES = {"moving_average": "off line, late: causal moving averages"}  # Every other method looks ahead
+DESIGNED = ("hybrid", "lstm")
+DESIGN_NOTES = {"force_balance": "corrects the force balance", "paper": "of the published design"}
 
 
 def run(params: Params) -> RunRecord:
@@ -70,24 +80,27 @@ def run(params: Params) -> RunRecord:
         FileNotFoundError: A model or the test recordings are not there.
         RecordingError: See ``evaluation.comparison.compare``; or true friction does not fit its recording.
     """
-    settings = params.compare
+    settings, main = params.compare, params.compare.main
     recordings = read_recordings(PROCESSED_FOLDERS["test"])
     estimators = load_estimators()
     truth_n = known_truth(read_json(INGESTED_FILE)["truth"], recordings)
-    comparison = compare(estimators, recordings, comparison_settings(settings), truth_n)
+    comparison = replace(
+        compare(estimators, recordings, comparison_settings(settings), truth_n),
+        notes=notes_of(estimators, recordings, read_json(FILTERS_FILE)["method"]),
+    )
     curves = {
         folder.name: LearningCurve.from_dict(read_json(path), path.as_posix())
         for folder in (HYBRID_FOLDER, PAPER_HYBRID_FOLDER)
         for path in (folder / LEARNING_CURVE_FILE,)
     }
-    analysis = analyse(comparison, MAIN, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
+    analysis = analyse(comparison, main, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
     times = {
         name: time_steps(estimator, recordings[0], settings.timing_repeats)
         for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator", disable=None)
     }
     tree = metric_tree(comparison)
-    held = coverage(estimators[MAIN], recordings, truth_n, settings.reversal_window_s)
-    begun = starts(estimators[MAIN], recordings, truth_n)
+    held = coverage(estimators[main], recordings, truth_n, settings.reversal_window_s)
+    begun = starts(estimators[main], recordings, truth_n)
     _write(analysis, times, tree, begun, held)
     return RunRecord(
         name="compare",
@@ -95,7 +108,7 @@ def run(params: Params) -> RunRecord:
         metrics=flat_metrics(tree)
         | coverage_metrics(held)
         | {f"starts.condition_{each.condition}.warm_percent": each.warm_percent for each in begun},
-        tags={"summary": "\n".join(summary(comparison, MAIN))},
+        tags={"summary": "\n".join(summary(comparison, main))},
         artifacts=artifacts(*WRITTEN),
         datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
     )
@@ -103,6 +116,36 @@ def run(params: Params) -> RunRecord:
 
 def comparison_settings(settings: CompareParams) -> ComparisonSettings:
     return ComparisonSettings(settings.standstill_velocity_m_s, settings.reversal_window_s, settings.maximum_lag_s)
+
+
+def notes_of(
+    estimators: Mapping[str, FrictionEstimator], recordings: Sequence[Recording], method: str
+) -> dict[str, str]:
+    """Return what is known of estimators and of the label beside their errors: the words behind their titles.
+
+    Args:
+        estimators: By name.
+        recordings: The held-out ones; conditions carry the same load in all sessions.
+        method: Of the filter that smoothed the label's signals.
+    """
+    notes = {LABEL_ITSELF: LABEL_NOTES.get(method, "off line, looks ahead")}
+    for name, estimator in estimators.items():
+        if isinstance(estimator, HybridEstimator) and name in DESIGNED:
+            notes[name] = DESIGN_NOTES[estimator.design]
+        elif isinstance(estimator, AnalyticalEstimator) and estimator.condition is not None:
+            own = [each for each in recordings if each.metadata.condition == estimator.condition]
+            notes[name] = f"identified in condition {estimator.condition}{_load_in_words(own)}"
+    return notes
+
+
+def _load_in_words(recordings: Sequence[Recording]) -> str:
+    """Return what is known of the load on the rod: measured or identified, else as names state it; else nothing."""
+    forces_n = [each.column(LOAD_FORCE)[each.usable()] for each in recordings if LOAD_FORCE in each.table.columns]
+    if forces_n:
+        all_n = np.concatenate(forces_n)
+        return f", under a load of {all_n.min():.0f} to {all_n.max():.0f} N"
+    stated = sorted({each.metadata.load for each in recordings} - {""})
+    return f", load: {', '.join(stated)}" if stated else ""
 
 
 def load_estimators() -> dict[str, FrictionEstimator]:
@@ -144,7 +187,9 @@ def _write(
 ) -> None:
     audit: dict[str, Any] | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
     offsets = read_json(OFFSET_FILE)["sessions"]
-    inputs = ReportInputs(times, read_json(SPACE_FILE), read_json(CHOSEN_FILE), audit, offsets, begun, held)
+    searched = read_json(SPACE_FILE), read_json(BEST_FILE)
+    chosen = read_json(HYBRID_FOLDER.with_name(analysis.main) / CHOSEN_FILE)
+    inputs = ReportInputs(times, *searched, chosen, audit, offsets, begun, held)
     report = report_html(analysis, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:
         for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure", disable=None):
@@ -153,7 +198,7 @@ def _write(
         for name, text in plot_tables(analysis).items():
             write_text(folder / name, text)
     write_text(REPORT_FILE, report)
-    write_text(TABLE_FILE, markdown_tables(analysis.comparison))
+    write_text(TABLE_FILE, markdown_tables(analysis.comparison, published=analysis.main == PAPER_HYBRID_FOLDER.name))
     write_json(TIMINGS_FILE, {name: asdict(time) for name, time in times.items()})
     write_json(STARTS_FILE, [asdict(each) for each in begun])
     write_json(COVERAGE_FILE, [asdict(each) for each in held])

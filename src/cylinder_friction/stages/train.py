@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.realtime.guard import largest_friction_n
-from cylinder_friction.recordings.files import read_json, whole_folder, write_json
+from cylinder_friction.recordings.files import read_json, whole_folder
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.stages._stage import BEST_FILE, CHOSEN_FILE, HYBRID_FOLDER, LSTM_FOLDER, artifacts, flat
+from cylinder_friction.stages._stage import BEST_FILE, HYBRID_FOLDER, LSTM_FOLDER, artifacts, flat
 from cylinder_friction.stages._training import (
     LearningData,
     learned_metrics,
@@ -30,8 +30,7 @@ def run(params: Params) -> RunRecord:
     alone = hybrid.without_forest()
     alone.calibrate(largest_friction_n(data.train), data.calibrating)
     with whole_folder(HYBRID_FOLDER) as draft:
-        write_hybrid(draft, hybrid, data)
-        write_json(draft / CHOSEN_FILE.name, chosen)
+        write_hybrid(draft, hybrid, data, chosen)
     with whole_folder(LSTM_FOLDER) as draft:
         alone.save(draft)
     return RunRecord(
