@@ -58,6 +58,7 @@ NAMINGS: list[tuple[str, str, str, str]] = [
     ("timestamp", "cap_pressure", "rod_pressure", "stroke"),
     ("TIME", "PA", "PB", "POS"),
     ("t [s]", "p_A [bar]", "p_B [bar]", "s [mm]"),
+    ("X_Value", "Pressure A", "Pressure B", "Displacement"),
     ("Time (s)", "Pressure bore (bar)", "Pressure annulus (bar)", "Piston position (mm)"),
 ]
 

@@ -32,7 +32,8 @@ def named_columns(columns: Sequence[tuple[str, NDArray[Any]]], kind: Any = None)
     return table
 
 
-TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value")
+TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value", "name")
+"""Whole names of time channels, in small letters: LabVIEW calls them X_Value, the TwinCAT Scope Name."""
 
 
 @dataclass(frozen=True)

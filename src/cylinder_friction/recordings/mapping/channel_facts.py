@@ -13,7 +13,7 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.formats.header import unit_in_name
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import TIME_NAMES, LoggedTable
 from cylinder_friction.recordings.mapping.units import electrical, quantity_of
 
 MOSTLY = 0.99  # time may have a few repeated or backward stamps and still be time
@@ -41,7 +41,7 @@ def _words(words: str, stems: str = "") -> Vocabulary:
 
 QUANTITY_WORDS = {
     "pressure": _words("p pr press pres", "druck pressure"),
-    "time": _words("t time date datum seconds secs sek clock name", "zeit timestamp datetime"),
+    "time": _words("t time date datum seconds secs sek clock", "zeit timestamp datetime"),
     "temperature": _words("temp", "temperatur"),
     "length": _words("x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf"),
     "force": _words("f fx fz load last", "force kraft loadcell kraftmess friction reibung"),
@@ -84,7 +84,8 @@ def words_of(name: str) -> Words:
     plain, unit = (_BRACKETS.sub(" ", name), bracketed) if bracketed is not None else _without_unit(name)
     tokens = _tokens(plain)
     folded = [token.casefold() for token in tokens]
-    quantity = _quantity(tokens)
+    whole = len(plain) > 1 and plain.strip().casefold() in TIME_NAMES
+    quantity = "time" if whole else _quantity(tokens)
     side, side_word = _side(folded, quantity)
     known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, AT_VALVE, AT_CYLINDER)
     return Words(
