@@ -33,12 +33,13 @@ TRUTH_RIVALS = ("force_balance_unfiltered", "force_balance_paper")
 STAGES = ALL_STAGES[: ALL_STAGES.index("register")]
 
 
-def campaign(seed: int, overrides: list[str], folder: Path) -> dict[str, dict[str, dict[str, float]]]:
-    """Run the pipeline up to ``compare`` in an empty folder with this seed; returns its metrics."""
+def campaign(seed: int | None, overrides: list[str], folder: Path) -> dict[str, dict[str, dict[str, float]]]:
+    """Run the pipeline up to ``compare`` in an empty folder, with this seed or the default one; returns its metrics."""
     shutil.copytree("conf", folder / "conf")
     os.environ["MLFLOW_TRACKING_URI"] = f"sqlite:///{folder / 'mlflow.db'}"
+    seeded = overrides if seed is None else [*overrides, f"record.seed={seed}"]
     with contextlib.chdir(folder):
-        for command in (["params", *overrides, f"record.seed={seed}"], *(["stage", stage] for stage in STAGES)):
+        for command in (["params", *seeded], *(["stage", stage] for stage in STAGES)):
             if cylinder_friction(command):
                 sys.exit(1)  # the command has printed why
     metrics: dict[str, dict[str, dict[str, float]]] = json.loads((folder / "reports/metrics.json").read_text("utf-8"))

@@ -43,7 +43,7 @@ def main() -> None:
         role: read_recordings(data / "processed" / role) for role in ("train", "validation", "calibration", "test")
     }
     truth_n = known_truth(str(data / "raw/rig_truth"), parts["test"])
-    tracker = OffsetTracker.from_dict(read_json(data / "processed/offset_tracker.json"))
+    tracker = OffsetTracker.from_dict(read_json(data / "processed/estimators.json")["offset_tracker"])
     print("mean absolute error [% of mean |true friction| of the condition], and near events [N]")
     print(f"{header(sorted({each.metadata.condition for each in parts['test']}))}{'events':>9}")
     for lag_s in LAGS_S:

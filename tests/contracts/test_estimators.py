@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import KINDS
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.testing.estimator_contract import CHECKS, Case, ContractError, check_estimator
@@ -32,6 +34,11 @@ FOREST = ForestPlan(trees=4, depth=4, rows=2000, leaf=5)
 SMALL, DEEP = Architecture(1, 8, 0.0, 3e-3), Architecture(2, 8, 0.1, 3e-3)
 EFFORT = 0.01
 ROWS = 800
+LOAD = PositionLoad(0.05, 0.2, np.array([-5.0, 8.0, 3.0]), np.full(3, 1.0))
+
+
+def _with_load_by_position(name: str, cylinder: Cylinder) -> FrictionEstimator:
+    return baselines(cylinder, forest_plan=FOREST, position_load=LOAD)[name]
 
 
 PRODUCT: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
@@ -47,6 +54,16 @@ PRODUCT: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "hybrid_of_position": lambda cylinder: HybridEstimator(
         cylinder, architecture=SMALL, plan=PLAN, forest_plan=FOREST, inputs=("position_m",)
     ),
+    "hybrid_with_measured_load": lambda cylinder: HybridEstimator(
+        cylinder, "force_balance", SMALL, PLAN, FOREST, inputs=(*SAMPLE_COLUMNS, "load_force_n")
+    ),
+    "hybrid_with_load_by_position": lambda cylinder: HybridEstimator(
+        cylinder, "force_balance", SMALL, PLAN, FOREST, position_load=LOAD
+    ),
+    **{
+        f"{name}_with_load_by_position": partial(_with_load_by_position, name)
+        for name in ("force_balance_paper", "force_balance_low_pass", "ridge", "random_forest")
+    },
     "paper_hybrid": lambda cylinder: HybridEstimator(cylinder, "paper", SMALL, PLAN, FOREST),
 }
 INPUTS = {
@@ -71,7 +88,7 @@ MAKERS = PRODUCT | BENCHMARK
 
 @pytest.fixture(scope="module")
 def recordings(labelled_recordings: list[Recording]) -> list[Recording]:
-    """The first seconds of each, with an oil temperature, and pressures that vary slowly."""
+    """The first seconds of each, with an oil temperature, a small load, and pressures that vary slowly."""
     made = []
     for number, whole in enumerate(labelled_recordings):
         recording = Recording(whole.metadata, whole.table.iloc[:ROWS].reset_index(drop=True))
@@ -79,7 +96,11 @@ def recordings(labelled_recordings: list[Recording]) -> list[Recording]:
             f"pressure_{side}_level_pa": np.full(ROWS, recording.column(f"pressure_{side}_pa").mean())
             for side in (1, 2)
         }
-        made.append(recording.with_columns(oil_temperature_c=np.linspace(30.0, 35.0, ROWS) + number, **levels))
+        measured = {
+            "oil_temperature_c": np.linspace(30.0, 35.0, ROWS) + number,
+            "load_force_n": np.linspace(0, 9.0, ROWS),
+        }
+        made.append(recording.with_columns(**measured, **levels))
     return made
 
 

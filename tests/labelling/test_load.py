@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from boom import STEP_S, boom_load, boom_points
-from cylinder_friction.labelling.load import LoadPlan, identify_load
+from cylinder_friction.labelling.load import POOLED_PLACES, LoadIdentification, LoadPlan, identify_load, pooled_load
 from cylinder_friction.labelling.session import identify_session
-from cylinder_friction.labelling.strokes import StrokePoints, stroke_points
+from cylinder_friction.labelling.strokes import Coverage, StrokePoints, stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
@@ -53,6 +53,35 @@ def test_a_constant_asymmetry_goes_into_the_load_and_is_within_its_uncertainty(a
     assert error.mean() == pytest.approx(-asymmetry_n, abs=5.0)
     assert (np.abs(error) < 2.0 * found.uncertainty_n(grid)).all()
     assert found.asymmetry_n == pytest.approx(0.15 * found.coulomb_n)
+
+
+def test_the_load_of_several_sessions_is_their_mean_and_as_uncertain_as_one_more() -> None:
+    sessions = [identify_load(boom_points(seed), LoadPlan()) for seed in range(2)]
+    sessions.append(
+        replace(sessions[0], coefficients_n=(sessions[0].coefficients_n[0] + 60.0, *sessions[0].coefficients_n[1:]))
+    )
+    pooled = pooled_load(sessions)
+    positions_m = np.linspace(pooled.first_m, pooled.last_m, 300)
+    mean_n = np.mean([each.load_n(positions_m) for each in sessions], axis=0)
+    assert np.abs(pooled.at(positions_m) - mean_n).max() < 0.5  # what straight lines between the places leave
+    assert pooled.uncertainty_n.min() > max(each.asymmetry_n for each in sessions)
+    assert pooled_load(sessions[:1]).uncertainty_n == pytest.approx(
+        sessions[0].uncertainty_n(np.linspace(*sessions[0].coverage.range_m, POOLED_PLACES))
+    )
+
+
+def test_sessions_that_share_no_position_have_no_common_load() -> None:
+    one = identify_load(boom_points(), LoadPlan())
+    far = replace(one, coverage=Coverage(((0.3, 0.4),)))
+    with pytest.raises(RecordingError, match=r"share no position: one is known from 0\.3 m on"):
+        pooled_load([one, far])
+    with pytest.raises(RecordingError, match="got no session"):
+        pooled_load([])
+
+
+def test_an_identification_is_the_same_after_saving() -> None:
+    found = identify_load(boom_points(), LoadPlan())
+    assert LoadIdentification.from_dict(json.loads(json.dumps(found.to_dict()))) == found
 
 
 def test_outliers_count_little() -> None:

@@ -139,9 +139,13 @@ def test_unknown_unit_is_refused() -> None:
             ["+ingest.channels.load_force_n={channel: F, unit: kN}"],
             "ingest.load is none, but ingest.channels maps a load cell",
         ),
+        (
+            ["ingest.oil_temperature=input"],
+            "ingest.oil_temperature is input, but ingest.channels has no 'oil_temperature_c'; map the oil's",
+        ),
     ],
 )
-def test_mapping_that_contradicts_the_load_is_refused_before_any_file(
+def test_mapping_that_contradicts_load_or_temperature_is_refused_before_any_file(
     workplace: Path, changes: list[str], message: str
 ) -> None:
     params = check_params(compose_params(CONF, ["ingest=own", *changes]), "test")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from cylinder_friction.labelling.load import LoadIdentification
+from cylinder_friction.labelling.strokes import Coverage
 from cylinder_friction.params.checking import Params
 from cylinder_friction.params.data import CylinderParams, OffsetParams
 from cylinder_friction.recordings.files import read_json, write_json
@@ -16,12 +18,13 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Se
 from cylinder_friction.recordings.storage import read_recordings, write_recording
 from cylinder_friction.stages import offset
 from cylinder_friction.stages._stage import (
+    ESTIMATORS_FILE,
+    IDENTIFIED_FILE,
     INGESTED_FILE,
     LABELLED_FOLDER,
     OFFSET_FILE,
     PROCESSED_FOLDERS,
     SPLIT_FILE,
-    TRACKER_FILE,
 )
 
 if TYPE_CHECKING:
@@ -41,7 +44,7 @@ def workplace(
     """Five sessions for training, of which every other one has an offset, and one for each other role."""
     monkeypatch.chdir(tmp_path)
     names = [recording.name for recording in labelled_recordings]
-    write_json(INGESTED_FILE, {"load": "none"})
+    write_json(INGESTED_FILE, {"load": "none", "oil_temperature": "recorded"})
     write_json(SPLIT_FILE, {"train": names[:5], "validation": names[5:6], "calibration": names[6:7], "test": names[7:]})
     for number, recording in enumerate(labelled_recordings):
         shift = OFFSET_N * (number % 2)
@@ -83,7 +86,7 @@ def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path
             difference_n.append(own["offset_n"])
     # sessions with and without an offset alternate; their mean is not determined
     assert np.mean(difference_n[1::2]) - np.mean(difference_n[::2]) == pytest.approx(OFFSET_N, abs=4.0)
-    assert read_json(TRACKER_FILE)["prior"][0] == pytest.approx(11.99, abs=0.01)
+    assert read_json(ESTIMATORS_FILE)["offset_tracker"]["prior"][0] == pytest.approx(11.99, abs=0.01)
     assert offset.run(params_for(cylinder)) == record
 
 
@@ -110,26 +113,53 @@ def test_offsets_are_left_alone_and_the_reason_is_kept(
     assert content["sessions"] == []
     assert re.search(reason, content["left_alone_because"])
     assert record.tags["offsets"] == content["left_alone_because"]
-    assert read_json(TRACKER_FILE) is None
+    assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
     assert not any(each.metadata.identified_zero for each in read_recordings(PROCESSED_FOLDERS["train"]))
 
 
 def test_a_load_identified_from_position_and_a_wish_leave_offsets_alone(workplace: Path, cylinder: Cylinder) -> None:
     assert offset.run(params_for(cylinder, "never")).tags["offsets"] == "offset.identify is never"
-    write_json(INGESTED_FILE, {"load": "position"})
+    write_json(INGESTED_FILE, {"load": "position", "oil_temperature": "recorded"})
+    write_loads(0.0)
     assert "has absorbed the sensors' offset" in offset.run(params_for(cylinder)).tags["offsets"]
 
 
 def test_beside_a_measured_load_offsets_are_left_alone(workplace: Path, cylinder: Cylinder) -> None:
-    """Estimators take no load: they could not learn in real time what was taken off in training."""
-    write_json(INGESTED_FILE, {"load": "measured"})
+    write_json(INGESTED_FILE, {"load": "measured", "oil_temperature": "recorded"})
     cell = {**STATED, "load_force_n": SensorUncertainty(5.0, 0.0)}
     for recording in read_recordings(LABELLED_FOLDER):
         loaded = recording.with_columns(load_force_n=np.zeros(len(recording)))
         write_recording(LABELLED_FOLDER, replace(loaded, metadata=replace(recording.metadata, uncertainty=cell)))
     assert "the load is measured" in offset.run(params_for(cylinder)).tags["offsets"]
-    with pytest.raises(RecordingError, match="an offset cannot be learned without load_force_n among the inputs"):
-        offset.run(params_for(cylinder, "always"))
+    offset.run(params_for(cylinder, "always"))
+    given = read_json(ESTIMATORS_FILE)
+    assert given["inputs"] == ["pressure_1_pa", "pressure_2_pa", "position_m", "load_force_n"]
+    assert given["offset_tracker"]["weights"][0][3] == pytest.approx(-1.0, abs=0.05)
+
+
+def write_loads(spread_n: float) -> None:
+    """Write what stage ``label`` would of loads by position: 300 N in the first session, more in each further one."""
+    names = sorted({each.metadata.session for each in read_recordings(LABELLED_FOLDER)})
+    number = dict.fromkeys(("asymmetry_n", "coulomb_n", "coulomb_extend_n", "coulomb_retract_n", "residual_n"), 4.0)
+    pairs = dict.fromkeys(("coulomb_interval_n", "viscous_interval_n_s_m", "load_range_n"), (0.0, 0.0))
+    load = LoadIdentification(
+        (0.0,), Coverage(((0.02, 0.2),)), (3.0,) * 51, viscous_n_s_m=0.0, confidence=0.95,
+        strokes_extend=9, strokes_retract=9, **number, **pairs,
+    )  # fmt: skip
+    loads = {name: replace(load, coefficients_n=(300.0 + spread_n * at,)) for at, name in enumerate(names)}
+    write_json(IDENTIFIED_FILE, {name: {"load": each.to_dict()} for name, each in loads.items()})
+
+
+def test_estimators_are_given_the_mean_load_of_the_training_sessions(workplace: Path, cylinder: Cylinder) -> None:
+    write_json(INGESTED_FILE, {"load": "position", "oil_temperature": "input"})
+    write_loads(10.0)
+    offset.run(params_for(cylinder))
+    given = read_json(ESTIMATORS_FILE)
+    assert given["inputs"] == ["pressure_1_pa", "pressure_2_pa", "position_m", "oil_temperature_c"]
+    assert given["position_load"]["range_m"] == [0.02, 0.2]
+    # the five sessions of training: 300 to 340 N, 15.8 N standard deviation; each is known to 5 N
+    np.testing.assert_allclose(given["position_load"]["load_n"], 320.0)
+    np.testing.assert_allclose(given["position_load"]["standard_uncertainty_n"], np.sqrt(250.0 + 25.0))
 
 
 def test_what_is_to_be_identified_in_any_case_and_cannot_be_is_refused(workplace: Path, cylinder: Cylinder) -> None:

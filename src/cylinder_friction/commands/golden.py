@@ -12,10 +12,10 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.params.checking import Params, load_params
 from cylinder_friction.realtime.stream import RealTimeStream
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS, cylinder_from
+from cylinder_friction.stages._training import LearningData
 from cylinder_friction.testing.golden import (
     MODEL_FOLDER,
     golden_samples,
@@ -29,15 +29,24 @@ PLAN = TrainingPlan(epochs=40, patience=40, sequence_length=400, burn_in=50, bat
 FOREST = ForestPlan(trees=16, depth=6, rows=20_000, leaf=40)
 
 
-def train_golden_model(folder: Path, params: Params, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
-    """Train the small model of the golden trajectories on the first training recording of each condition."""
-    firsts = {
-        recording.metadata.condition: recording for recording in reversed(read_recordings(PROCESSED_FOLDERS["train"]))
-    }
-    cylinder = cylinder_from(params.cylinder)
-    hybrid = HybridEstimator(cylinder, "force_balance", ARCHITECTURE, PLAN, FOREST, inputs=inputs)
-    train = [firsts[condition] for condition in sorted(firsts)]
-    hybrid.fit(train, read_recordings(PROCESSED_FOLDERS["validation"]))
+def train_golden_model(folder: Path, params: Params, inputs: Sequence[str] | None = None) -> None:
+    """Train the small model of the golden trajectories on the first training recording of each condition.
+
+    Its inputs are those of the pipeline's estimators, whose position load and offset tracker it has too, or others.
+    """
+    data = LearningData.read()
+    firsts = {recording.metadata.condition: recording for recording in reversed(data.train)}
+    hybrid = HybridEstimator(
+        cylinder_from(params.cylinder),
+        "force_balance",
+        ARCHITECTURE,
+        PLAN,
+        FOREST,
+        inputs=inputs or data.inputs,
+        tracker=None if inputs else data.tracker,
+        position_load=None if inputs else data.position_load,
+    )
+    hybrid.fit([firsts[condition] for condition in sorted(firsts)], data.validation)
     with whole_folder(folder / MODEL_FOLDER) as draft:
         hybrid.save(draft)
 
@@ -81,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         part = parts.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
         part.add_argument("--folder", type=Path, default=Path("tests/golden"))
         if name == "train":
-            part.add_argument("--inputs", nargs="+", default=SAMPLE_COLUMNS, help="columns of a sample")
+            part.add_argument("--inputs", nargs="+", help="columns of a sample; by default the pipeline's")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -77,16 +77,16 @@ def distil(
 
     def imitated(recording: Recording) -> SequenceData:
         """Return the features; the target is what the original adds to the base force [N]."""
-        samples = recording.zeroed().samples(original.inputs)
+        samples = original._prepared(recording).samples(original.channels)
         features, base_n = block.advance(block.new_state(), samples)
         return SequenceData(features, original.advance(original.new_state(), samples) - base_n, recording.usable())
 
     sequences, stopping = ([imitated(recording) for recording in part] for part in (train, validation))
     network, curve, mean_n, scale_n = train_correction(architecture, plan, sequences, stopping, seed)
-    student = HybridEstimator(original.cylinder, parts.design, architecture, plan, None, seed, inputs=original.inputs)
-    student.sample_time_s, student.training_range = original.sample_time_s, original.training_range
+    student = HybridEstimator(original.cylinder, parts.design, architecture, plan, None, seed)
+    student._take_over(original)
     student._set(replace(parts, network=network, forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
-    student.offset, student.learning_curve = original.offset, curve
+    student.learning_curve = curve
     student.calibrate(largest_friction_n(train), validation)
     return student, compare(original, student, held_out)
 

@@ -44,7 +44,7 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
         ScoringError: There is no row, a column is missing or not numeric, a value is NaN or infinite, or a recording
             has no name; or a load is given that the model does not take.
     """
-    _refuse_unused_load(rows, model.inputs)
+    _refuse_unused_load(rows, model)
     samples = _checked_samples(rows, model.inputs)
     names = _checked_names(rows)
     memory = max(1, round(MEMORY_S / model.sample_time_s))
@@ -64,12 +64,14 @@ def score(model: StepModel, rows: pd.DataFrame) -> pd.DataFrame:
     return result if model.offset is None else result.assign(**dict(zip(OFFSET, offsets.T, strict=True)))
 
 
-def _refuse_unused_load(rows: pd.DataFrame, inputs: tuple[str, ...]) -> None:
-    if LOAD_FORCE in rows.columns and LOAD_FORCE not in inputs and rows[LOAD_FORCE].notna().any():
+def _refuse_unused_load(rows: pd.DataFrame, model: StepModel) -> None:
+    if LOAD_FORCE in rows.columns and LOAD_FORCE not in model.inputs and rows[LOAD_FORCE].notna().any():
+        load = model.position_load
+        why = "was trained without one and would take it for friction" if load is None else f"knows: {load.in_words()}"
+        left_out = "nothing is on the rod" if load is None else "that is the load on the rod"
         raise ScoringError(
-            f"column {LOAD_FORCE!r} is given, but this model was trained without one and would take it for friction; "
-            f"expected {list(inputs)}; serve a model that has the load among its inputs, or leave the column out if "
-            "nothing is on the rod"
+            f"column {LOAD_FORCE!r} is given, but this model {why}; expected {list(model.inputs)}; serve a model that "
+            f"has the load among its inputs, or leave the column out if {left_out}"
         )
 
 

@@ -21,9 +21,10 @@ from cylinder_friction.realtime.bounds import (
 )
 from cylinder_friction.realtime.guard import TrainingRange, guard_from
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
 
@@ -58,6 +59,8 @@ class FrictionEstimator(ABC):
             step gives friction of ``lag_s`` before its sample; ``estimate`` puts it where it belongs.
         offset: How the offset of the sensors' zeros is learned while running, see ``labelling.offset_tracker``; None:
             it is not. Training sees samples whose identified zeros are taken off.
+        position_load: The load that position decides, taken off as if a load cell had measured it; None: a load is
+            among the inputs, or there is none. Set before ``fit``.
     """
 
     kind: ClassVar[str]
@@ -74,6 +77,12 @@ class FrictionEstimator(ABC):
         self.guard: Guard | None = None
         self.bounds: Bounds | None = None
         self.offset: OffsetTracker | None = None
+        self.position_load: PositionLoad | None = None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What filters take: the inputs, and a load that position decides."""
+        return self.inputs if self.position_load is None else (*self.inputs, LOAD_FORCE)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -98,7 +107,7 @@ class FrictionEstimator(ABC):
 
     @abstractmethod
     def advance(self, state: Any, samples: Array) -> Array:
-        """Return friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, inputs)``; changes ``state``.
+        """Return friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, channels)``; changes ``state``.
 
         Cutting the samples into pieces must not change one bit of the output. A sensor offset is still in the samples
         here, and in the result; ``estimate`` and ``stream`` learn it and take it off.
@@ -160,14 +169,22 @@ class FrictionEstimator(ABC):
             return np.ascontiguousarray(stream.run(samples)[0][:, 0])
         if offset_n != 0.0 or offset_uncertainty_n is not None:
             raise ValueError(NO_OFFSET)
-        return self.advance(self.new_state(), samples)
+        return self.advance(self.new_state(), self.channels_of(samples))
+
+    def channels_of(self, samples: Array) -> Array:
+        """Return samples, shape ``(n, inputs)``, as channels, ``(n, channels)``."""
+        if self.position_load is None:
+            return samples
+        return np.column_stack([samples, self.position_load.at(samples[:, self.inputs.index(POSITION)])])
 
     def stream(self) -> EstimatorStream | StrictStream:
         """Return a fresh stream; streams of one estimator do not touch each other."""
         self._refuse_unfitted()
         if self.offset is not None:
             return StrictStream(self.step_model())
-        return EstimatorStream(self.new_state, self.advance, self.inputs)
+        return EstimatorStream(
+            self.new_state, lambda state, samples: self.advance(state, self.channels_of(samples)), self.inputs
+        )
 
     def step_model(self) -> StepModel:
         """Return what one real-time step needs: the description from which every runtime is made.
@@ -192,7 +209,7 @@ class FrictionEstimator(ABC):
         self._refuse_unfitted()
         assert self.training_range is not None
         assert self.sample_time_s is not None
-        self.guard = guard_from(self.training_range, largest_friction_n, self.sample_time_s)
+        self.guard = guard_from(self.training_range, largest_friction_n, self.sample_time_s, self.position_load)
         # as the steps give it, against labels as late, because bounds go by the present regime of motion
         lagged = [recording.lagged(self.lag_samples) for recording in validation]
         estimates_n = [self._stepped(recording) for recording in validation]
@@ -229,6 +246,7 @@ class FrictionEstimator(ABC):
                 "guard": None if self.guard is None else asdict(self.guard),
                 "bounds": None if self.bounds is None else asdict(self.bounds),
                 "offset": None if self.offset is None else self.offset.to_dict(),
+                "position_load": None if self.position_load is None else self.position_load.to_dict(),
                 "multiply_adds_a_step": self.multiply_adds(),
                 "parameters": parameters,
             },
@@ -261,6 +279,8 @@ class FrictionEstimator(ABC):
         estimator.bounds = from_json(Bounds, description.get("bounds"))
         tracker = description.get("offset")
         estimator.offset = None if tracker is None else OffsetTracker.from_dict(tracker)
+        load = description.get("position_load")
+        estimator.position_load = None if load is None else PositionLoad.from_dict(load)
         return estimator
 
     def _begin_fit(self, recordings: Sequence[Recording]) -> list[Recording]:
@@ -278,7 +298,27 @@ class FrictionEstimator(ABC):
             )
         self.sample_time_s = sample_times[0]
         self.training_range = TrainingRange.of(recordings, self.inputs)
-        return [recording.zeroed().lagged(self.lag_samples) for recording in recordings]
+        return [self._prepared(recording) for recording in recordings]
+
+    def _prepared(self, recording: Recording) -> Recording:
+        """Return a recording as ``fit`` learns from it: without zeros, with the load that position decides."""
+        return self._loaded(recording).zeroed().lagged(self.lag_samples)
+
+    def _loaded(self, recording: Recording) -> Recording:
+        """Return a recording with the load that position decides, where one is known."""
+        if self.position_load is None:
+            return recording
+        return recording.with_columns(**{LOAD_FORCE: self.position_load.at(recording.column(POSITION))})
+
+    def _take_over(self, other: FrictionEstimator) -> None:
+        """Take over what another fitted estimator knows of samples, guard, sensor offset, load and lag."""
+        self.inputs, self.sample_time_s, self.training_range = other.inputs, other.sample_time_s, other.training_range
+        self.guard, self.offset, self.position_load, self.lag_s = (
+            other.guard,
+            other.offset,
+            other.position_load,
+            other.lag_s,
+        )
 
     def _step_model(self, **fields: Any) -> StepModel:
         """Return a step model with these fields; the others are those of a step without features, network and forest.
@@ -291,7 +331,7 @@ class FrictionEstimator(ABC):
         assert self.training_range is not None
         none = np.zeros(0)
         defaults: dict[str, Any] = {
-            "feature_taps": np.zeros((0, len(self.inputs), 1)),
+            "feature_taps": np.zeros((0, len(self.channels), 1)),
             **dict.fromkeys(("feature_limits", "feature_mean", "feature_scale"), none),
             "network": None,
             "forest": None,
@@ -303,21 +343,23 @@ class FrictionEstimator(ABC):
         return StepModel(
             **defaults | fields,
             sample_time_s=self.sample_time_s,
-            velocity_taps=velocity_taps(self.sample_time_s, self.inputs),
-            guard=self.guard or guard_from(self.training_range, np.inf, self.sample_time_s),
+            velocity_taps=velocity_taps(self.sample_time_s, self.channels),
+            guard=self.guard or guard_from(self.training_range, np.inf, self.sample_time_s, self.position_load),
             bounds=self.bounds or unknown_bounds(self.sample_time_s),
             inputs=self.inputs,
             offset=self.offset,
+            position_load=self.position_load,
             lag_s=self.lag_samples * self.sample_time_s,
         )
 
     def _learned_offset(self, recording: Recording) -> LearnedOffset:
         """Return how well the offset is learned from a cold start; what is common to all sessions, the label shares."""
         assert self.offset is not None
-        place, state = self.inputs.index("position_m"), self.offset.new_state()
-        found = self.offset.rows(recording.samples(self.inputs), causal_velocity(recording), place, state)
+        place, state = self.inputs.index(POSITION), self.offset.new_state()
+        channels = self.channels_of(recording.samples(self.inputs))
+        found = self.offset.rows(channels, causal_velocity(recording), place, state)
         zeros = recording.metadata.identified_zero
-        weights = dict(zip(self.inputs, self.offset.weights[BALANCE], strict=True))
+        weights = dict(zip(self.channels, self.offset.weights[BALANCE], strict=True))
         label_n = math.hypot(*(weights[column] * zero.uncertainty for column, zero in zeros.items()))
         return LearnedOffset(np.sqrt(np.maximum(found[:, 1] ** 2 - self.offset.common_n**2, 0.0)), label_n)
 

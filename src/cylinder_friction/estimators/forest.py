@@ -64,11 +64,11 @@ class ForestEstimator(FrictionEstimator):
         if self.cylinder is None:
             raise ValueError("a forest needs a cylinder to be fitted; got a loaded one without")
         recordings = self._begin_fit(recordings)
-        front_end = fit_front_end("paper", self.cylinder, recordings, self.inputs)
+        front_end = fit_front_end("paper", self.cylinder, recordings, self.channels)
         block = FrontEndBlock(front_end)
         labels, masks = labelled_rows(recordings)
         rows = [
-            block.advance(block.new_state(), recording.samples(self.inputs))[0][mask]
+            block.advance(block.new_state(), recording.samples(self.channels))[0][mask]
             for recording, mask in zip(recordings, masks, strict=True)
         ]
         self._set(front_end, fit_forest(np.concatenate(rows), labels, self.plan, self.seed))

@@ -142,10 +142,11 @@ def fit_front_end(
     """Return the front end of a hybrid, its scaling (and the smoothing of its base) learnt on these recordings alone.
 
     Args:
-        design: ``paper``: pressures through a moving average of 10 and velocity from differences of the averaged
-            position, nothing to correct. ``force_balance``: the force balance and what moves it, correcting the
-            least-squares smoothed force balance. ``full``: all features that the inputs allow, the history of motion
-            too; ``force_balance`` is the same where there are no raw pressures, and then there is nothing to correct.
+        design: ``paper``: pressures, and any further input, through a moving average of 10 and velocity from
+            differences of the averaged position, nothing to correct. ``force_balance``: the force balance and what
+            moves it, correcting the least-squares smoothed force balance. ``full``: all features that the inputs allow,
+            the history of motion too; ``force_balance`` is the same where there are no raw pressures, and then there is
+            nothing to correct.
         cylinder: Its areas.
         recordings: Labelled recordings of one sample time.
         inputs: Columns of a sample; ``position_m`` must be one, both raw pressures too for ``paper``.
@@ -266,6 +267,7 @@ def _feature_rows(
             FeatureRow("pressure_1_pa", signal("pressure_1_pa", average)),
             FeatureRow("pressure_2_pa", signal("pressure_2_pa", average)),
             FeatureRow("velocity_m_s", signal("position_m", velocity)),
+            *(FeatureRow(name, signal(name, average)) for name in inputs if name not in SAMPLE_COLUMNS),
         ]
     rows = []
     if raw:

@@ -33,6 +33,7 @@ from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.realtime.lstm import Lstm, LstmState, LstmWeights
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.realtime.stream import StrictStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -80,6 +81,8 @@ class HybridEstimator(FrictionEstimator):
         tracker: How the sensors' offset is learned, if known from elsewhere; None: ``fit`` finds it, where recordings
             state their identified zeros.
         lag_s: How long after a moment its friction is estimated [s].
+        position_load: The load that position decides, see ``labelling.load.pooled_load``; None: a load is among the
+            inputs, or there is none.
     """
 
     kind: ClassVar[str] = "hybrid"
@@ -97,8 +100,10 @@ class HybridEstimator(FrictionEstimator):
         inputs: Sequence[str] = SAMPLE_COLUMNS,
         tracker: OffsetTracker | None = None,
         lag_s: float = 0.0,
+        position_load: PositionLoad | None = None,
     ) -> None:
         super().__init__(inputs, lag_s)
+        self.position_load = position_load
         self.offset = self._tracker = tracker
         self.cylinder, self.design, self.forest_plan = cylinder, design, forest_plan
         self.architecture, self.plan = architecture or Architecture(), plan or TrainingPlan()
@@ -132,10 +137,10 @@ class HybridEstimator(FrictionEstimator):
             stops = self.plan.patience is not None
             train, validation = held_out_for_stopping(recordings) if stops else (recordings, ())
         zeroed = self._begin_fit(train)
-        self.offset = self._tracker or _tracker_of(train, self.cylinder, self.inputs)
-        front_end = fit_front_end(self.design, self.cylinder, zeroed, self.inputs)
+        self.offset = self._tracker or _tracker_of(list(map(self._loaded, train)), self.cylinder, self.channels)
+        front_end = fit_front_end(self.design, self.cylinder, zeroed, self.channels)
         sequences = [_correction(front_end, each) for each in zeroed]
-        stopping = [_correction(front_end, each.zeroed().lagged(self.lag_samples)) for each in validation]
+        stopping = [_correction(front_end, self._prepared(each)) for each in validation]
         network, self.learning_curve, mean_n, scale_n = train_correction(
             self.architecture, self.plan, sequences, stopping, self.seed, self.device, checkpoint, report
         )
@@ -150,10 +155,9 @@ class HybridEstimator(FrictionEstimator):
     def without_forest(self) -> HybridEstimator:
         """Return the LSTM alone: the same network, the forest left out."""
         parts = replace(self._fitted(), forest=None)
-        settings = (self.design, self.architecture, self.plan, None, self.seed, self.device, self.inputs)
+        settings = (self.design, self.architecture, self.plan, None, self.seed, self.device)
         alone = HybridEstimator(self.cylinder, *settings)
-        alone.sample_time_s, alone.training_range, alone.guard = self.sample_time_s, self.training_range, self.guard
-        alone.offset, alone.lag_s = self.offset, self.lag_s
+        alone._take_over(self)
         alone._set(parts)
         return alone
 

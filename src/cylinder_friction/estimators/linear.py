@@ -79,7 +79,7 @@ class LinearEstimator(FrictionEstimator):
 
     @property
     def taps(self) -> Array:
-        """Taps on raw samples, shape ``(inputs, lags)``."""
+        """Taps on raw samples, shape ``(channels, lags)``."""
         return self._fir().taps[0]
 
     def new_state(self) -> causal.FirState:
@@ -138,9 +138,9 @@ class ForceBalanceEstimator(LinearEstimator):
             self._refuse_unfitted()
             assert self.sample_time_s is not None
             self._filter = causal.FirFilter(
-                force_balance_taps(self.cylinder, self.inputs)
+                force_balance_taps(self.cylinder, self.channels)
                 if self.filtering == "none"
-                else paper_force_balance_taps(self.cylinder, self.sample_time_s, self.inputs)
+                else paper_force_balance_taps(self.cylinder, self.sample_time_s, self.channels)
             )
         return self._filter
 
@@ -181,7 +181,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
 
     @cached_property
     def _balance(self) -> causal.FirFilter:
-        return causal.FirFilter(force_balance_taps(self.cylinder, self.inputs))
+        return causal.FirFilter(force_balance_taps(self.cylinder, self.channels))
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Choose the weight with the smallest mean absolute error on the usable rows."""
@@ -190,7 +190,8 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         recordings = self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         forces = [
-            self._balance.advance(self._balance.new_state(), recording.samples(self.inputs)) for recording in recordings
+            self._balance.advance(self._balance.new_state(), recording.samples(self.channels))
+            for recording in recordings
         ]
 
         def error(weight: float) -> float:
@@ -255,7 +256,7 @@ class RidgeEstimator(LinearEstimator):
         labels, masks = labelled_rows(recordings)
         rows = np.concatenate(
             [
-                self._lagged(recording.samples(self.inputs))[mask]
+                self._lagged(recording.samples(self.channels))[mask]
                 for recording, mask in zip(recordings, masks, strict=True)
             ]
         )
@@ -263,12 +264,12 @@ class RidgeEstimator(LinearEstimator):
         scale[scale == 0.0] = 1.0
         mean_n = float(labels.mean())
         coefficients = least_squares((rows - mean) / scale, labels - mean_n, self.penalty) / scale
-        self._filter = causal.FirFilter(coefficients.reshape(1, len(self.inputs), self.lags))
+        self._filter = causal.FirFilter(coefficients.reshape(1, len(self.channels), self.lags))
         self._constant_n = mean_n - float((coefficients * mean).sum())
         return self
 
     def _lagged(self, samples: Array) -> Array:
-        """Return, shape ``(n, inputs · lags)``, each row's last samples, column by column, newest first."""
+        """Return, shape ``(n, channels · lags)``, each row's last samples, column by column, newest first."""
         padded = np.concatenate([np.repeat(samples[:1], self.lags - 1, axis=0), samples])
         windows = np.lib.stride_tricks.sliding_window_view(padded, self.lags, axis=0)[:, :, ::-1]
         return windows.reshape(len(samples), -1)

@@ -12,8 +12,9 @@ share of Coulomb friction, and enters the load's uncertainty beside the scatter 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -27,10 +28,13 @@ from cylinder_friction.labelling.robust import (
     robust_fit,
 )
 from cylinder_friction.labelling.strokes import Coverage, StrokePoints, coverage_of
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.recording import RecordingError
 
 GRID = 51
 """Positions at which the uncertainty is kept."""
+POOLED_PLACES = 129
+"""Positions at which the mean load of several sessions is kept."""
 
 _FOLDS = 5
 _BLOCKS_PER_DIRECTION = 10
@@ -126,6 +130,15 @@ class LoadIdentification:
         content["stretches_m"] = [list(each) for each in content.pop("coverage")["stretches_m"]]
         return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
 
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Self:
+        """Return what ``to_dict`` gave."""
+        kept: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in content.items()
+        }
+        del kept["range_m"], kept["order"]
+        return cls(coverage=Coverage(tuple(map(tuple, kept.pop("stretches_m")))), **kept)
+
 
 def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
     """Return the load identified from the strokes of one session, their force less inertia.
@@ -181,6 +194,31 @@ def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
         residual_n=float(np.median(np.abs(fit.residuals))),
         confidence=plan.confidence,
     )
+
+
+def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
+    """Return the mean load of sessions, over the positions that all of them know: what an estimator takes off.
+
+    Its uncertainty is that of one more session: the spread between sessions (of two or more) and what each session's
+    load is uncertain by itself.
+
+    Raises:
+        RecordingError: There is no session, or they share no stretch of position.
+    """
+    if not sessions:
+        raise RecordingError("a load that depends on position cannot be pooled: got no session; expected at least one")
+    firsts, lasts = zip(*(each.coverage.range_m for each in sessions), strict=True)
+    first_m, last_m = max(firsts), min(lasts)
+    if not first_m < last_m:
+        raise RecordingError(
+            f"the sessions' loads share no position: one is known from {first_m:.4g} m on, one up to {last_m:.4g} m; "
+            "record strokes over the same travel in each session"
+        )
+    position_m = np.linspace(first_m, last_m, POOLED_PLACES)
+    loads_n = np.array([each.load_n(position_m) for each in sessions])
+    own_n = np.sqrt(np.mean([each.uncertainty_n(position_m) ** 2 for each in sessions], axis=0))
+    spread_n = loads_n.std(axis=0, ddof=1) if len(sessions) > 1 else np.zeros(POOLED_PLACES)
+    return PositionLoad(first_m, last_m, loads_n.mean(axis=0), np.hypot(own_n, spread_n))
 
 
 def _scaled(position_m: Array, coverage: Coverage) -> Array:

@@ -190,7 +190,8 @@ def _weights(recording: Recording, cylinder: Cylinder, inputs: Sequence[str], pr
     for place, column in enumerate(inputs):
         if column in areas:
             weights[BALANCE, place] = areas[column]
-            weights[ZERO, place] = areas[column] * stated[column].zero ** 2 / max(prior_n, 1e-9) ** 2
+            zero = stated[column].zero if column in stated else 0.0  # a load that position decides has no sensor
+            weights[ZERO, place] = areas[column] * zero**2 / max(prior_n, 1e-9) ** 2
         if column in PRESSURES:
             weights[PRESSURE, place] = abs(areas[column]) / whole
         weights[LOAD, place] = float(column == LOAD_FORCE)

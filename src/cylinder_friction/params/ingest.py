@@ -25,10 +25,11 @@ class IngestParams(Section):
     source: str
     truth: str
     load: LoadMode
+    oil_temperature: Literal["recorded", "input"]
     pattern: str
     name_pattern: str | None
     name_table: str | None
-    format: Literal["auto", "csv", "matlab", "mdf", "tdms", "hdf5", "parquet", "excel"]
+    format: Literal["auto", "csv", "matlab", "mdf", "tdms", "hdf5", "parquet"]
     csv: CsvOptions
     channels: dict[str, ChannelMapping]
     time: TimeRules

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.model import Guard
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.realtime.position_load import PositionLoad
+from cylinder_friction.recordings.columns import POSITION, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 
 TRAINED_MARGIN = 0.05
@@ -54,6 +55,13 @@ class TrainingRange:
             tuple(upper + more for upper, more in zip(self.upper, slack, strict=True)),
         )
 
+    def within(self, column: str, lower: float, upper: float) -> Self:
+        """Return the range with that of one column cut to ``lower`` and ``upper``."""
+        place = self.columns.index(column)
+        lowest, highest = list(self.lower), list(self.upper)
+        lowest[place], highest[place] = max(lowest[place], lower), min(highest[place], upper)
+        return type(self)(self.columns, tuple(lowest), tuple(highest))
+
     def holds(self, samples: Array) -> NDArray[np.bool_]:
         """Return which rows of ``samples``, shape ``(n, columns)``, lie in the range, widened by the margin.
 
@@ -63,7 +71,9 @@ class TrainingRange:
         return np.asarray(((samples >= np.array(wide.lower)) & (samples <= np.array(wide.upper))).all(axis=1))
 
 
-def guard_from(training_range: TrainingRange, largest_friction_n: float, sample_time_s: float) -> Guard:
+def guard_from(
+    training_range: TrainingRange, largest_friction_n: float, sample_time_s: float, load: PositionLoad | None = None
+) -> Guard:
     """Return the guard of an estimator.
 
     Args:
@@ -71,8 +81,11 @@ def guard_from(training_range: TrainingRange, largest_friction_n: float, sample_
         largest_friction_n: Largest absolute label of training [N]; infinite where it is not known, which leaves a
             frozen position unnoticed.
         sample_time_s: Between two samples [s].
+        load: Decided by position: positions where it is not known count as outside the training range.
     """
     accept, trained = training_range.widened(ACCEPT_SPANS), training_range.widened()
+    if load is not None:
+        trained = trained.within(POSITION, load.first_m, load.last_m)
     return Guard(
         accept_lower=accept.lower,
         accept_upper=accept.upper,

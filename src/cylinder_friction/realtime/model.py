@@ -7,8 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
@@ -83,13 +84,13 @@ class StepModel:
     """One estimator, ready for any runtime."""
 
     sample_time_s: float  # Between two samples [s]; an LSTM cannot take another
-    feature_taps: Array  # FIR filters on raw samples, shape ``(features, inputs, lags)``
+    feature_taps: Array  # FIR filters on raw samples, shape ``(features, channels, lags)``
     feature_limits: Array  # Where positive, a filtered value y becomes ``y / (|y| + limit)``, shape ``(features,)``
     # Taken off, then divided by, shape ``(features,)``
     feature_mean: Array
     feature_scale: Array
-    base_taps: Array  # The force that is corrected [N], shape ``(inputs, lags)``; zeros where there is none
-    velocity_taps: Array  # The causal velocity that bounds go by [m/s], shape ``(inputs, lags)``
+    base_taps: Array  # The force that is corrected [N], shape ``(channels, lags)``; zeros where there is none
+    velocity_taps: Array  # The causal velocity that bounds go by [m/s], shape ``(channels, lags)``
     network: LstmWeights | None  # None for a model without LSTM
     forest: Forest | None  # None for a model without forest
     forest_sees: ForestSees  # Which inputs the forest takes, in this order: hidden state, head, features
@@ -105,7 +106,14 @@ class StepModel:
     history: History | None = None
     # How the offset of the sensors' zeros is learned; None: it is not, and stays in the estimate
     offset: OffsetTracker | None = None
+    # The load that position decides, a channel beside the inputs; None: it is an input, or there is none
+    position_load: PositionLoad | None = None
     lag_s: float = 0.0  # How long before its sample a step's friction was, and its bounds [s]
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """What the filters take: the inputs, and a load that position decides."""
+        return self.inputs if self.position_load is None else (*self.inputs, LOAD_FORCE)
 
     @cached_property
     def position(self) -> int:

@@ -44,7 +44,7 @@ NO_TRACKER = OffsetTracker(_NONE, _NONE.ravel(), _NONE.ravel(), _NONE.ravel(), _
 class PackedModel:
     """Constants of the compiled step."""
 
-    taps: Array  # Shape ``(inputs, lags, features + 2)``: the linear features, then the base force, then the velocity
+    taps: Array  # Shape ``(channels, lags, features + 2)``: the linear features, then the base force, then the velocity
     scaling: Array  # Limits, means and scales of the linear features, shape ``(3, features)``
     history: Array  # Settings, means and scales of the history features, shape ``(3, 6)``; no rows without history
     limits: Array  # Guard limits of each input, see the rows above, shape ``(4, inputs)``
@@ -53,6 +53,7 @@ class PackedModel:
     counts: Whole  # Whole numbers of guard, bounds and shape, see the places above
     invalid_flags: Whole  # Flag that an invalid value of each input sets, shape ``(inputs,)``
     pressures: Whole  # Place of each raw pressure among the inputs
+    load: Array  # The load that position decides, ``PositionLoad.packed``; none without
     # The network's weights; without network no layer and no node
     input: Single
     recurrent: Single
@@ -105,6 +106,7 @@ class PackedModel:
             ),
             invalid_flags=np.array([int(invalid_flag(name)) for name in model.inputs]),
             pressures=np.array(places, dtype=np.int64),
+            load=np.zeros(0) if model.position_load is None else model.position_load.packed(),
             input=np.ascontiguousarray(network.input),
             recurrent=np.ascontiguousarray(network.recurrent),
             bias=np.ascontiguousarray(network.bias),
@@ -121,7 +123,7 @@ class PackedModel:
         """Return the arrays in the order in which the compiled step takes them."""
         return (
             *(self.taps, self.scaling, self.history, self.limits, self.offsets, self.settings, self.counts),
-            *(self.invalid_flags, self.pressures),
+            *(self.invalid_flags, self.pressures, self.load),
             *(self.input, self.recurrent, self.bias, self.head, self.head_bias),
             *(self.nodes, self.splits, self.roots),
             *(*self.tracker.constants(), self.zeros),
@@ -133,9 +135,9 @@ class PackedState:
     """What the compiled step changes."""
 
     # Each input's last samples, written twice, ``lags`` places from each other, so that from the newest on they always
-    # lie in a row, newest first, shape ``(inputs, 2 lags)``
+    # lie in a row, newest first, shape ``(channels, 2 lags)``
     ring: Array
-    # One number per input in each row, see the rows above: this sample as it counts, the last one, the position at
+    # One number per channel in each row, see the rows above: this sample as it counts, the last one, the position at
     # which the input last changed [m], whether the input is invalid
     samples: Array
     motion: Array  # Memory of the motion, see ``history.new_history``
@@ -151,11 +153,11 @@ class PackedState:
     @classmethod
     def of(cls, model: PackedModel) -> PackedState:
         """Return a state before the first sample."""
-        inputs, lags, outputs = model.taps.shape
+        channels, lags, outputs = model.taps.shape
         layers, nodes = len(model.bias), len(model.head)
         return cls(
-            ring=np.zeros((inputs, 2 * lags)),
-            samples=np.zeros((4, inputs)),
+            ring=np.zeros((channels, 2 * lags)),
+            samples=np.zeros((4, channels)),
             motion=new_history(),
             counters=np.zeros(FROZEN + len(model.pressures), dtype=np.int64),
             lstm=np.zeros((2, layers, nodes), dtype=np.float32),

@@ -17,6 +17,7 @@ from cylinder_friction.realtime.flags import Estimate, Flag, invalid_flag
 from cylinder_friction.realtime.history import history_step, new_history
 from cylinder_friction.realtime.lstm import Lstm, LstmState
 from cylinder_friction.realtime.model import Guard, StepModel
+from cylinder_friction.realtime.position_load import load_at
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
 
 Single = NDArray[np.float32]
@@ -50,7 +51,7 @@ class ReferenceStream:
         tracker = self.model.offset
         self._offset = np.zeros(OFFSET + 2) if tracker is None else tracker.new_state(offset_n, uncertainty_n)
         self._guard = GuardState()
-        self._samples = np.zeros((self._lags, len(self.model.inputs)))  # newest first
+        self._samples = np.zeros((self._lags, len(self.model.channels)))  # newest first
         self._motion = new_history()
         self._lstm: LstmState | None = None if self._network is None else self._network.new_state()
         self._direction, self._reversal_left = 0, 0
@@ -73,7 +74,8 @@ class ReferenceStream:
         if not self._guard.ready:
             self._begin(raw)
         now = np.where(invalid, self._guard.held, raw)
-        self._samples = np.vstack([now, self._samples[:-1]])
+        channels = self._channels(now)
+        self._samples = np.vstack([channels, self._samples[:-1]])
         base_n = self._fir(self.model.base_taps)
         if self._outside(now):
             flags |= Flag.OUTSIDE
@@ -85,7 +87,7 @@ class ReferenceStream:
         regime = self._regime()
         flags |= self._offset_flag()
         further = self._further(regime)
-        self._learn_offset(now, valid=not any(invalid) and not flags & Flag.FROZEN)
+        self._learn_offset(channels, valid=not any(invalid) and not flags & Flag.FROZEN)
         bounds = self.model.bounds
         lower_n, upper_n = friction_n + further * bounds.lower_n[regime], friction_n + further * bounds.upper_n[regime]
         return Estimate(friction_n, lower_n, upper_n, int(flags))
@@ -97,7 +99,12 @@ class ReferenceStream:
         guard.held = sample
         guard.constant_from_m = dict.fromkeys(self.model.pressures, float(sample[self.model.position]))
         guard.warming = self.model.guard.warm_up_samples
-        self._samples[:] = sample
+        self._samples[:] = self._channels(sample)
+
+    def _channels(self, sample: Array) -> Array:
+        """Return the sample with the load that position decides, where the model has one."""
+        load = self.model.position_load
+        return sample if load is None else np.append(sample, load_at(load.packed(), float(sample[self.model.position])))
 
     def _outside(self, now: Array) -> bool:
         guard = self.model.guard
@@ -192,12 +199,12 @@ class ReferenceStream:
         ratio = self._offset[DEVIATION] / spread_n
         return float(np.sqrt(1.0 + ratio * ratio))  # a power may round otherwise
 
-    def _learn_offset(self, now: Array, *, valid: bool) -> None:
+    def _learn_offset(self, channels: Array, *, valid: bool) -> None:
         """Let this sample correct the next ones."""
         if self.model.offset is not None:
             velocity_m_s = self._fir(self.model.velocity_taps)
             place = self.model.position
-            offset_step(*self.model.offset.constants(), self._offset, place, velocity_m_s, now, valid)
+            offset_step(*self.model.offset.constants(), self._offset, place, velocity_m_s, channels, valid)
 
     def _regime(self) -> int:
         bounds = self.model.bounds

@@ -13,6 +13,7 @@ from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.history import history_step
 from cylinder_friction.realtime.lstm import head_of, lstm_step
 from cylinder_friction.realtime.packed import Single, Whole
+from cylinder_friction.realtime.position_load import load_at
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
 
 Int = NDArray[np.int32]
@@ -34,6 +35,7 @@ def step(
     counts: Whole,
     invalid_flags: Whole,
     pressures: Whole,
+    load: Array,
     input_weights: Single,
     recurrent: Single,
     bias: Single,
@@ -63,9 +65,11 @@ def step(
 ) -> tuple[float, float, float, int]:
     """Return friction, bounds [N] and flags from the arrays of ``PackedModel`` and ``PackedState`` and a sample."""
     flags = _check(limits, invalid_flags, samples, sample)
+    if counters[at.READY] == 0 and flags != 0:
+        return 0.0, 0.0, 0.0, NOT_READY | flags
+    if load.shape[0] > 0:
+        samples[at.NOW, sample.shape[0]] = load_at(load, samples[at.NOW, counts[at.POSITION]])
     if counters[at.READY] == 0:
-        if flags != 0:
-            return 0.0, 0.0, 0.0, NOT_READY | flags
         _begin(counts, ring, samples, counters)
     _filter(taps, ring, counters, outputs, samples[at.NOW])
     for output in range(zeros.shape[0]):
@@ -178,7 +182,7 @@ def _filter(taps: Array, ring: Array, counters: Whole, outputs: Array, now: Arra
 
 @numba.njit(cache=True)
 def _outside(limits: Array, now: Array) -> bool:
-    for channel in range(now.shape[0]):
+    for channel in range(limits.shape[1]):
         if now[channel] < limits[at.TRAINED_LOWER, channel] or now[channel] > limits[at.TRAINED_UPPER, channel]:
             return True
     return False

@@ -34,15 +34,19 @@ METRICS_FILE = REPORTS_FOLDER / "metrics.json"
 
 # What an earlier stage decided, for the later ones: nobody looks into another stage's section of the parameters.
 INGESTED_FILE = Path("data/interim/ingested.json")
-"""From ``ingest``: the folders ``source`` and ``truth``, and ``load``, what the rod worked against."""
+"""From ``ingest``: the folders ``source`` and ``truth``; ``load``, what the rod worked against; ``oil_temperature``,
+whether estimators take it."""
 FILTERS_FILE = SIGNALS_FOLDER / "filters.json"
 """From ``filter``: the ``method`` that smoothed the signals, and the settings of every method."""
+IDENTIFIED_FILE = Path("data/processed/identified.json")
+"""From ``label``: load and moving mass of each session."""
 SPLIT_FILE = Path("data/processed/split.json")
 """From ``split``: the names of the recordings of each role."""
 OFFSET_FILE = Path("data/processed/offset.json")
 """From ``offset``: the sensors' offset of each session, or why none was identified."""
-TRACKER_FILE = Path("data/processed/offset_tracker.json")
-"""From ``offset``: how an estimator learns the offset while running; null where none was identified."""
+ESTIMATORS_FILE = Path("data/processed/estimators.json")
+"""From ``offset``: what every estimator is given. ``inputs``, the columns of a sample; ``position_load``, the load that
+position decides, or null; ``offset_tracker``, how the sensors' offset is learned while running, or null."""
 BEST_FILE = SEARCH_FOLDER / "best.json"
 """From ``search``: the ``design`` and the best hyperparameters of the hybrid."""
 SPACE_FILE = SEARCH_FOLDER / "space.json"

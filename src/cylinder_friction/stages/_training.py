@@ -20,11 +20,12 @@ from cylinder_friction.estimators.training_plan import Architecture, Checkpoint,
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.learning import TrainParams
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.stages._stage import CHOSEN_FILE, PROCESSED_FOLDERS, TRACKER_FILE, cylinder_from
+from cylinder_friction.stages._stage import CHOSEN_FILE, ESTIMATORS_FILE, PROCESSED_FOLDERS, cylinder_from
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -46,6 +47,8 @@ class LearningData:
     train: list[Recording]
     validation: list[Recording]
     calibration: list[Recording]
+    inputs: tuple[str, ...]  # Columns of a sample
+    position_load: PositionLoad | None  # The load that position decides; None where it does not
     tracker: OffsetTracker | None  # How an estimator learns the sensors' offset; None where none was identified
     hashes: dict[str, str]  # Content hash of each folder read, by role
 
@@ -53,9 +56,17 @@ class LearningData:
     def read(cls) -> Self:
         folders = {role: PROCESSED_FOLDERS[role] for role in ("train", "validation", "calibration")}
         train, validation, calibration = (read_recordings(folder) for folder in folders.values())
-        content = read_json(TRACKER_FILE)
-        tracker = None if content is None else OffsetTracker.from_dict(content)
-        return cls(train, validation, calibration, tracker, {role: hash_of(folder) for role, folder in folders.items()})
+        given = read_json(ESTIMATORS_FILE)
+        load, tracker = given["position_load"], given["offset_tracker"]
+        return cls(
+            train,
+            validation,
+            calibration,
+            tuple(given["inputs"]),
+            None if load is None else PositionLoad.from_dict(load),
+            None if tracker is None else OffsetTracker.from_dict(tracker),
+            {role: hash_of(folder) for role, folder in folders.items()},
+        )
 
     @property
     def calibrating(self) -> list[Recording]:
@@ -95,7 +106,7 @@ def train_hybrid(
     training = section.training
     cylinder, seeds = cylinder_from(params.cylinder), (section.seed, section.device)
     lag_s = section.lag_s if isinstance(section, TrainParams) else 0.0
-    estimator = hybrid_from(cylinder, design, chosen, training, *seeds, data.tracker, lag_s)
+    estimator = hybrid_from(cylinder, design, chosen, training, *seeds, data, lag_s)
     own = {"design": design, "seed": section.seed, "lag_s": lag_s}
     folder = resume_folder(stage, RESUMED_CODE, params.cylinder, chosen, training, data.hashes, own)
     with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch", disable=None) as bar:
@@ -145,7 +156,7 @@ def hybrid_from(
     training: TrainingParams,
     seed: int,
     device: str,
-    tracker: OffsetTracker | None,
+    data: LearningData,
     lag_s: float = 0.0,
 ) -> HybridEstimator:
     """Return an untrained hybrid.
@@ -157,7 +168,7 @@ def hybrid_from(
         training: How it is trained.
         seed: Seeds weights, dropout, batch order and the forest.
         device: ``auto``, ``cpu`` or ``cuda``.
-        tracker: How it learns the sensors' offset.
+        data: Its inputs, the load that position decides, and how it learns the sensors' offset.
         lag_s: How long after a moment its friction is estimated [s].
     """
     return HybridEstimator(
@@ -168,8 +179,10 @@ def hybrid_from(
         forest_plan(chosen, training),
         seed,
         device_from(device),
-        tracker=tracker,
+        inputs=data.inputs,
+        tracker=data.tracker,
         lag_s=lag_s,
+        position_load=data.position_load,
     )
 
 

@@ -36,7 +36,7 @@ def run(params: Params) -> RunRecord:
     paper = train_hybrid("baselines", params, settings, "paper", chosen, data)
     trees = forest_plan(chosen, settings.training)
     named: dict[str, FrictionEstimator] = dict(
-        baselines(cylinder_from(params.cylinder), forest_plan=trees, seed=settings.seed)
+        baselines(cylinder_from(params.cylinder), data.inputs, trees, settings.seed, data.position_load)
     )
     for estimator in tqdm(named.values(), desc="train baselines", unit="estimator", disable=None):
         estimator.fit(data.train).offset = data.tracker

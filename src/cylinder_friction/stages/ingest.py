@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
@@ -35,7 +35,7 @@ def run(params: Params) -> RunRecord:
     """
     refuse_unlike_load(params.ingest)
     ingested = ingest_folder(source_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE)
-    write_json(INGESTED_FILE, params.ingest.model_dump(include={"source", "truth", "load"}))
+    write_json(INGESTED_FILE, params.ingest.model_dump(include={"source", "truth", "load", "oil_temperature"}))
     tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(
         name="ingest",
@@ -47,10 +47,11 @@ def run(params: Params) -> RunRecord:
 
 
 def refuse_unlike_load(settings: IngestParams) -> None:
-    """Refuse what the stage ``label`` would refuse after all files were read.
+    """Refuse what later stages would refuse after all files were read.
 
     Raises:
-        RecordingError: A load cell is mapped that the label does not take, or the label takes one that is not mapped.
+        RecordingError: A load cell is mapped that the label does not take, or the label takes one that is not mapped;
+            or estimators are to take an oil temperature that is not mapped.
     """
     mapped, load = LOAD_FORCE in settings.channels, settings.load
     if mapped and load != "measured":
@@ -62,6 +63,11 @@ def refuse_unlike_load(settings: IngestParams) -> None:
         raise RecordingError(
             f"ingest.load is measured, but ingest.channels has no {LOAD_FORCE!r}; map the load cell's channel to it, "
             "or set ingest.load to none or position"
+        )
+    if settings.oil_temperature == "input" and OIL_TEMPERATURE not in settings.channels:
+        raise RecordingError(
+            f"ingest.oil_temperature is input, but ingest.channels has no {OIL_TEMPERATURE!r}; map the oil's "
+            "temperature to it, or set ingest.oil_temperature to recorded"
         )
 
 

@@ -25,6 +25,7 @@ from cylinder_friction.stages._stage import (
     AUDIT_FILE,
     AUDIT_FOLDER,
     FILTERS_FILE,
+    IDENTIFIED_FILE,
     INGESTED_FILE,
     LABELLED_FOLDER,
     SIGNALS_FOLDER,
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
     from cylinder_friction.params.data import LabelParams
     from cylinder_friction.recordings.checks.limits import LoadMode
     from cylinder_friction.signals.smooth_signals import SignalFilter
-
-IDENTIFIED_FILE = Path("data/processed/identified.json")
-"""Load and moving mass of each session."""
 
 NOTHING_IDENTIFIED = "the load does not depend on position, and the moving mass is given, so nothing was identified"
 

@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.load import LoadIdentification, pooled_load
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sensor_offset import OffsetPlan, fit_offset_model, zero_uncertainty_n
-from cylinder_friction.recordings.columns import PRESSURE_1, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
+    ESTIMATORS_FILE,
+    IDENTIFIED_FILE,
     INGESTED_FILE,
     LABELLED_FOLDER,
     OFFSET_FILE,
     PROCESSED_FOLDERS,
     SPLIT_FILE,
-    TRACKER_FILE,
     artifacts,
     cylinder_from,
     flat,
@@ -49,14 +51,16 @@ def run(params: Params) -> RunRecord:
     Raises:
         RecordingError: Offsets are to be identified in any case, and cannot be.
     """
-    names = read_json(SPLIT_FILE)
+    names, ingested = read_json(SPLIT_FILE), read_json(INGESTED_FILE)
+    inputs = estimator_inputs(ingested)
     recordings: dict[str, list[Recording]] = {
         role: [read_recording(LABELLED_FOLDER / f"{name}.parquet") for name in names[role]] for role in names
     }
     cylinder = cylinder_from(params.cylinder)
     sessions: list[dict[str, Any]] = []
     tracker: OffsetTracker | None = None
-    reason = "" if params.offset.identify == "always" else _left_alone(params.offset.identify, recordings, cylinder)
+    wanted = params.offset.identify
+    reason = "" if wanted == "always" else _left_alone(wanted, ingested["load"], recordings, cylinder)
     if not reason:
         plan = plan_from(params.offset)
         model = fit_offset_model(recordings["train"], cylinder, plan)
@@ -68,21 +72,41 @@ def run(params: Params) -> RunRecord:
             ]
             recordings[role] = model.corrected(own)
         if PRESSURE_1 in recordings["train"][0].table.columns and zeros_are_known(recordings["train"]):
-            tracker = fit_offset_tracker(recordings["train"], cylinder, SAMPLE_COLUMNS, plan)
+            tracker = fit_offset_tracker(recordings["train"], cylinder, inputs, plan)
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:
             for recording in recordings[role]:
                 write_recording(written, recording)
-    write_json(TRACKER_FILE, None if tracker is None else tracker.to_dict())
+    load = pooled_load(_identified_loads(recordings["train"])) if ingested["load"] == "position" else None
+    write_json(
+        ESTIMATORS_FILE,
+        {
+            "inputs": inputs,
+            "position_load": None if load is None else load.to_dict(),
+            "offset_tracker": None if tracker is None else tracker.to_dict(),
+        },
+    )
     write_json(OFFSET_FILE, {"left_alone_because": reason, "sessions": sessions})
     return RunRecord(
         name="offset",
         params=flat(params.offset),
         metrics=_metrics(sessions),
         tags={"offsets": reason or "identified"},
-        artifacts=artifacts(OFFSET_FILE, TRACKER_FILE),
+        artifacts=artifacts(OFFSET_FILE, ESTIMATORS_FILE),
         datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
     )
+
+
+def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the columns of a sample: what the label knows and can be measured in real time."""
+    load = [LOAD_FORCE] if ingested["load"] == "measured" else []
+    return (*SAMPLE_COLUMNS, *load, *([OIL_TEMPERATURE] if ingested["oil_temperature"] == "input" else []))
+
+
+def _identified_loads(train: Sequence[Recording]) -> list[LoadIdentification]:
+    identified = read_json(IDENTIFIED_FILE)
+    sessions = sorted({recording.metadata.session for recording in train})
+    return [LoadIdentification.from_dict(identified[session]["load"]) for session in sessions]
 
 
 def plan_from(settings: OffsetParams) -> OffsetPlan:
@@ -90,11 +114,10 @@ def plan_from(settings: OffsetParams) -> OffsetPlan:
     return OffsetPlan(**settings.model_dump(exclude={"identify"}))
 
 
-def _left_alone(wanted: str, recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder) -> str:
+def _left_alone(wanted: str, load: str, recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder) -> str:
     """Return why no offsets are identified, empty where they are."""
     if wanted == "never":
         return "offset.identify is never"
-    load = read_json(INGESTED_FILE)["load"]
     if load != "none":
         return LOADED[load]
     every = [recording for own in recordings.values() for recording in own]

@@ -10,6 +10,7 @@ from tqdm import tqdm
 from cylinder_friction.estimators.front_end import feature_count
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
+from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.run_record import RunRecord
@@ -26,6 +27,8 @@ from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_s
 from cylinder_friction.tuning.space import SearchSpace
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import SearchParams
     from cylinder_friction.tuning.search import Value
@@ -45,7 +48,7 @@ def run(params: Params) -> RunRecord:
 
     def objective(values: dict[str, Value], report: Report) -> float:
         seeds = (settings.seed, settings.device)
-        estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, *seeds, data.tracker)
+        estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, *seeds, data)
 
         def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
             bar.update(1)
@@ -60,9 +63,10 @@ def run(params: Params) -> RunRecord:
         finished.append(trial)
         bar.update(len(finished) * epochs - bar.n)
 
+    channels = data.inputs if data.position_load is None else (*data.inputs, LOAD_FORCE)
     plan = SearchPlan(settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds)
     space = SearchSpace(**{key: tuple(value) for key, value in settings.space.model_dump().items()})
-    trials = run_search(space, plan, lambda values: _cost(settings, values), objective, journal, after_trial)
+    trials = run_search(space, plan, lambda values: _cost(settings, values, channels), objective, journal, after_trial)
     bar.close()
     best = best_trial(trials)
     with whole_folder(SEARCH_FOLDER) as folder:
@@ -82,8 +86,9 @@ def run(params: Params) -> RunRecord:
     )
 
 
-def _cost(settings: SearchParams, values: dict[str, Value]) -> int:
-    network = lstm_multiply_adds(int(values["layers"]), int(values["nodes"]), feature_count(settings.hybrid))
+def _cost(settings: SearchParams, values: dict[str, Value], channels: Sequence[str]) -> int:
+    features = feature_count(settings.hybrid, channels)
+    network = lstm_multiply_adds(int(values["layers"]), int(values["nodes"]), features)
     return network + int(values["forest_trees"]) * int(values["forest_depth"])
 
 

@@ -31,6 +31,7 @@ BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4}
 GUARD_OPERATIONS = 40
 LIMIT_OPERATIONS = 3
 HISTORY_OPERATIONS = 60
+LOAD_OPERATIONS = 10
 
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -163,7 +164,8 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         operations += 4 + (_feature_operations(step, bank) if learned else 0)
         operations += 0 if step.network is None else network_operations(step.network, head)
         operations += 0 if forest is None else forest.operations()
-    operations += 0 if step.offset is None else offset_operations(bank, len(columns))
+    operations += 0 if step.position_load is None else LOAD_OPERATIONS
+    operations += 0 if step.offset is None else offset_operations(bank, len(step.channels))
     smooth = None if history is None else bank.feature[history.position_feature]
     begins = {} if smooth is None else {"backlash_centre_m": smooth, "moved_from_m": smooth}
     inputs = described_inputs(columns)
@@ -176,6 +178,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         "kind": kind,
         "model": step,
         "inputs": inputs,
+        "load": step.position_load,
         "flags": flag_meanings(step),
         "fields": fields,
         "state_bytes": sum(field.bytes for field in fields),
@@ -247,10 +250,12 @@ def state_fields(
     model: StepModel, bank: FilterBank, lugre: bool, history: History | None, real: Type
 ) -> Sequence[StateField]:
     """Return all that an instance remembers, zero after a reset; widest types first, so that none needs padding."""
-    inputs, pressures = len(model.inputs), len(model.pressures)
+    channels, pressures = len(model.channels), len(model.pressures)
     fields = [
-        StateField(real, "window", (inputs, 2 * bank.lags), "last samples of each input, newest at cursor, kept twice"),
-        StateField(real, "held", (inputs,), "last valid value of each input"),
+        StateField(
+            real, "window", (channels, 2 * bank.lags), "last samples of each channel, newest at cursor, kept twice"
+        ),
+        StateField(real, "held", (channels,), "last valid value of each channel"),
         StateField(real, "constant_from_m", (pressures,), "position at which each pressure last changed"),
         StateField("uint32_t", "cursor", (), "where the newest sample is"),
         StateField("uint32_t", "ready", (), "1 once a sample was valid in all inputs"),
@@ -285,20 +290,20 @@ def state_fields(
             StateField("uint32_t", "dwell_before_steps", (), "steps at rest before this motion"),
         ]
     if model.offset is not None:
-        fields += _offset_fields(inputs, real)
+        fields += _offset_fields(channels, real)
     fields = sorted((field for field in fields if field.bytes), key=lambda field: -BYTES[field.type])
     if any(BYTES[field.type] == 8 for field in fields) and sum(field.bytes for field in fields) % 8:
         fields.append(StateField("uint32_t", "unused", (), "rounds the size to a multiple of 8"))
     return fields
 
 
-def _offset_fields(inputs: int, real: Type) -> list[StateField]:
+def _offset_fields(channels: int, real: Type) -> list[StateField]:
     """Return what an instance remembers of the sensors' offset."""
     return [
         StateField(real, "own", (OWN,), "offset, asymmetry, scale, slope and the stroke's error of this session"),
         StateField(real, "own_covariance", (OWN, OWN), "their covariance"),
         StateField(real, "level_n", (), "friction's level in the first block"),
-        StateField(real, "block_sums", (inputs,), "sum of each input over this block"),
+        StateField(real, "block_sums", (channels,), "sum of each channel over this block"),
         StateField(real, "block_velocity_m_s", (), "the same of the velocity"),
         StateField(real, "block_first_m_s", (), "velocity at this block's first sample"),
         StateField("uint32_t", "block_samples", (), "samples in this block so far"),

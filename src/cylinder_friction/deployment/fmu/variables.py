@@ -73,10 +73,12 @@ def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
     """Return the variables; a variable's place in the tuple is its value reference."""
     holds = model.bounds.in_words()
     earlier = f", {1e3 * model.lag_s:g} ms earlier" if model.lag_s > 0.0 else ""
+    load = "" if model.position_load is None else f"; {model.position_load.in_words()}"
     warm_up = "For how many steps the samples set before the simulation starts have stood already; 0: not at all"
     step = "Time between two samples: the only communication step size that is taken"
     estimates = {
-        "friction": f"Friction, positive when it opposes positive velocity, of the sample set before the step{earlier}",
+        "friction": "Friction, positive when it opposes positive velocity, of the sample set before the "
+        f"step{earlier}{load}",
         "friction_lower": f"Lower bound of friction: {holds}",
         "friction_upper": f"Upper bound of friction: {holds}",
     }

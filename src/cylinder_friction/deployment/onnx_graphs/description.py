@@ -50,6 +50,7 @@ def described(model: StepModel) -> dict[str, str]:
         "lag_s": repr(float(model.lag_s)),
         "input": input_text(model),
         "output": json.dumps(outputs_of(model)),
+        **({} if model.position_load is None else {"position_load": model.position_load.in_words()}),
         "training_range_with_margin": _ranges(model.inputs, guard.trained_lower, guard.trained_upper),
         "accepted_range": _ranges(model.inputs, guard.accept_lower, guard.accept_upper),
         "bounds_probability": repr(float(model.bounds.probability)),

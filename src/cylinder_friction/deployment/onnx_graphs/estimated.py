@@ -29,15 +29,15 @@ def filtered(graph: Graph, model: StepModel, rows: Rows) -> None:
     pressure. The last two have taps of 1 and -1 only, and come out exact. Where the sensors' offset is learned, it is
     still in the first two, which are one tensor, ``measured``; ``strokes_m_s`` is the velocity there and back again.
     """
-    lags, inputs = rows.lags, len(model.inputs)
-    one = np.eye(inputs)
+    lags, channels = rows.lags, len(model.channels)
+    one = np.eye(channels)
     changes = [np.stack([one[place], -one[place]], axis=1) for place in (*model.pressures, model.position)]
     positions = [one[model.position][:, None]] * len(model.pressures)
     speeds = [sign * model.velocity_taps for sign in (1.0, -1.0, 1.0, -1.0)]
     strokes = [] if model.offset is None else speeds[:2]
     bank = [*model.feature_taps, model.base_taps, *speeds, *strokes, *changes, *positions]
     taps = np.stack([np.pad(each, ((0, 0), (0, lags - each.shape[1]))) for each in bank])
-    newest_first = taps.transpose(2, 1, 0).reshape(inputs * lags, len(bank))
+    newest_first = taps.transpose(2, 1, 0).reshape(channels * lags, len(bank))
     graph.add("MatMul", rows.window, graph.constant(newest_first), to="filtered")
     features = len(model.feature_taps)
     widths = {"raw_features": features, "base_n": 1} if model.offset is None else {"measured": features + 1}

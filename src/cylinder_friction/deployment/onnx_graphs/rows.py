@@ -23,15 +23,17 @@ class Rows(Protocol):
 
     Attributes:
         sample: The sensors' values, invalid ones replaced by the last valid ones, shape ``(n, inputs)``.
+        channels: The same with the load that position decides, where the model has one, shape ``(n, channels)``.
         accepted: Which of them are the sensors' own, shape ``(n, inputs)``.
         clock: Steps since the first valid sample, that one included, shape ``(n, 1)``.
-        window: The last samples, newest first, shape ``(n, inputs · lags)``.
+        window: The last channels, newest first, shape ``(n, channels · lags)``.
         never: False in every row, shape ``(n, 1)``.
         single: Whether there is one row whose state goes in and out.
         lags: How many samples make a window.
     """
 
     sample: str
+    channels: str
     accepted: str
     clock: str
     window: str

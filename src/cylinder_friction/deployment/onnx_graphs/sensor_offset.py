@@ -40,17 +40,17 @@ def block_rows(tracker: OffsetTracker) -> int:
 
 
 def block_taps(model: StepModel, tracker: OffsetTracker) -> Array:
-    """Return filters that make ``AVERAGES`` at a block's end but for constants, shape ``(6, inputs, lags)``."""
+    """Return filters that make ``AVERAGES`` at a block's end but for constants, shape ``(6, channels, lags)``."""
     rows, settings, velocity = block_rows(tracker), tracker.settings, model.velocity_taps
     lags = rows + velocity.shape[1] - 1
-    taps = np.zeros((len(AVERAGES), len(model.inputs), lags))
+    taps = np.zeros((len(AVERAGES), len(model.channels), lags))
     sums = tracker.weights / rows
     pressure = sums[at.PRESSURE]
     taps[:, :, :rows] = np.stack(
         [
             sums[at.BALANCE] - settings[at.EVEN_PRESSURE] * pressure,
             *(pressure, np.zeros_like(pressure), sums[at.LOAD], sums[at.WARM]),
-            2.0 / _span_m(tracker) / rows * (np.arange(len(model.inputs)) == model.position),
+            2.0 / _span_m(tracker) / rows * (np.arange(len(model.channels)) == model.position),
         ]
     )[:, :, None]
     for lag in range(rows):
@@ -62,7 +62,7 @@ def block_taps(model: StepModel, tracker: OffsetTracker) -> Array:
 
 
 def averaged(graph: Graph, model: StepModel, tracker: OffsetTracker, window: str, lags: int, to: str) -> str:
-    """Return ``AVERAGES``, shape ``(n, 6)``, from each block's samples up to its end, shape ``(n, inputs · lags)``."""
+    """Return ``AVERAGES``, shape ``(n, 6)``, from each block's last samples, shape ``(n, channels · lags)``."""
     taps, settings = block_taps(model, tracker), tracker.settings
     taps = np.pad(taps, ((0, 0), (0, 0), (0, lags - taps.shape[2])))
     middle = (settings[at.FIRST_POSITION] + settings[at.LAST_POSITION]) / _span_m(tracker)

@@ -10,6 +10,7 @@ from cylinder_friction.deployment.onnx_graphs.description import OUTPUTS, descri
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.history import history_rows
+from cylinder_friction.deployment.onnx_graphs.position_load import with_load
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO, Rows
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
@@ -65,6 +66,7 @@ class SequenceRows:
         self._graph, self._model, self.lags = graph, model, lags_of(model)
         self._begin(validity)
         self._hold()
+        self.channels = with_load(graph, model, self.sample)
         self._windows(self.lags)
 
     def latest(self, what: str, values: str, fresh: str) -> str:
@@ -131,9 +133,9 @@ class SequenceRows:
     def _windows(self, lags: int) -> None:
         """Make each row's last samples, newest first, as if the first had always been there."""
         graph = self._graph
-        graph.add("Slice", self.sample, *(graph.indices(at) for at in (0, 1, 0)), to="first_sample")
-        graph.add("Expand", "first_sample", graph.indices(lags - 1, len(self._model.inputs)), to="always")
-        graph.add("Concat", "always", self.sample, to="extended", axis=0)
+        graph.add("Slice", self.channels, *(graph.indices(at) for at in (0, 1, 0)), to="first_sample")
+        graph.add("Expand", "first_sample", graph.indices(lags - 1, len(self._model.channels)), to="always")
+        graph.add("Concat", "always", self.channels, to="extended", axis=0)
         shifted = []
         for lag in range(lags):
             bounds = (lags - 1 - lag, -lag if lag else LAST, 0)
@@ -197,8 +199,8 @@ def _blocks(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: Rows, 
     graph.cast(clock, "rows_to_last", TensorProto.INT64)
     graph.add("Sub", "rows_to_last", graph.constant(np.arange(1, lags + 1)[None], np.int64), to="rows_of_blocks")
     graph.add("Max", "rows_of_blocks", graph.indices(0), to="samples_of_blocks")  # the first had always been there
-    graph.add("Gather", rows.sample, "samples_of_blocks", to="every_window", axis=0)
-    window = graph.add("Reshape", "every_window", graph.indices(-1, lags * len(model.inputs)), to="windows_of_blocks")
+    graph.add("Gather", rows.channels, "samples_of_blocks", to="every_window", axis=0)
+    window = graph.add("Reshape", "every_window", graph.indices(-1, lags * len(model.channels)), to="windows_of_blocks")
     averages = learning.averaged(graph, model, tracker, window, lags, "averages")
     learning.explained(graph, tracker, averages, "explained")
     return graph.add("Concat", "explained", "first_and_clock_of_blocks", to="blocks_found", axis=1)

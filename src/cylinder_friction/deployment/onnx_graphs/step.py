@@ -10,6 +10,7 @@ from cylinder_friction.deployment.onnx_graphs.description import described, inpu
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.history import STATE, begin_history, history_step
+from cylinder_friction.deployment.onnx_graphs.position_load import with_load
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION, FAR, HAPPENED_AT, LONG_AGO, Rows
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
@@ -55,7 +56,7 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
 class StepRows:
     """One row, whose past lies in ``memory``.
 
-    Memory, as doubles: the last samples (newest first, one number per input each), ``CHANGED_AT``, ``HAPPENED_AT``,
+    Memory, as doubles: the last samples (newest first, one number per channel each), ``CHANGED_AT``, ``HAPPENED_AT``,
     direction, clock, the state of the history where the model has one, and 1 once a valid sample has come. While that
     is 0, the rest means nothing.
     """
@@ -69,8 +70,8 @@ class StepRows:
         self._graph, self._model = graph, model
         block_lags = 0 if model.offset is None else learning.block_taps(model, model.offset).shape[2]
         self.lags = max(lags_of(model), block_lags)
-        inputs, past = len(model.inputs), (self.lags - 1) * len(model.inputs)
-        lengths = {"past": past, "oldest": inputs, CHANGED_AT: len(model.pressures) + 1, HAPPENED_AT: 3}
+        channels, past = len(model.channels), (self.lags - 1) * len(model.channels)
+        lengths = {"past": past, "oldest": channels, CHANGED_AT: len(model.pressures) + 1, HAPPENED_AT: 3}
         lengths |= {DIRECTION: 1, "clock": 1, "history": 0 if model.history is None else len(STATE), "ready": 1}
         self._lengths = {name: length for name, length in lengths.items() if length}
         self.size = sum(lengths.values())
@@ -107,23 +108,24 @@ class StepRows:
 
     def _begin(self, validity: Validity) -> None:
         """Hold invalid values; at the first valid sample, make a memory as if it had always been there."""
-        graph, inputs = self._graph, len(self._model.inputs)
+        graph, inputs, channels = self._graph, len(self._model.inputs), len(self._model.channels)
         graph.add("Gather", "memory", graph.indices(self.size - 1), to="ready_number", axis=1)
         graph.cast("ready_number", "ready", TensorProto.BOOL)
         graph.add("Or", "ready", validity.valid, to="running")
         graph.cast("running", "running_number", TensorProto.DOUBLE)
         graph.add("Gather", "memory", graph.indices(*range(inputs)), to="held", axis=1)
         graph.add("Where", validity.accepted, "sample", "held", to="clean")
-        graph.add("Concat", "clean", graph.constant([[0.0, LONG_AGO]]), to="beginnings", axis=1)
-        position, zero, never = self._model.position, inputs, inputs + 1
-        begun = [*range(inputs)] * self.lags
+        self.channels = with_load(graph, self._model, self.sample)
+        graph.add("Concat", self.channels, graph.constant([[0.0, LONG_AGO]]), to="beginnings", axis=1)
+        position, zero, never = self._model.position, channels, channels + 1
+        begun = [*range(channels)] * self.lags
         begun += [*[position] * len(self._model.pressures), zero, never, never, zero]
         begun += [zero] * (self.size - len(begun))
         graph.add("Gather", "beginnings", graph.indices(*begun), to="memory_at_first", axis=1)
         graph.add("Where", "ready", "memory", "memory_at_first", to="memory_before")
         graph.split("memory_before", {f"{name}_before": length for name, length in self._lengths.items()})
         graph.add("Add", "clock_before", graph.constant([[1.0]]), to="clock")
-        graph.add("Concat", "clean", "past_before", to="window", axis=1)
+        graph.add("Concat", self.channels, "past_before", to="window", axis=1)
 
 
 OFFSET_STATE = {

@@ -1,0 +1,95 @@
+"""A load in the force balance, measured or decided by position: every runtime knows it and learns the offset beside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from contracts.runtimes import Runtime, all_runtimes, run
+from contracts.tolerances import TOLERANCES_N
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.position_load import PositionLoad
+from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.testing.golden import Trajectory, trace
+from learned_offset import SPREAD_N, made_tracker
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.realtime.model import StepModel
+    from cylinder_friction.recordings.recording import Recording
+
+PLACES = np.linspace(0.02, 0.23, 40)
+LOAD = PositionLoad(0.02, 0.23, 800.0 * np.sin(30.0 * PLACES), np.full(40, 5.0))
+KINDS = ("measured", "position")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A step model that knows the load, with what the reference gives where sensors are off by 60 N together."""
+
+    model: StepModel
+    expected: Trajectory
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def case(request: pytest.FixtureRequest, cylinder: Cylinder, labelled_recordings: list[Recording]) -> Case:
+    """Recordings whose piston side carries a load of up to 800 N besides; at times a sensor gives nothing."""
+    measured = request.param == "measured"
+    loaded = []
+    for recording in labelled_recordings[:4]:
+        load_n = LOAD.at(recording.column("position_m"))
+        if measured:
+            load_n = 800.0 * np.sin(1.3 * recording.column("time_s"))
+        pressure_pa = recording.column("pressure_1_pa") + load_n / cylinder.piston_area_m2
+        loaded.append(recording.with_columns(load_force_n=load_n, pressure_1_pa=pressure_pa))
+    inputs = (*SAMPLE_COLUMNS, LOAD_FORCE) if measured else SAMPLE_COLUMNS
+    hybrid = HybridEstimator(
+        cylinder,
+        "force_balance",
+        Architecture(1, 8, 0.0, 1e-3),
+        TrainingPlan(2, 2, 200, 20, 4),
+        None,
+        inputs=inputs,
+        position_load=None if measured else LOAD,
+    )
+    found = hybrid.fit(loaded).step_model()
+    model = replace(found, offset=made_tracker((-1.01,)), bounds=replace(found.bounds, spread_n=SPREAD_N))
+    samples = np.concatenate([recording.samples(inputs) for recording in loaded])[:6000]
+    samples[:, 0] += 60.0 / cylinder.piston_area_m2
+    samples[3000:3010, -1], samples[4000, -1] = np.nan, 1e6
+    return Case(model, trace(model, samples))
+
+
+@pytest.mark.parametrize("runtime", all_runtimes(), ids=lambda runtime: runtime.name)
+def test_it_takes_the_load_off_and_learns_the_sensors_offset(runtime: Runtime, case: Case, tmp_path: Path) -> None:
+    newtons, flags = run(runtime.open(case.model, tmp_path), case.expected.samples)
+    np.testing.assert_array_equal(flags, case.expected.flags)
+    np.testing.assert_allclose(newtons, case.expected.newtons, rtol=0.0, atol=TOLERANCES_N[runtime.name])
+
+
+def test_the_reference_learns_it(case: Case) -> None:
+    """Estimates move by most of the 60 N, and what is none is flagged and held."""
+    blind = trace(replace(case.model, offset=None), case.expected.samples)
+    learned_n = (blind.newtons - case.expected.newtons)[:, 0]
+    assert learned_n[0] == 0.0
+    assert learned_n[-500:].mean() == pytest.approx(60.0, abs=35.0)
+    invalid = (case.expected.flags & (Flag.INVALID_OTHER | Flag.INVALID_POSITION)) != 0
+    assert np.flatnonzero(invalid).tolist() == [*range(3000, 3010), 4000]
+    assert np.isfinite(case.expected.newtons).all()
+
+
+def test_without_the_load_it_would_count_as_friction(case: Case) -> None:
+    if case.model.position_load is not None:
+        blind = replace(case.model.position_load, load_n=0.0 * LOAD.load_n)
+        model, samples = replace(case.model, position_load=blind), case.expected.samples
+    else:
+        model, samples = case.model, case.expected.samples * np.array([1.0, 1.0, 1.0, 0.0])
+    off_n = np.abs(trace(model, samples[:2000]).newtons - case.expected.newtons[:2000])[:, 0]
+    assert off_n.mean() > 200.0
