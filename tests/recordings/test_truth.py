@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,16 @@ def test_truth_is_read_where_it_is(tmp_path: Path, labelled_recordings: list[Rec
     truth = read_truth(tmp_path, recording)
     assert truth is not None
     np.testing.assert_array_equal(truth["friction_n"], recording.column("friction_n"))
+
+
+def test_the_truth_of_a_piece_is_its_own(tmp_path: Path, labelled_recordings: list[Recording]) -> None:
+    """Ingest may leave out rows at either end, for example where a sensor is late."""
+    recording = labelled_recordings[0]
+    recording.table.to_parquet(tmp_path / f"{recording.name}.parquet")
+    piece = replace(recording, table=recording.table[4:-7].reset_index(drop=True))
+    truth = read_truth(tmp_path, piece)
+    assert truth is not None
+    np.testing.assert_array_equal(truth["friction_n"], piece.column("friction_n"))
 
 
 @pytest.mark.parametrize("what", ["column", "rows", "times"])

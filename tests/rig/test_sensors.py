@@ -123,6 +123,17 @@ def test_thermometer_and_load_cell_take_no_random_number_from_the_others() -> No
     pd.testing.assert_frame_equal(plain.iloc[:, :4], with_cell.iloc[:, :4], check_exact=True)
 
 
+def test_the_load_cell_is_as_late_as_its_amplifier() -> None:
+    trace = still()
+    trace["load_force_n"] = 1e3 * np.sin(5.0 * trace["time_s"])
+    prompt, late = (
+        measure(replace(SILENT, load_delay_s=delay_s), trace, np.random.default_rng(0), load_cell=True)
+        for delay_s in (0.0, 0.02)
+    )
+    np.testing.assert_allclose(late[LOAD_COLUMN][10:], prompt[LOAD_COLUMN].shift(4)[10:], atol=5000.0 / 2048)
+    assert late["P1 [bar]"].equals(prompt["P1 [bar]"])
+
+
 def test_the_load_cell_keeps_within_its_accuracy_and_its_range() -> None:
     worst = replace(SILENT, load_offset_n=7.0, load_gain=1.001)
     trace = still()

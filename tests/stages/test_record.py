@@ -31,6 +31,7 @@ SETTINGS: dict[str, Any] = {
     "asymmetry_sd": 0.0,
     "fault": "none",
     "external_load": "none",
+    "load_delay_s": 0.0,
     "specimen": "default",
 }
 

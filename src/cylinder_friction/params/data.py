@@ -36,6 +36,7 @@ class RecordParams(Section):
     asymmetry_sd: NotNegative
     fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
     external_load: Literal["none", "varied", "boom"]
+    load_delay_s: NotNegative
     specimen: Literal["default", "wide"]
 
     @field_validator("duration_s", "sample_time_s")

@@ -29,6 +29,8 @@ def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
     if missing:
         raise RecordingError(f"{path}: column {missing[0]!r} is missing; got columns {list(truth.columns)}")
     time_s = recording.column("time_s")
+    begins = int(np.searchsorted(truth["time_s"], time_s[0] - 0.5 * recording.sample_time_s))
+    truth = truth.iloc[begins : begins + len(time_s)].reset_index(drop=True)
     if len(truth) != len(time_s):
         raise RecordingError(f"{path}: has {len(truth)} rows, but recording {recording.name!r} has {len(time_s)}")
     late = np.abs(truth["time_s"].to_numpy() - time_s) > 0.5 * recording.sample_time_s

@@ -78,6 +78,7 @@ class CampaignPlan:
     # ``"none"``; ``"varied"``, a load cell and forces on the rod that change within a recording; or ``"boom"``, one
     # crane without a load cell, whose load depends on position alone
     external_load: Literal["none", "varied", "boom"] = "none"
+    load_delay_s: float = 0.0  # How late the load cell is, whole milliseconds [s]
     # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
     specimen: Literal["default", "wide"] = "default"
 
@@ -99,7 +100,8 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     refuse_unknown("specimen", plan.specimen, SPECIMENS)
     specimen = SPECIMENS[plan.specimen](default_rig(cylinder, plan.supply), _generator(plan, 0, 0, 0))
     specimen = with_fault(specimen, plan.fault)
-    specimen = replace(specimen, sensors=replace(specimen.sensors, sample_time_s=plan.sample_time_s))
+    sensors = replace(specimen.sensors, sample_time_s=plan.sample_time_s, load_delay_s=plan.load_delay_s)
+    specimen = replace(specimen, sensors=sensors)
     if plan.external_load != "none":
         # A load that pulls would draw a vacuum; circuits for such loads have anti-cavitation valves.
         specimen = replace(specimen, hydraulics=replace(specimen.hydraulics, makeup_gain=MAKEUP_GAIN))

@@ -125,6 +125,7 @@ class SensorParameters:
     load_noise_n: float = 2.0  # Root mean square [N]
     load_offset_n: float = 0.0  # What is left after taring [N]; together with the gain within ±0.1 % of both ranges
     load_gain: float = 1.0  # 1 when calibrated [-]
+    load_delay_s: float = 0.0  # Of the load cell's amplifier, a digital filter [s]
 
 
 @dataclass(frozen=True)

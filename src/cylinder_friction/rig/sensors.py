@@ -62,7 +62,8 @@ def measure(
     columns[LOGGER_COLUMNS[3]] = _converted(seen_m, span_m, sensors.bits, -UNDER_RANGE * span_m) / MM
     columns[LOGGER_COLUMNS[4]] = _thermometer(sensors, trace, log_step_s, stride, generator)
     if load_cell:
-        true_n = trace["load_force_n"].to_numpy()
+        rows = np.arange(len(trace)) - round(sensors.load_delay_s / log_step_s)
+        true_n = trace["load_force_n"].to_numpy()[np.maximum(rows, 0)]
         seen_n = _anti_alias(true_n, log_step_s, sensors.anti_alias_hz)[::stride] * sensors.load_gain
         seen_n += sensors.load_offset_n + generator.normal(0.0, sensors.load_noise_n, len(time_s))
         columns[LOAD_COLUMN] = _converted(seen_n, sensors.load_span_n, sensors.bits - 1, -sensors.load_span_n)

@@ -219,6 +219,23 @@ def test_a_real_crane_passes_every_check(crane_tables: dict[str, pd.DataFrame]) 
         assert {finding.outcome for finding in inspect_recording(table, limits, 0.01)} == {"ok"}
 
 
+@pytest.mark.parametrize(("noise_n", "outcome"), [(2.0, "refused"), (0.0, "ok")])
+def test_a_load_cell_whose_noise_ceases_for_a_long_travel_is_stuck(noise_n: float, outcome: str) -> None:
+    """One without noise may well stand still: a weight is constant."""
+    load_n = np.where(np.arange(2000) < 1000, 300.0, 500.0)
+    load_n += noise_n * np.random.default_rng(0).standard_normal(2000)
+    load_n[600:1100] = load_n[600]
+    findings = inspect_recording(forced().assign(load_force_n=load_n), replace(LIMITS, load="measured"), SAMPLE_TIME_S)
+    (finding,) = (each for each in findings if each.check == "load_stuck")
+    assert finding.outcome == outcome
+    if outcome == "refused":
+        assert finding.text == (
+            f"load_force_n stays at exactly {load_n[600]:.6g} N from row 601 to row 1100 while the piston travels "
+            "0.114 m, and changes from row to row elsewhere; the load cell or its amplifier was stuck; cut the log "
+            "there"
+        )
+
+
 def test_what_is_noted_goes_with_the_recording() -> None:
     table = forced().assign(load_force_n=0.0)
     limits = replace(LIMITS, load="measured")

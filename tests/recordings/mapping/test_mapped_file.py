@@ -13,6 +13,8 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.mapping.sensor import SensorScale
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.timeline.aligning import align
+from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 MAPPING = {
     "time_s": ChannelMapping("t", "ms"),
@@ -51,6 +53,23 @@ def test_seconds_and_pascals_pass_untouched() -> None:
     signal = map_signals([logged(t=time_s, a=pressure_pa)], mapping).signals["pressure_1_pa"]
     np.testing.assert_array_equal(signal.time_s, time_s)
     np.testing.assert_array_equal(signal.values, pressure_pa)
+
+
+@pytest.mark.parametrize(("delay_s", "first"), [(0.02, 0), (0.0125, 1)])
+def test_a_sensor_of_a_stated_delay_is_moved_and_the_others_are_not(delay_s: float, first: int) -> None:
+    """The load cell shows a sine late; what is logged beside it stays as it was, sample by sample."""
+    time_s = 0.005 * np.arange(2000)
+    late = 10.0 * np.sin(3.0 * (time_s - delay_s))
+    cell = ChannelMapping("f", "N", sensor=SensorScale((-100.0, 100.0), "N", delay_s=delay_s))
+    others = {name: np.cos(5.0 * time_s) for name in "abx"}
+    mapped = map_signals([table("", t=1e3 * time_s, f=late, **others)], MAPPING | {"load_force_n": cell})
+    assert mapped.notes == (f"load_force_n: moved {1e3 * delay_s:g} ms earlier, the delay stated for its sensor",)
+    (piece,) = align(mapped.signals, TimeRules())
+    found = piece.table
+    assert len(found) == len(time_s) - 4
+    np.testing.assert_allclose(found["time_s"], time_s[first:][: len(found)], atol=1e-9)
+    np.testing.assert_allclose(found["load_force_n"], 10.0 * np.sin(3.0 * found["time_s"]), atol=2e-3)
+    np.testing.assert_array_equal(found["pressure_1_pa"], 1e5 * others["a"][first:][: len(found)])
 
 
 FAST = {"t": np.arange(6) * 5.0, "a": np.ones(6), "b": np.ones(6)}

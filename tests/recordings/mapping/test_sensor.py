@@ -48,6 +48,7 @@ def test_channel_that_is_scaled_already_passes_untouched() -> None:
         ({"bits": 0}, "bits must be 1 to 32, but got 0"),
         ({"accuracy_percent": -0.5}, "accuracy_percent must be 0 to 100 .* but got -0.5"),
         ({"accuracy_percent": 0.5, "zero_uncertainty": -1.0}, "zero_uncertainty must not be negative, but got -1.0"),
+        ({"delay_s": -0.02}, "delay_s must not be negative, but got -0.02"),
         ({"zero_uncertainty": 0.1}, "zero_uncertainty needs accuracy_percent"),
     ],
 )

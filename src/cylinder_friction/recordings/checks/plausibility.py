@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import DRIVE_FORCE
+from cylinder_friction.recordings.checks.load_delay import check_load_delay, load_delay
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES
 
 HALF_WINDOW_S = 0.05  # velocity is the difference over twice this time
 ROWS = 5_000  # rows used at most, spread evenly: more do not make the result more certain
@@ -79,7 +80,7 @@ def check_friction(
     areas_m2: tuple[float, float] | None,
     load: LoadMode = "none",
 ) -> list[Finding]:
-    """Return the findings ``direction`` (swapped, inverted) and ``friction_size`` (unit of the pressures).
+    """Return the findings ``direction`` (swapped, inverted), ``friction_size`` (unit of the pressures), ``load_delay``.
 
     Refuses only what is clear: friction that drives the motion, or signals that balance far better the other way round.
     What could also be an unstated load or offset is noted.
@@ -108,7 +109,14 @@ def check_friction(
     drive, exchanged = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
     as_is, swapped, turned = _balances(motion, position, [drive - load_n, exchanged - load_n, drive + load_n])
     direction = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
-    return [direction] if direction.outcome == "refused" else [direction, _size(as_is, areas_m2)]
+    if direction.outcome == "refused":
+        return [direction]
+    findings = [direction, _size(as_is, areas_m2)]
+    if load == "measured":
+        p1, p2, load_n = (table[name].to_numpy(dtype=np.float64) for name in (*PRESSURES, LOAD_FORCE))
+        delay = load_delay(p1 * a1 - p2 * a2, load_n, motion.rows, motion.direction, sample_time_s)
+        findings.append(check_load_delay(delay))
+    return findings
 
 
 def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> ClearMotion:

@@ -10,13 +10,14 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding, spoken
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import check_friction
-from cylinder_friction.recordings.columns import DRIVE_FORCE, PRESSURES, REQUIRED_COLUMNS, missing_columns
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, REQUIRED_COLUMNS, missing_columns
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 
 HELD_S = 0.1  # A position that does not change for this long is at rest, or held by a logger that got no new sample
 HELD_JUMP = 10.0  # a held position that continues with a step this many times the usual ones was not at rest
+NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows noise, and never stays constant for long
 PLACES = 8192  # steps at most from which the usual one is estimated
 
 
@@ -43,7 +44,8 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
     both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
-    ``load_alive``; ``direction`` and ``friction_size``. The last two need signals that passed and known areas.
+    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three need signals
+    that passed and known areas.
     """
     return list(_findings(table, limits, sample_time_s))
 
@@ -135,8 +137,8 @@ def _of_signals(columns: dict[str, Array], limits: CheckLimits, sample_time_s: f
             "twice or mapped twice; correct the mapping",
         )
         yield _unit_plausible(seen, limits)
-    if limits.load == "measured" and "load_force_n" in columns:
-        yield _load_alive(seen["load_force_n"])
+    if limits.load == "measured" and LOAD_FORCE in columns:
+        yield from _of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits)
 
 
 def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
@@ -256,8 +258,20 @@ def _unit_plausible(seen: dict[str, _Survey], limits: CheckLimits) -> Finding:
     )
 
 
-def _load_alive(seen: _Survey) -> Finding:
-    if seen.span > 0.0:
-        return Finding("load_alive", "ok", f"load_force_n changes by {spoken('load_force_n', seen.span)}")
-    text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
-    return Finding("load_alive", "noted", text)
+def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
+    """Check that a load cell changes; unlike a pressure it may stay constant, unless its noise ceases."""
+    if seen.span == 0.0:
+        text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
+        yield Finding("load_alive", "noted", text)
+        return
+    yield Finding("load_alive", "ok", f"load_force_n changes by {spoken(LOAD_FORCE, seen.span)}")
+    elsewhere = len(load_n) - (seen.stuck_to - seen.stuck_from)
+    noisy = np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * elsewhere
+    yield Finding.of(
+        "load_stuck",
+        not noisy or seen.stuck_travel_m <= limits.stuck_travel * limits.stroke_m,
+        f"load_force_n stays exactly constant over {seen.stuck_travel_m:.3g} m of travel at most",
+        f"load_force_n stays at exactly {seen.stuck_at:.6g} N from row {seen.stuck_from + 1} to row {seen.stuck_to} "
+        f"while the piston travels {seen.stuck_travel_m:.3g} m, and changes from row to row elsewhere; the load cell "
+        "or its amplifier was stuck; cut the log there",
+    )

@@ -140,7 +140,24 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
+    notes += _take_delays(signals, mapping)
     return MappedFile(signals, tuple(notes))
+
+
+def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
+    """Move the stamps of sensors of a stated delay; returns a note for each. Those of one clock keep one array."""
+    notes = []
+    earlier: dict[tuple[int, float], Array] = {}
+    for column, signal in signals.items():
+        sensor, time_s = mapping[column].sensor, signal.time_s
+        if sensor is None or sensor.delay_s == 0.0:
+            continue
+        moved_s = time_s - sensor.delay_s
+        begins = int(np.argmax(moved_s >= time_s[0]))  # earlier samples would move the grid of the others
+        stamps_s = earlier.setdefault((id(time_s), sensor.delay_s), moved_s[begins:])
+        signals[column] = Signal(stamps_s, signal.values[begins:])
+        notes.append(f"{column}: moved {1e3 * sensor.delay_s:.4g} ms earlier, the delay stated for its sensor")
+    return notes
 
 
 def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapping[str, ChannelMapping]) -> _Clock:

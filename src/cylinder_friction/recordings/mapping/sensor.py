@@ -28,6 +28,8 @@ class SensorScale:
     # Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration states it; it takes the accuracy's
     # place for the zero, and the accuracy then holds for the span alone
     zero_uncertainty: float | None = None
+    # How late its signal is, for example by the filter of its amplifier [s]; taken off its time stamps
+    delay_s: float = 0.0
 
     def __post_init__(self) -> None:
         for field in ("range", "signal"):
@@ -42,6 +44,8 @@ class SensorScale:
             )
         if self.zero_uncertainty is not None and not 0.0 <= self.zero_uncertainty < math.inf:
             raise RecordingError(f"sensor: zero_uncertainty must not be negative, but got {self.zero_uncertainty!r}")
+        if not 0.0 <= self.delay_s < math.inf:
+            raise RecordingError(f"sensor: delay_s must not be negative, but got {self.delay_s!r}")
         if self.zero_uncertainty is not None and self.accuracy_percent is None:
             raise RecordingError("sensor: zero_uncertainty needs accuracy_percent beside it, which holds for the span")
 

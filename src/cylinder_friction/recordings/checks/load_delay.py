@@ -1,0 +1,99 @@
+"""How late a load cell is beside the pressures: the filter of its amplifier, or a logger of its own, holds it back.
+
+Where the load changes while the piston slides on in one direction, friction hardly does, so that the drive force F
+changes with the load L at once:
+
+    F(t) - F(t - w) = L(t + delay) - L(t + delay - w) + residual
+
+The delay is the one that leaves the least residual over all such rows, to a fraction of a sample.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.checks.finding import Finding
+
+WINDOW_S = 0.1  # Time over which changes are taken, w
+LONGEST_S = 0.25  # Greatest delay, either way, that is looked for
+CLEAR_SHARE = 0.1  # The load changes where it does so by this share of its range within a window,
+LEAST_S = 0.5  # in rows of so long altogether
+GREATEST_RESIDUAL = 0.5  # Share of the drive force's changes, as a variance, that the load may leave unexplained
+SURE = 3.0  # A delay is one if it is this many standard errors long,
+SHORTEST_S = 5e-3  # and so long
+
+
+class LoadDelay(NamedTuple):
+    """How much later the load was logged than the pressures."""
+
+    delay_s: float
+    error_s: float  # Its standard error; rows within a window count as one
+
+
+def check_load_delay(delay: LoadDelay | None) -> Finding:
+    """Return the finding ``load_delay``: noted where the load cell is clearly late or early."""
+    if delay is None:
+        text = "whether the load cell is late cannot be decided: the load changes too little while the piston slides"
+        return Finding("load_delay", "ok", text)
+    late_ms, error_ms = 1e3 * delay.delay_s, 1e3 * delay.error_s
+    if abs(late_ms) < max(1e3 * SHORTEST_S, SURE * error_ms):
+        return Finding("load_delay", "ok", f"the load cell has no clear delay ({late_ms:.1f} ± {error_ms:.1f} ms)")
+    which = "the load cell" if late_ms > 0.0 else "both pressure sensors"
+    text = (
+        f"load_force_n comes {abs(late_ms):.1f} ± {error_ms:.1f} ms {'after' if late_ms > 0.0 else 'before'} the "
+        "pressures; expected both at once, or friction is off while the load changes; state sensor.delay_s of "
+        f"{which} in the mapping, {abs(delay.delay_s):.3f} s more than it is now"
+    )
+    return Finding("load_delay", "noted", text)
+
+
+def load_delay(
+    drive_n: Array, load_n: Array, rows: NDArray[np.int64], direction: Array, sample_time_s: float
+) -> LoadDelay | None:
+    """Return how late the load is; None where it changes too little, or explains too little, to show it.
+
+    Args:
+        drive_n: What drives the piston, shape ``(n,)`` [N].
+        load_n: What the load cell reads, shape ``(n,)`` [N].
+        rows: Indices of rows, evenly chosen, in which the piston clearly moves, shape ``(m,)``.
+        direction: 1 extending, -1 retracting, of each of these rows, shape ``(m,)``.
+        sample_time_s: Between two samples [s].
+    """
+    window, most = (max(1, round(time_s / sample_time_s)) for time_s in (WINDOW_S, LONGEST_S))
+    rows = _sliding_on(rows, direction, window)
+    rows = rows[(rows >= window + most) & (rows < len(load_n) - most)]
+    change_n = load_n[window:] - load_n[:-window]
+    lags = np.arange(-most, most + 1)
+    changes_n = change_n[rows[:, None] - window + lags]
+    low, high = np.quantile(load_n, (0.01, 0.99))
+    clear = np.abs(changes_n).max(axis=1, initial=0.0) > CLEAR_SHARE * (high - low)
+    if clear.sum() * _stride(rows) * sample_time_s < LEAST_S:
+        return None
+    changes_n, driven_n = changes_n[clear], (drive_n[rows] - drive_n[rows - window])[clear]
+    residual = np.var(driven_n[:, None] - changes_n, axis=0)
+    best = int(np.argmin(residual))
+    if best in (0, len(lags) - 1) or residual[best] > GREATEST_RESIDUAL * np.var(driven_n):
+        return None
+    before, here, after = residual[best - 1 : best + 2]
+    bend = before - 2.0 * here + after  # of residual = here + bend/2·(lag - best)²
+    independent = len(driven_n) * _stride(rows) / window
+    return LoadDelay(
+        float(lags[best] + 0.5 * (before - after) / bend) * sample_time_s,
+        math.sqrt(2.0 * here / (bend * independent)) * sample_time_s,
+    )
+
+
+def _sliding_on(rows: NDArray[np.int64], direction: Array, window: int) -> NDArray[np.int64]:
+    """Return the rows before which the piston has moved in one direction for a whole window."""
+    began = np.searchsorted(rows, rows - window)
+    place = np.arange(len(rows))
+    turned = np.concatenate([[0.0], np.cumsum(direction)])
+    unbroken = (place - began) * _stride(rows) >= window - _stride(rows)
+    return rows[unbroken & (np.abs(turned[place + 1] - turned[began]) == place - began + 1)]
+
+
+def _stride(rows: NDArray[np.int64]) -> int:
+    return int(np.diff(rows).min()) if len(rows) > 1 else 1
