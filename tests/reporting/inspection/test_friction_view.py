@@ -49,7 +49,7 @@ def test_a_measured_load_is_taken_off(cylinder: Cylinder, filters: Filters) -> N
 def test_it_says_that_no_load_is_assumed(strokes: Recording, cylinder: Cylinder, filters: Filters) -> None:
     view = friction_view(strokes, cylinder, filters["savitzky_golay"], 0.003)
     assert view.assumed[0].startswith(
-        "Friction = P1·A1 - P2·A2 - m·a - load, with m = 6 kg and no load (the recording has no load force)."
+        "Friction = P1·A1 - P2·A2 - m·a - load, with m = 6 kg and load = 0 (the recording has no load force)."
     )
 
 

@@ -49,7 +49,7 @@ def test_files_outcomes_reasons_and_figures_are_on_it(written: Path) -> None:
         "friction [N]",
         "Stribeck velocity",
         "N·s/m",
-        "no load (the recording has no load force)",
+        "load = 0 (the recording has no load force)",
         "noise level",
         "savitzky_golay, one-sided",
         "rts, Kalman filter",

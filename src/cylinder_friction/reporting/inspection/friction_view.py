@@ -191,7 +191,7 @@ def up_and_down(
 
 def _assumed(recording: Recording, cylinder: Cylinder, has_load: bool, margin_m: float) -> tuple[str, ...]:
     force = PRESSURE_FORCE if has_pressures(recording) else "the measured drive force"
-    load = "the load force of the recording" if has_load else "no load (the recording has no load force)"
+    load = "the load force of the recording" if has_load else "load = 0 (the recording has no load force)"
     return (
         f"Friction = {force} - m·a - load, with m = {cylinder.moving_mass_kg:.4g} kg and {load}. "
         f"A1 = {1e6 * cylinder.piston_area_m2:.5g} mm², A2 = {1e6 * cylinder.annulus_area_m2:.5g} mm² "
