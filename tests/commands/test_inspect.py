@@ -123,6 +123,12 @@ def test_what_is_no_recording_at_all_has_its_reason_in_the_table(tmp_path: Path,
     assert "is missing" in page
 
 
+def test_windows_that_last_another_time_at_the_logs_rate_are_noted(tmp_path: Path, log: pd.DataFrame) -> None:
+    report, refused = inspect_path(write(tmp_path, log.iloc[::2]), params_for(), tmp_path / "page.html")
+    assert not refused
+    assert "filter windows are in samples and were chosen for 200 Hz, but recordings come at 100 Hz" in report
+
+
 def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> None:
     path = write(tmp_path / "logs", pd.concat([log.iloc[:1300], log.iloc[1400:2600], log.iloc[2700:]]))
     report, refused = inspect_path(path, params_for(), tmp_path / "page.html")

@@ -62,6 +62,13 @@ def test_signals_are_added_and_raw_columns_stay(
     assert record == filter_stage.run(params)
 
 
+def test_recordings_at_another_rate_are_warned_of(workplace: Path, labelled_recordings: list[Recording]) -> None:
+    metadata = replace(labelled_recordings[0].metadata, name="slow", sample_time_s=0.02)
+    write_recording(RECORDINGS_FOLDER, Recording(metadata, labelled_recordings[0].table[RAW]))
+    with pytest.warns(UserWarning, match="chosen for 200 Hz, but recordings come at 50 Hz: velocity_window 21 lasts"):
+        filter_stage.run(params_of("adaptive"))
+
+
 def test_method_is_the_only_difference_of_the_recipes() -> None:
     methods = {name: shipped(name)["method"] for name in RECIPES}
     assert methods == {

@@ -17,7 +17,7 @@ from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.sensor_offsets import known_offsets
 from cylinder_friction.reporting.inspection.subject import Inspected
 from cylinder_friction.reporting.inspection.text import text_report
-from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.signals.methods import filters_by_method, windows_at
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 from cylinder_friction.stages._stage import cylinder_from
 from cylinder_friction.stages.ingest import recipe_from
@@ -39,13 +39,19 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     cylinder, margin_m = cylinder_from(params.cylinder), params.label.end_stop_margin_m
     filters = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))
     labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
-    loaded = (_with_load(subject, labeller, chosen) for subject in inspect_files(files, recipe))
+    loaded = (_with_load(_with_rate(subject, chosen), labeller, chosen) for subject in inspect_files(files, recipe))
     plan, no_offset = plan_from(params.offset), LOADED.get(params.ingest.load, "")
     subjects = held(with_friction(subject, cylinder, chosen, margin_m, plan, no_offset) for subject in loaded)
     evidence = [subject.offset for subject in subjects if subject.offset is not None]
     offsets = known_offsets(evidence, cylinder, plan)
     write_page(page, subjects, cylinder, filters, params.filter.method, margin_m, offsets=offsets)
     return text_report(subjects, offsets).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
+
+
+def _with_rate(subject: Inspected, used_filter: SignalFilter) -> Inspected:
+    """Return a subject with a note where the filter's windows were not chosen for its recording's rate."""
+    text = "" if subject.recording is None else windows_at(used_filter, subject.recording.sample_time_s)
+    return replace(subject, findings=[*subject.findings, Finding("filter_windows", "noted", text)]) if text else subject
 
 
 def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter) -> Inspected:

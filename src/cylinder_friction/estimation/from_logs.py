@@ -34,7 +34,7 @@ from cylinder_friction.reporting.inspection.sensor_offsets import (
     known_offsets,
     offset_evidence,
 )
-from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 
 FileFormat = Literal["parquet", "csv"]
@@ -178,6 +178,7 @@ class LabelledLogs:
     def _filtered(self) -> dict[str, list[Path]]:
         """Return the files of filtered recordings by session."""
         sessions: dict[str, list[Path]] = {}
+        sample_times_s: set[float] = set()
         for outcome in convert_files(self.logs.files, self.logs.recipe):
             if isinstance(outcome, Quarantined):
                 self.refused.append(outcome)
@@ -189,6 +190,8 @@ class LabelledLogs:
                 continue
             written = write_recording(self.scratch / "filtered", smooth)
             sessions.setdefault(outcome.metadata.session, []).append(written)
+            sample_times_s.add(outcome.sample_time_s)
+        warn_of_rates(self.filter, sample_times_s)
         return sessions
 
     def _labelled(self, sessions: Mapping[str, list[Path]], evidence: list[OffsetEvidence]) -> Iterator[Path]:

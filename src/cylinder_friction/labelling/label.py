@@ -20,7 +20,7 @@ from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.motion import widened
 from cylinder_friction.signals.smooth_signals import (
     SMOOTH_LOAD,
@@ -257,6 +257,7 @@ def label(
     labeller = Labeller(cylinder, stiffness, end_stop_margin_m, load, inertia)
     signal_filter = signal_filter or default_filter(cylinder)
     smooth = [filtered(recording, signal_filter) for recording in recordings]
+    warn_of_rates(signal_filter, [recording.sample_time_s for recording in smooth])
     if not smooth:
         raise ValueError("label: expected at least one recording, but got none")
     sessions: dict[str, list[Recording]] = {}

@@ -1,6 +1,7 @@
 """Every filter for whole recordings, by the name of its method."""
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cylinder_friction.cylinder import Cylinder
@@ -9,6 +10,10 @@ from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
+
+WINDOWS_FOR_HZ = 200.0
+"""Rate that the default windows in samples were chosen for: the published ones, and those of Savitzky-Golay."""
+SAME_RATE = 0.1  # a rate within this share of another makes no difference to windows
 
 
 def default_filter(cylinder: Cylinder) -> AdaptiveWindow:
@@ -37,3 +42,42 @@ def filters_by_method(
         "savitzky_golay": polynomials,
         "rts": RtsSmoother(**rts),
     }
+
+
+def warn_of_rates(signal_filter: SignalFilter, sample_times_s: Iterable[float]) -> None:
+    """Warn (``UserWarning``) once of each rate for which the filter's windows in samples were not chosen."""
+    for sample_time_s in sorted(set(sample_times_s)):
+        if text := windows_at(signal_filter, sample_time_s):
+            warnings.warn(text, stacklevel=3)
+
+
+def windows_at(signal_filter: SignalFilter, sample_time_s: float) -> str:
+    """Return how long default windows in samples last at a rate that they were not chosen for; empty if all is well.
+
+    Windows other than the defaults were chosen for the recordings; others still are in seconds.
+    """
+    adaptive = isinstance(signal_filter, AdaptiveWindow)
+    windowed = signal_filter.derivatives if isinstance(signal_filter, AdaptiveWindow) else signal_filter
+    if not isinstance(windowed, MovingAverage | CentredMovingAverage | SavitzkyGolay):
+        return ""
+    windows = {name: value for name, value in vars(type(windowed)()).items() if name.endswith("window")}
+    chosen = any(getattr(windowed, name) != default for name, default in windows.items())
+    ratio = 1.0 / (WINDOWS_FOR_HZ * sample_time_s)
+    if chosen or abs(ratio - 1.0) <= SAME_RATE:
+        return ""
+    section = "savitzky_golay" if isinstance(windowed, SavitzkyGolay) else "moving_average"
+    used = {name: window for name, window in windows.items() if not (adaptive and name == "pressure_window")}
+    times = ", ".join(
+        f"{name} {window} lasts {window * sample_time_s:.3g} s in place of {window / WINDOWS_FOR_HZ:.3g} s"
+        for name, window in used.items()
+    )
+    odd = section == "savitzky_golay"
+    same = " ".join(
+        f"filter.{section}.{name}={2 * round((window * ratio - 1.0) / 2.0) + 1 if odd else round(window * ratio)}"
+        for name, window in used.items()
+    )
+    return (
+        f"filter windows are in samples and were chosen for {WINDOWS_FOR_HZ:g} Hz, but recordings come at "
+        f"{1.0 / sample_time_s:.4g} Hz: {times}; bring them to {WINDOWS_FOR_HZ:g} Hz with "
+        f"ingest.time.rate_hz={WINDOWS_FOR_HZ:g}, or keep the times with {same}"
+    )

@@ -9,7 +9,7 @@ from tqdm import tqdm
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, recording_paths, write_recording
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.signals.methods import filters_by_method, warn_of_rates
 from cylinder_friction.signals.smooth_signals import filtered
 from cylinder_friction.stages._stage import FILTERS_FILE, RECORDINGS_FOLDER, SIGNALS_FOLDER, cylinder_from, flat
 
@@ -28,12 +28,15 @@ def run(params: Params) -> RunRecord:
     cylinder = cylinder_from(params.cylinder)
     chosen = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))[params.filter.method]
     rows = 0
+    sample_times_s: set[float] = set()
     count = len(recording_paths(RECORDINGS_FOLDER))
     with whole_folder(SIGNALS_FOLDER) as folder:
         write_json(folder / FILTERS_FILE.name, params.filter.model_dump())
         for recording in tqdm(iterate_recordings(RECORDINGS_FOLDER), "filter", count, unit="recording", disable=None):
             write_recording(folder, filtered(recording, chosen))
             rows += len(recording)
+            sample_times_s.add(recording.sample_time_s)
+    warn_of_rates(chosen, sample_times_s)
     return RunRecord(
         name="filter",
         params=flat(params.filter),
