@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
+import openpyxl
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -122,6 +123,16 @@ def write_parquet(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> 
     pq.write_table(arrow.cast(schema), path, row_group_size=max(1, len(table) // 3))
 
 
+def write_excel(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
+    """Write one sheet with names and a line of units."""
+    book = openpyxl.Workbook()
+    sheet = book.active
+    assert sheet is not None
+    for row in (list(table.columns), [units.get(name, "") for name in table.columns], *table.to_numpy().tolist()):
+        sheet.append(row)
+    book.save(path)
+
+
 WRITERS: dict[str, Callable[[Path, pd.DataFrame, Mapping[str, str]], None]] = {
     "csv": write_csv,
     "tsv": write_tsv,
@@ -133,5 +144,6 @@ WRITERS: dict[str, Callable[[Path, pd.DataFrame, Mapping[str, str]], None]] = {
     "tdms": write_tdms,
     "hdf5": write_hdf5,
     "parquet": write_parquet,
+    "excel": write_excel,
 }
 """Every writer by the name of what it writes."""

@@ -164,7 +164,12 @@ case(
     "no rows of numbers were found in its first 1 l",
 )
 case("a picture", text(lambda _: b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 8), "quarantined", "is a picture")
-case("a spreadsheet", text(lambda _: b"PK\x03\x04" + bytes(200)), "quarantined", "ZIP file .* export the table as CSV")
+case(
+    "a spreadsheet",
+    text(lambda _: b"PK\x03\x04" + bytes(200)),
+    "quarantined",
+    "is a ZIP file: unpack it; of a spreadsheet save",
+)
 case("zeros", text(lambda s: bytes(len(s))), "quarantined", "neither text nor a known binary log")
 case(
     "cut gzip",

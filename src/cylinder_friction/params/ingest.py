@@ -29,7 +29,7 @@ class IngestParams(Section):
     pattern: str
     name_pattern: str | None
     name_table: str | None
-    format: Literal["auto", "csv", "matlab", "mdf", "tdms", "hdf5", "parquet"]
+    format: Literal["auto", "csv", "matlab", "mdf", "tdms", "hdf5", "parquet", "excel"]
     csv: CsvOptions
     channels: dict[str, ChannelMapping]
     time: TimeRules

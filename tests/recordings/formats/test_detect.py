@@ -20,10 +20,12 @@ if TYPE_CHECKING:
         (b"", "the file is empty: 0 bytes"),
         (
             b"PK\x03\x04rest",
-            r"is a ZIP file \(perhaps an Excel workbook\): export the table as CSV; expected one of csv",
+            r"is a ZIP file: unpack it; of a spreadsheet save the table as \.xlsx or CSV; expected one of csv",
         ),
         (b"%PDF-1.7\n", "is a PDF"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1", "is an old Excel or Word file"),
+        (b"PK\x03\x04 xl/workbook.bin", r"save the table as \.xlsx or CSV"),
+        (b"|CF,2,1,1;|CK,1,3,1,1;\n", "is an imc FAMOS recording: export it as CSV .ASCII., MATLAB or MDF 4; expected"),
         (b"TDSh\x0e\0\0\0", r"is the index of a TDMS file: take the \.tdms file itself"),
         (b'{"t": [1, 2]}', "is JSON"),
         (b"BZh91AY", "packed with bzip2"),
@@ -40,6 +42,26 @@ def test_what_is_no_log_is_refused_by_name(tmp_path: Path, content: bytes, messa
         format_of(read_head(path))
     with pytest.raises(RecordingError, match=message):
         read_logged_file(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("rec.svdx", "if it is a TwinCAT Scope's, export it as CSV with a time column for each sample time"),
+        (
+            "pda.DAT",
+            "if it is of iba, extract it as ASCII or TDMS; if of imc, export it as CSV .ASCII., MATLAB or MDF 4",
+        ),
+        ("log.bin", "if it is catman's, export it as ASCII or MATLAB"),
+        ("trace.blf", "if it is a trace of a bus, decode it with the bus's database and save the signals as MDF 4"),
+    ],
+)
+def test_what_a_program_writes_for_itself_is_refused_with_what_to_export(
+    tmp_path: Path, name: str, advice: str
+) -> None:
+    (tmp_path / name).write_bytes(bytes(range(256)) * 4)
+    with pytest.raises(RecordingError, match=f"neither text nor a known binary log: .*; {advice}"):
+        read_logged_file(tmp_path / name)
 
 
 def test_what_cannot_be_opened_is_said(tmp_path: Path) -> None:

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from asammdf import MDF, Signal
+from asammdf import MDF, Signal, Source
+from asammdf.blocks import v4_constants as v4
 from asammdf.blocks.conversion_utils import from_dict
 
 import format_writers
@@ -81,3 +82,23 @@ def test_a_channel_beyond_its_record_is_refused(tmp_path: Path) -> None:
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="lies at byte 1048584 of a record of 32 bytes; it is damaged"):
         read_logged_file(path)
+
+
+def bus_log(path: Path, signals: bool) -> Path:
+    """Write frames of a CAN bus as loggers do, beside signals or alone."""
+    kinds = [("BusChannel", "u1"), ("ID", "<u4"), ("DLC", "u1"), ("DataLength", "u1"), ("DataBytes", "(8,)u1")]
+    frames = np.zeros(6, np.dtype([(f"CAN_DataFrame.{name}", kind) for name, kind in kinds]))
+    source = Source("CAN", "CAN", "", v4.SOURCE_BUS, v4.BUS_TYPE_CAN)
+    file = MDF(version="4.10")
+    file.append([Signal(frames, T, name="CAN_DataFrame", source=source)], acq_source=source)
+    file.groups[0].channel_group.flags |= v4.FLAG_CG_BUS_EVENT | v4.FLAG_CG_PLAIN_BUS_EVENT
+    if signals:
+        file.append([Signal(np.arange(6.0), T, name="P1", unit="bar")])
+    return saved(file, path)
+
+
+def test_frames_of_a_bus_are_no_signals(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"holds frames of a bus \(CAN, LIN\), .* decode them with the bus's data"):
+        read_logged_file(bus_log(tmp_path, signals=False))
+    (table,) = read_logged_file(bus_log(tmp_path, signals=True))
+    assert list(table.channels) == ["time", "P1"]

@@ -5,7 +5,7 @@ import codecs
 from cylinder_friction.recordings.formats.source import GZIP
 from cylinder_friction.recordings.recording import RecordingError
 
-FORMATS = ("csv", "matlab", "mdf", "tdms", "hdf5", "parquet")
+FORMATS = ("csv", "matlab", "mdf", "tdms", "hdf5", "parquet", "excel")
 """Every format by the name it goes by in the configuration; ``csv`` is any text table."""
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -20,8 +20,9 @@ _STARTS = {
     b"PAR1": "parquet",
 }
 _OTHERS = {
-    b"PK": "a ZIP file (perhaps an Excel workbook): export the table as CSV",
-    b"\xd0\xcf\x11\xe0": "an old Excel or Word file: export the table as CSV",
+    b"PK": "a ZIP file: unpack it; of a spreadsheet save the table as .xlsx or CSV",
+    b"\xd0\xcf\x11\xe0": "an old Excel or Word file: save the table as .xlsx or CSV",
+    b"|CF,": "an imc FAMOS recording: export it as CSV (ASCII), MATLAB or MDF 4",
     b"%PDF": "a PDF: export the table as CSV",
     GZIP: "a gzip within a gzip: unpack it once",
     b"BZh": "packed with bzip2: unpack it, or pack it with gzip",
@@ -37,6 +38,14 @@ _OTHERS = {
     b"<html": "a web page: export the table as CSV",
     b"<!DOCTYPE": "a web page: export the table as CSV",
 }
+_OWN_FILES = {
+    (".svdx", ".svd", ".svb"): "if it is a TwinCAT Scope's, export it as CSV with a time column for each sample time",
+    (".dat",): "if it is of iba, extract it as ASCII or TDMS; if of imc, export it as CSV (ASCII), MATLAB or MDF 4",
+    (".raw",): "if it is of imc, export it as CSV (ASCII), MATLAB or MDF 4",
+    (".bin",): "if it is catman's, export it as ASCII or MATLAB",
+    (".blf",): "if it is a trace of a bus, decode it with the bus's database and save the signals as MDF 4",
+}
+"""Endings of what measurement programs write for themselves, and what they export that is read here."""
 
 
 def format_of(head: bytes) -> str:
@@ -47,6 +56,8 @@ def format_of(head: bytes) -> str:
     # HDF5 may leave room for a user's block of 512 bytes or a power of two times that.
     if any(head[offset:].startswith(HDF5_SIGNATURE) for offset in (0, 512, 1024, 2048, 4096, 8192)):
         return "hdf5"
+    if head.startswith(b"PK") and b"xl/" in head and b"xl/workbook.bin" not in head:
+        return "excel"
     for start, name in _OTHERS.items():
         if head.startswith(start):
             raise RecordingError(f"is {name}; expected one of {', '.join(FORMATS)}")
@@ -55,6 +66,11 @@ def format_of(head: bytes) -> str:
             f"is neither text nor a known binary log: it begins with {head[:8]!r}; expected one of {', '.join(FORMATS)}"
         )
     return "csv"
+
+
+def advice(ending: str) -> str:
+    """Return what to export in place of a logger's own file, by the ending of its name; empty for others."""
+    return next((f"; {text}" for endings, text in _OWN_FILES.items() if ending.lower() in endings), "")
 
 
 def _is_text(head: bytes) -> bool:

@@ -30,6 +30,7 @@ LIMIT_BYTES = 4 << 30  # so much memory may it take, and more for each byte of t
 LIMIT_BYTES_PER_BYTE = 50
 
 LIBRARIES = {
+    "excel": "the Excel library",
     "hdf5": "the HDF5 library",
     "matlab": "SciPy's MATLAB reader",
     "matlab73": "the HDF5 library",
@@ -38,6 +39,7 @@ LIBRARIES = {
 }
 """What is read in the isolated process, and by which library."""
 _NEEDS = {
+    "excel": ("openpyxl", "Excel workbooks", "excel"),
     "hdf5": ("h5py", "HDF5", "hdf5"),
     "matlab73": ("h5py", "MATLAB 7.3", "hdf5"),
     "mdf": ("asammdf", "MDF4", "mdf"),

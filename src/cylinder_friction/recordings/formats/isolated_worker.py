@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cylinder_friction.recordings.formats.arrow_pipe import read_message, write_message, write_tables
+from cylinder_friction.recordings.formats.excel import read_excel
 from cylinder_friction.recordings.formats.hdf5 import read_hdf5
 from cylinder_friction.recordings.formats.libraries import guarded
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
@@ -23,6 +24,7 @@ if sys.platform != "win32":
 
 
 _READERS = {
+    "excel": (read_excel, "an Excel workbook"),
     "hdf5": (read_hdf5, "an HDF5 file"),
     "matlab": (read_matlab, "a MATLAB file"),
     "matlab73": (read_matlab73, "a MATLAB file"),

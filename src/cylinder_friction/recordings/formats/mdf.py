@@ -12,11 +12,14 @@ from cylinder_friction.recordings.formats.logged_table import LoggedTable, named
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
+_PLAIN_BUS_EVENT = 4  # Bit of a channel group's flags (ASAM MDF 4.1)
+
 
 def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return one table a channel group, its master (time) first; conversions are applied, text stays text.
 
-    A sample that the file marks as invalid is NaN; a file that claims what it cannot hold is refused.
+    A sample that the file marks as invalid is NaN. Groups of raw bus frames are left out; a file of nothing else is
+    refused, and so is one that claims what it cannot hold.
     """
     asammdf = optional_library("asammdf", "MDF4", "mdf")
     # It finishes an unfinished file in place, so it gets a copy of that.
@@ -27,10 +30,21 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedT
     ):
         for group in file.groups:
             _refuse_absurd_records(group, source.size)
-        tables = [_group(file, index, wanted) for index in range(len(file.groups))]
+        signals = [index for index, group in enumerate(file.groups) if not _holds_bus_frames(group)]
+        if file.groups and not signals:
+            raise RecordingError(
+                "holds frames of a bus (CAN, LIN), which are no signals yet; decode them with the bus's database (DBC, "
+                "LDF), for example with asammdf's extract_bus_logging, and save the signals as MDF 4"
+            )
+        tables = [_group(file, index, wanted) for index in signals]
     if not any(len(table.channels.columns) or table.unread for table in tables):
         raise RecordingError("holds no channel groups; expected at least one with samples")
     return tables
+
+
+def _holds_bus_frames(group: Any) -> bool:
+    """Return whether a channel group holds raw frames; signals decoded from them are no "plain bus event" any more."""
+    return bool(getattr(group.channel_group, "flags", 0) & _PLAIN_BUS_EVENT)
 
 
 def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable:

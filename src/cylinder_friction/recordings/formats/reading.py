@@ -4,7 +4,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
-from cylinder_friction.recordings.formats.detect import FORMATS, HDF5_SIGNATURE, format_of
+from cylinder_friction.recordings.formats.detect import FORMATS, HDF5_SIGNATURE, advice, format_of
 from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.libraries import guarded
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
@@ -36,7 +36,10 @@ def read_logged_file(
     if file_format not in ("auto", *FORMATS):
         raise ValueError(f"format {file_format!r} is not known; expected auto or one of {', '.join(FORMATS)}")
     head = read_head(path)
-    kind = format_of(head) if file_format == "auto" else file_format
+    try:
+        kind = format_of(head) if file_format == "auto" else file_format
+    except RecordingError as error:
+        raise RecordingError(f"{error}{advice(path.suffix)}") from None
     if kind == "matlab" and (head[512:].startswith(HDF5_SIGNATURE) or head.startswith(b"MATLAB 7.3")):
         kind = "matlab73"
     if kind == "csv":

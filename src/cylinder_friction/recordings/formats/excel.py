@@ -1,0 +1,63 @@
+"""Excel workbooks (.xlsx) through openpyxl: each sheet is read as the text table it would be if saved as such."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from datetime import datetime, timedelta
+from typing import Any
+
+from cylinder_friction.recordings.formats.delimited import read_delimited
+from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
+from cylinder_friction.recordings.recording import RecordingError
+
+_AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
+
+
+def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
+    """Return one table a sheet, or several where it has several time columns; formulas are read as their last values.
+
+    A sheet without rows of numbers is left out; where none has any, the reason of the first is given.
+    """
+    openpyxl = optional_library("openpyxl", "Excel workbooks", "excel")
+    tables: list[LoggedTable] = []
+    refusals: list[str] = []
+    with source.opened() as opened:
+        workbook = openpyxl.load_workbook(opened, read_only=True, data_only=True)
+        for sheet in workbook.worksheets:
+            try:
+                found = read_delimited(_as_text(sheet), _AS_TEXT, wanted)
+            except RecordingError as error:
+                refusals.append(f"sheet {sheet.title!r}: {error}")
+                continue
+            tables += [
+                replace(
+                    table, name=f"{sheet.title} {table.name}".rstrip() if len(workbook.worksheets) > 1 else table.name
+                )
+                for table in found
+            ]
+    if not tables:
+        raise RecordingError(refusals[0] if refusals else "holds no sheet with cells; expected a table")
+    return tables
+
+
+def _as_text(sheet: Any) -> FileSource:
+    sheet.reset_dimensions()  # some writers state too few
+    rows = [[_cell(value) for value in row] for row in sheet.iter_rows(values_only=True)]
+    width = max((len(row) for row in rows), default=0)
+    while width and not any(row[width - 1] for row in rows if len(row) >= width):
+        width -= 1
+    lines = ["\t".join([*row[:width], *[""] * (width - len(row))]) for row in rows]
+    content = "".join(f"{line}\n" for line in lines if line.strip("\t")).encode()
+    return FileSource(content, content[:HEAD_SIZE], len(content))
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return " ".join(value.split())
+    if isinstance(value, datetime):
+        return value.isoformat(sep=" ")
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
+    return "" if value is None else str(int(value)) if isinstance(value, bool) else str(value)

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import openpyxl
+import pytest
+
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def saved(path: Path, **sheets: list[list[Any]]) -> Path:
+    book = openpyxl.Workbook()
+    book.remove(book.worksheets[0])
+    for title, rows in sheets.items():
+        sheet = book.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+ROWS = [[0.0, 1.5, 0.1], [0.005, 2.5, 0.2], [0.01, None, 0.3], [0.015, "#N/A", 0.4]]
+
+
+def test_what_stands_above_the_names_and_a_line_of_units(tmp_path: Path) -> None:
+    rows = [["Prüfstand 7"], [], ["Zeit", "Druck A", "Weg", None], ["[s]", "[bar]", "[m]"], *ROWS]
+    (table,) = read_logged_file(saved(tmp_path / "log.xlsx", Daten=rows))
+    assert table.units == {"Zeit": "s", "Druck A": "bar", "Weg": "m"}
+    np.testing.assert_array_equal(table.channels["Druck A"], [1.5, 2.5, np.nan, np.nan])
+    assert table.channels["Weg"].tolist() == [0.1, 0.2, 0.3, 0.4]
+
+
+def test_sheets_are_tables_and_one_without_rows_is_left_out(tmp_path: Path) -> None:
+    fast = [["t", "p"], *([i, 2 * i] for i in range(6))]
+    slow = [["t", "x"], *([2 * i, i] for i in range(3))]
+    path = saved(tmp_path / "log.xlsx", Info=[["Operator", "Zoë"]], Pressures=fast, Motion=slow)
+    pressures, motion = read_logged_file(path)
+    assert (pressures.name, motion.name) == ("Pressures", "Motion")
+    assert (len(pressures.channels), len(motion.channels)) == (6, 3)
+
+
+def test_time_columns_of_one_name_split_a_sheet(tmp_path: Path) -> None:
+    rows = [[5 * i, i, *([10 * i, 0.5 * i] if i < 3 else [])] for i in range(6)]
+    fast, slow = read_logged_file(saved(tmp_path / "log.xlsx", Scope=[["Name", "p", "Name", "x"], *rows]))
+    assert (fast.name, slow.name) == ("group 1", "group 2")
+    assert slow.channels["x"].tolist() == [0.0, 0.5, 1.0]
+
+
+def test_dates_are_time(tmp_path: Path) -> None:
+    start = datetime(2026, 3, 14, 8, 15)
+    rows = [["Zeit", "p"], *([start + timedelta(milliseconds=250 * i), i] for i in range(8))]
+    (table,) = read_logged_file(saved(tmp_path / "log.xlsx", Daten=rows))
+    assert table.channels["Zeit"].iloc[3] == np.datetime64("2026-03-14T08:15:00.750")
+
+
+def test_a_workbook_without_a_table_says_which_sheet_holds_none(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="sheet 'Info': no rows of numbers were found in its first 1 lines"):
+        read_logged_file(saved(tmp_path / "log.xlsx", Info=[["Operator", "Zoë"]]))
+    with pytest.raises(RecordingError, match=r"sheet 'Empty': .*not one whole line"):
+        read_logged_file(saved(tmp_path / "empty.xlsx", Empty=[]))
+
+
+def test_a_damaged_workbook_is_refused(tmp_path: Path) -> None:
+    path = saved(tmp_path / "log.xlsx", Daten=[["t", "p"], *([i, i] for i in range(300))])
+    path.write_bytes(path.read_bytes()[:-400])
+    with pytest.raises(RecordingError, match=r"cannot be read as an Excel workbook .*; it is damaged, cut off"):
+        read_logged_file(path)
