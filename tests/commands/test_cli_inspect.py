@@ -115,7 +115,7 @@ def test_inspect_prints_the_checks_and_writes_the_page(
     write_rig_log(log, logged(labelled_recordings[0]))
     assert main(["inspect", str(log), "ingest=rig", "--output", "page.html"]) == 0
     told = capsys.readouterr().out
-    assert told.startswith("condition1_session01_recording01.csv: ok\n")
+    assert told.startswith("condition1_session01_recording01.csv: usable for labelling\n  ok        friction  ")
     assert told.endswith("\n\n1 file: 1 ok\n\npage     page.html\n")
     assert "condition1_session01" in (workplace / "page.html").read_text(encoding="utf-8")
 
@@ -128,7 +128,9 @@ def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(
     bad = logged(labelled_recordings[2]).assign(pos=120.0)
     write_rig_log(workplace / "logs/condition1_session03_recording01.csv", bad)
     assert main(["inspect", "logs", "ingest=rig"]) == 1
-    assert "3 files: 2 ok, 1 refused" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "3 files: 2 ok, 1 refused" in told
+    assert "condition1_session03_recording01.csv: not usable: position_m moves by 0 m only" in told
     assert 'id="recording-3"' in (workplace / "reports/inspection.html").read_text(encoding="utf-8")
 
 

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import importlib
+import math
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
+
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.reporting.inspection.files import inspect_files
+from cylinder_friction.reporting.inspection.recording_pane import Panes
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings.checks.limits import LoadMode
+    from cylinder_friction.reporting.inspection.recording_pane import Pane
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "../shared/data"
@@ -58,6 +68,30 @@ def test_friction_comes_out_of_a_crane_that_nobody_told_its_load(crane: Any, run
     assert load.coulomb_extend_n == pytest.approx(load.coulomb_retract_n, rel=0.2)
     assert crane[run].greatest_asymmetry_percent < 20.0
     assert 24e3 < load.load_range_n[0] < load.load_range_n[1] < 38e3
+
+
+def inspected(public: Any, rig: str, path: Path, load: LoadMode) -> Pane:
+    """Return what the inspection makes of a file, its load being stated as ``load``."""
+    rules = sys.modules[public.recordings_of.__module__]
+    labeller, recipe = Labeller(rules.CYLINDERS[rig], load=load), rules.recipe_of(rig)
+    recipe = replace(recipe, limits=replace(recipe.limits, load=load))
+    (subject,) = inspect_files({f"{rig}_{path.name}": path}, recipe)
+    return Panes(labeller, {"savitzky_golay": rules.FILTERS[rig]}, "savitzky_golay").pane(1, subject)
+
+
+@pytest.mark.parametrize(("run", "least_n"), [("JibSineTest", 3500.0), ("Dual2SineTest", 3600.0)])
+def test_inspection_states_the_crane_s_friction_once_its_load_is_taken_off(
+    public: Any, run: str, least_n: float
+) -> None:
+    path = DATA / f"crane/{run}_230425__100Hz.csv.gz"
+    loaded = inspected(public, "crane", path, "none")
+    assert loaded.friction == {}
+    assert loaded.subject.verdict.startswith("not usable: the force still holds a load, or a sensor's zero: 3")
+    taken_off = inspected(public, "crane", path, "position")
+    assert taken_off.subject.verdict == "usable for labelling"
+    for mean in taken_off.friction.values():
+        assert least_n < mean.mean_n < 4000.0
+        assert math.isnan(mean.half_width_n)
 
 
 @pytest.mark.slow

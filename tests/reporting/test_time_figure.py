@@ -3,27 +3,57 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.reporting.time_figure import extremes, spread_evenly
+from cylinder_friction.reporting.time_figure import Line, Panel, compact, extremes, over_time, spread_evenly
 
 
 @given(st.lists(st.floats(-1e6, 1e6), max_size=400), st.integers(2, 60))
-def test_extremes_keep_the_peaks_and_the_order_and_the_bound(values: list[float], points: int) -> None:
+def test_extremes_keep_the_peaks_and_the_bound_and_last_as_long(values: list[float], points: int) -> None:
     array = np.array(values)
-    rows = extremes(array, points)
-    assert len(rows) <= max(points, 0) + (points % 2)
-    assert (np.diff(rows) > 0).all()
+    kept, samples = extremes(array, points)
+    assert len(kept) <= points
+    assert len(array) <= len(kept) * samples < len(array) + 2.0 * samples
     if len(array):
-        assert array[rows].max() == array.max()
-        assert array[rows].min() == array.min()
+        assert kept.max() == array.max()
+        assert kept.min() == array.min()
+
+
+def test_extremes_of_a_rising_signal_rise() -> None:
+    kept, samples = extremes(np.arange(1000.0), 100)
+    assert samples == 10.0
+    assert (np.diff(kept) > 0.0).all()
 
 
 def test_a_gap_stays_a_gap() -> None:
     values = np.sin(np.arange(1000.0))
     values[400:600] = np.nan
-    assert np.isnan(values[extremes(values, 100)]).any()
+    kept, _ = extremes(values, 100)
+    assert np.isnan(kept[40:60]).all()
+    assert np.isfinite(kept[:40]).all()
+
+
+@given(st.lists(st.floats(-1e9, 1e9), max_size=50), st.floats(1e-6, 1e6))
+def test_compact_values_are_exact_to_a_thousandth_of_their_span(values: list[float], scale: float) -> None:
+    array = scale * np.array(values)
+    error = np.abs(np.array(compact(array)) - array)
+    assert (error <= 0.5e-3 * np.ptp(array) + 1e-6 + 1e-12 * np.abs(array)).all() if len(array) else not len(error)
+
+
+def test_compact_values_are_short_and_gaps_stay() -> None:
+    assert str(compact(np.array([1234.56789, 1345.6789, np.nan]))) == "[1234.6, 1345.7, nan]"
+    assert compact(np.full(2, np.nan))[0] != 0.0
+    assert compact(np.array([2.5])) == [2.5]
+
+
+def test_lines_over_time_begin_and_end_where_the_signal_does() -> None:
+    time_s = 5.0 + 0.01 * np.arange(1000)
+    figure = over_time(time_s, [Panel("x", [Line("a", np.sin(time_s), "#000"), Line("b", time_s, "#000")])], points=100)
+    for line in figure.data:
+        assert line.x0 == 5.0
+        assert line.x0 + line.dx * len(line.y) == pytest.approx(15.0)
 
 
 @given(st.integers(0, 500), st.integers(2, 50))

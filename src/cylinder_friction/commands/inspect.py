@@ -2,24 +2,17 @@
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.commands.params import CONF, composed
-from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.params.checking import Params, ParamsError, check_params, load_params
-from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.reporting.inspection.choice import held
 from cylinder_friction.reporting.inspection.files import inspect_files
-from cylinder_friction.reporting.inspection.friction_view import with_friction
 from cylinder_friction.reporting.inspection.page import write_page
+from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.reporting.inspection.sensor_offsets import known_offsets
-from cylinder_friction.reporting.inspection.subject import Inspected
 from cylinder_friction.reporting.inspection.text import text_report
-from cylinder_friction.signals.methods import filters_by_method, windows_at
-from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
-from cylinder_friction.stages._stage import cylinder_from
+from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
 from cylinder_friction.stages.offset import LOADED, plan_from
@@ -28,7 +21,7 @@ from cylinder_friction.stages.offset import LOADED, plan_from
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     """Write the page of a file, or of the files of a folder; returns the report and whether anything was refused.
 
-    Files of a folder are those that ``ingest.pattern`` matches. Memory holds the recordings that are drawn, no more.
+    Files of a folder are those that ``ingest.pattern`` matches. Memory holds the signals of one file at a time.
 
     Raises:
         RecordingError: The folder holds no such file.
@@ -36,39 +29,15 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     """
     recipe = recipe_from(params, Path(params.ingest.source))
     files = _files(path, params, recipe.names.table)
-    cylinder, margin_m = cylinder_from(params.cylinder), params.label.end_stop_margin_m
-    filters = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))
-    labeller, chosen = labeller_from(params, params.ingest.load), filters[params.filter.method]
-    loaded = (_with_load(_with_rate(subject, chosen), labeller, chosen) for subject in inspect_files(files, recipe))
-    plan, no_offset = plan_from(params.offset), LOADED.get(params.ingest.load, "")
-    subjects = held(with_friction(subject, cylinder, chosen, margin_m, plan, no_offset) for subject in loaded)
-    evidence = [subject.offset for subject in subjects if subject.offset is not None]
-    offsets = known_offsets(evidence, cylinder, plan)
-    write_page(page, subjects, cylinder, filters, params.filter.method, margin_m, offsets=offsets)
-    return text_report(subjects, offsets).rstrip("\n"), any(subject.outcome == "refused" for subject in subjects)
-
-
-def _with_rate(subject: Inspected, used_filter: SignalFilter) -> Inspected:
-    """Return a subject with a note where the filter's windows were not chosen for its recording's rate."""
-    text = "" if subject.recording is None else windows_at(used_filter, subject.recording.sample_time_s)
-    return replace(subject, findings=[*subject.findings, Finding("filter_windows", "noted", text)]) if text else subject
-
-
-def _with_load(subject: Inspected, labeller: Labeller, used_filter: SignalFilter) -> Inspected:
-    """Return a subject whose recording has the load identified from its own strokes, where position decides it.
-
-    ``label`` asks whole sessions; here each recording speaks for itself. What is refused is not asked.
-    """
-    if subject.recording is None or subject.outcome == "refused" or labeller.load != "position":
-        return subject
-    recording = subject.recording
-    try:
-        load = labeller.identify([filtered(recording, used_filter)], used_filter).load
-    except ValueError as error:  # shorter than the filter, or strokes that determine no load
-        return replace(subject, findings=[*subject.findings, Finding("load", "noted", str(error))])
-    assert load is not None
-    with_load = recording.with_columns(load_force_n=load.load_n(recording.column("position_m")))
-    return replace(subject, recording=with_load, findings=[*subject.findings, Finding("load", "ok", load.sentence())])
+    labeller, plan = labeller_from(params, params.ingest.load), plan_from(params.offset)
+    filters = filters_by_method(labeller.cylinder, **params.filter.model_dump(exclude={"method"}))
+    making = Panes(labeller, filters, params.filter.method, len(files), plan, LOADED.get(params.ingest.load, ""))
+    panes = [making.pane(number, each) for number, each in enumerate(inspect_files(files, recipe), start=1)]
+    evidence = [pane.offset for pane in panes if pane.offset is not None]
+    offsets = known_offsets(evidence, labeller.cylinder, plan)
+    write_page(page, panes, making, offsets)
+    subjects = [pane.subject for pane in panes]
+    return text_report(subjects, offsets).rstrip("\n"), any(each.outcome == "refused" for each in subjects)
 
 
 def _files(path: Path, params: Params, names_table: Path | None) -> dict[str, Path]:

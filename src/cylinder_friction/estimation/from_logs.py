@@ -25,7 +25,6 @@ from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
-from cylinder_friction.reporting.inspection.choice import PLOTTED
 from cylinder_friction.reporting.inspection.friction_view import holds_load, up_and_down
 from cylinder_friction.reporting.inspection.sensor_offsets import (
     STROKES,
@@ -34,6 +33,7 @@ from cylinder_friction.reporting.inspection.sensor_offsets import (
     known_offsets,
     offset_evidence,
 )
+from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 

@@ -14,9 +14,8 @@ from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.choice import PLOTTED
 from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
-from cylinder_friction.reporting.page import Cell, Table, four_digits, page_html
+from cylinder_friction.reporting.page import PLOTTED, Cell, Table, four_digits, page_html
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES, interactive
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 

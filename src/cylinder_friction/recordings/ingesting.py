@@ -130,7 +130,7 @@ def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recordi
             metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
             try:
                 recording = checked(piece, metadata, recipe, zeros.get(metadata.session))
-                _refuse_duplicate(recording.name, piece, sources, duplicates)
+                refuse_duplicate(recording.name, piece, sources, duplicates)
             except RecordingError as error:
                 where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
                 yield Quarantined(relative, str(error), where)
@@ -139,7 +139,7 @@ def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recordi
                 yield recording
 
 
-def _refuse_duplicate(name: str, piece: Piece, sources: Mapping[str, str], duplicates: DuplicateDetection) -> None:
+def refuse_duplicate(name: str, piece: Piece, sources: Mapping[str, str], duplicates: DuplicateDetection) -> None:
     if name in sources:
         raise RecordingError(f"has the name {name!r}, which {sources[name]} has already")
     match = duplicates.add(name, piece.table)

@@ -1,21 +1,22 @@
 """The page of a run over logs: every recording's friction over time and over velocity, and what was refused."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.friction_figures import against_velocity, compared
-from cylinder_friction.reporting.inspection.friction_view import FrictionView, view_of_labelled
+from cylinder_friction.reporting.inspection.friction_view import view_of_labelled
 from cylinder_friction.reporting.inspection.recording_pane import (
     calculated_panels,
     measured_panels,
-    stribeck_tables,
+    stribeck_table,
 )
 from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
 from cylinder_friction.reporting.page import Cell, Table, page_html
@@ -31,11 +32,11 @@ class FrictionPane:
     """One recording's part of the page."""
 
     title: str
-    view: FrictionView
+    points: tuple[SteadyPoint, ...]  # Of steady sliding
     figures: dict[str, go.Figure]  # ``time``, and ``velocity`` where the piston slides
-    seen: list[str] = field(default_factory=list)  # Sentences about steady sliding
-    tables: dict[str, Table] = field(default_factory=dict)  # ``curve`` or ``points``
-    no_curve: str = ""  # Why no Stribeck curve is stated
+    table: Table | None  # Of the Stribeck curve, or of the points of steady sliding
+    seen: str  # What the curve comes from
+    no_curve: str  # Why no Stribeck curve is stated; empty where it is
 
 
 def friction_pane(recording: Recording, cylinder: Cylinder, method: SignalFilter, estimated: bool) -> FrictionPane:
@@ -55,13 +56,12 @@ def friction_pane(recording: Recording, cylinder: Cylinder, method: SignalFilter
         *([Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if estimated else []),
         Line("friction", _usable(recording, "friction_n"), GREEN, 1.5),
     ]
-    velocity, force, _ = calculated_panels(view)
-    panels = [Panel("friction [N]", friction, 1.6), velocity, force, *measured_panels(recording)]
+    velocity, _ = calculated_panels(view)
+    panels = [Panel("friction [N]", friction, 1.6), velocity, *measured_panels(recording)]
     figures = {"time": over_time(recording.column("time_s"), panels, 2, POINTS)}
     if view.points:
-        figures["velocity"] = against_velocity(view, 0.5)
-    tables, seen = stribeck_tables(view)
-    return FrictionPane(recording.name, view, figures, seen, tables, view.no_curve)
+        figures["velocity"] = against_velocity(view, POINTS)
+    return FrictionPane(recording.name, view.points, figures, *stribeck_table(view), view.no_curve)
 
 
 def write_friction_page(
@@ -96,7 +96,7 @@ def write_friction_page(
         title="Friction",
         table_of_all=Table(head, cells, words=(3,), sortable=True),
         offsets=offset_table(offsets) if offsets else None,
-        comparison=compared({pane.title: pane.view for pane in panes}),
+        comparison=compared({pane.title: pane.points for pane in panes}),
         panes=[(titles[pane.title], pane) for pane in panes],
         left_out=len(rows) - len(panes),
         bounds=bounds,

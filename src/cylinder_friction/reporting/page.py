@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import itertools
 import math
 import re
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +21,10 @@ from cylinder_friction.reporting.style import svg_text
 if TYPE_CHECKING:
     import plotly.graph_objects as go
     from matplotlib.figure import Figure
+
+
+PLOTTED = 12
+"""How many recordings are drawn on a page that holds its figures as they are."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,11 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
     environment.filters |= {"svg": svg, "data": _data, "breakable": _breakable, "digits": four_digits}
     environment.globals |= {"static": static}
     return environment.get_template(template).render(context)
+
+
+def packed(html: str) -> str:
+    """Return a part of a page as text that ``page.js`` unpacks once its section is chosen: deflated, in base64."""
+    return base64.b64encode(zlib.compress(html.encode(), 9)).decode()
 
 
 def static(name: str) -> Markup:

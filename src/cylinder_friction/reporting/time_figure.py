@@ -1,5 +1,6 @@
 """Interactive panels of signals over time, one below the other, their time axes linked."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,17 +37,19 @@ class Panel:
 
 
 def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, points: int = LINE_POINTS) -> go.Figure:
-    """Return the figure; lines of more than ``points`` samples keep their extremes alone."""
+    """Return the figure over evenly spaced times; lines of more than ``points`` samples keep their extremes alone."""
     shares = [panel.share for panel in panels]
     figure = make_subplots(
         rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.14 / len(panels), row_heights=shares
     )
+    step_s = float(time_s[-1] - time_s[0]) / max(1, len(time_s) - 1)
     for row, panel in enumerate(panels, start=1):
         for line in panel.lines:
-            rows = extremes(line.values, points)
+            values, samples = extremes(line.values, points)
             trace = go.Scatter(
-                x=single(time_s[rows]),
-                y=single(line.values[rows]),
+                x0=float(time_s[0]),
+                dx=samples * step_s,
+                y=compact(values),
                 mode="lines",
                 name=line.name,
                 legendgroup=line.name,
@@ -61,23 +64,24 @@ def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, poin
     return interactive(figure, round(PANEL_HEIGHT * sum(shares)) + 110, legend_rows)
 
 
-def single(values: Array) -> NDArray[np.float32]:
-    """Return values in single precision, which halves the page and is finer than a pixel."""
-    return np.asarray(values, dtype=np.float32)
+def compact(values: Array) -> list[float]:
+    """Return values to a thousandth of their span or better, finer than a pixel: short in a page, and when packed."""
+    span = float(np.ptp(values[np.isfinite(values)])) if np.isfinite(values).any() else 0.0
+    return np.round(values, 3 - math.floor(math.log10(span)) if span > 0.0 else 6).tolist()
 
 
-def extremes(values: Array, points: int) -> NDArray[np.intp]:
-    """Return the rows of the least and the greatest value of every stretch, in order, at most ``points`` of them.
+def extremes(values: Array, points: int) -> tuple[Array, float]:
+    """Return the least and the greatest value of every stretch in their order, and for how many samples each stands.
 
-    A line through them looks like the line through all rows: no peak is lost. Values that are not finite are chosen
+    A line through them looks like the line through all samples: no peak is lost. Values that are not finite are chosen
     only where a stretch holds nothing else.
 
     Args:
-        values: Shape ``(n,)``.
-        points: How many rows to keep, at least 2.
+        values: Shape ``(n,)``; returned as they are where they are no more than ``points``.
+        points: How many to return at most, at least 2.
     """
     if len(values) <= points:
-        return np.arange(len(values))
+        return values, 1.0
     stretch = -(-len(values) // (points // 2))
     whole = np.full(-(-len(values) // stretch) * stretch, np.nan)
     whole[: len(values)] = values
@@ -85,8 +89,8 @@ def extremes(values: Array, points: int) -> NDArray[np.intp]:
     known = np.isfinite(table)
     least = np.argmin(np.where(known, table, np.inf), axis=1)
     greatest = np.argmax(np.where(known, table, -np.inf), axis=1)
-    starts = stretch * np.arange(len(table))
-    return np.unique(np.concatenate([starts + least, starts + greatest]))
+    both = np.sort(np.column_stack([least, greatest]), axis=1)
+    return np.take_along_axis(table, both, axis=1).ravel(), 0.5 * stretch
 
 
 def spread_evenly(rows: NDArray[np.intp], points: int) -> NDArray[np.intp]:

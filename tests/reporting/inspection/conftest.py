@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import base64
+import re
+import zlib
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
+from cylinder_friction.reporting.inspection.page import write_page
+from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
 from cylinder_friction.signals.methods import filters_by_method
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
+    from cylinder_friction.reporting.inspection.subject import Inspected
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 SAMPLE_TIME_S = 0.005
@@ -21,6 +33,45 @@ SAMPLE_TIME_S = 0.005
 @pytest.fixture(scope="session")
 def filters(cylinder: Cylinder) -> dict[str, SignalFilter]:
     return filters_by_method(cylinder, {}, {}, {}, {})
+
+
+@pytest.fixture(scope="session")
+def labeller(cylinder: Cylinder) -> Labeller:
+    return Labeller(cylinder)
+
+
+def made_panes(
+    subjects: Iterable[Inspected], labeller: Labeller, filters: dict[str, SignalFilter], **options: Any
+) -> tuple[list[Pane], Panes]:
+    """Return the panes of subjects, and what made them."""
+    found = list(subjects)
+    making = Panes(labeller, filters, "savitzky_golay", **{"files": len(found), **options})
+    return [making.pane(number, subject) for number, subject in enumerate(found, start=1)], making
+
+
+def write_page_of(
+    path: Path,
+    subjects: Iterable[Inspected],
+    labeller: Labeller,
+    filters: dict[str, SignalFilter],
+    offsets: Iterable[KnownOffset] = (),
+) -> str:
+    """Write the page of subjects and return its text, with every pane unpacked."""
+    panes, making = made_panes(subjects, labeller, filters)
+    write_page(path, panes, making, list(offsets))
+    return unpacked(path.read_text(encoding="utf-8"))
+
+
+def unpacked(page: str) -> str:
+    """Return a page with the panes as a browser shows them once they are chosen."""
+    packed = re.compile('<script type="text/plain">([^<]+)</script>')
+    return packed.sub(lambda found: zlib.decompress(base64.b64decode(found[1])).decode(), page)
+
+
+def stated(recording: Recording, zero_pa: float = 5000.0) -> Recording:
+    """Return a recording whose pressure sensors' zeros are stated as uncertain."""
+    known = {name: SensorUncertainty(zero_pa, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
+    return replace(recording, metadata=replace(recording.metadata, uncertainty=known))
 
 
 @pytest.fixture(scope="session")

@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.friction_view import friction_view
 
 from .conftest import made_strokes
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.labelling.label import Labeller
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 
 
-def test_the_curve_is_that_of_the_strokes(strokes: Recording, cylinder: Cylinder, filters: Filters) -> None:
-    view = friction_view(strokes, cylinder, filters["savitzky_golay"], 0.003)
+def test_the_curve_is_that_of_the_strokes(strokes: Recording, labeller: Labeller, filters: Filters) -> None:
+    view = friction_view(strokes, labeller, filters["savitzky_golay"])
     assert view.curve is not None
     speeds = np.array([0.02, 0.05, 0.08])
     np.testing.assert_allclose(view.curve.friction(speeds), 300.0 + 1500.0 * speeds, rtol=0.03)
@@ -29,8 +31,10 @@ def test_the_curve_is_that_of_the_strokes(strokes: Recording, cylinder: Cylinder
     assert not view.carries_load
 
 
-def test_a_load_is_told_from_friction_and_draws_no_curve(cylinder: Cylinder, filters: Filters) -> None:
-    view = friction_view(made_strokes(cylinder, load_n=4000.0), cylinder, filters["savitzky_golay"], 0.003)
+def test_a_load_is_told_from_friction_and_draws_no_curve(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
+    view = friction_view(made_strokes(cylinder, load_n=4000.0), labeller, filters["savitzky_golay"])
     assert view.load_n == pytest.approx(4000.0, rel=0.02)
     assert view.half_difference_n == pytest.approx(380.0, rel=0.15)
     assert view.curve is None
@@ -38,54 +42,74 @@ def test_a_load_is_told_from_friction_and_draws_no_curve(cylinder: Cylinder, fil
     assert view.friction_name == "friction + load"
 
 
-def test_a_measured_load_is_taken_off(cylinder: Cylinder, filters: Filters) -> None:
+def test_a_measured_load_is_taken_off(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
     loaded = made_strokes(cylinder, load_n=4000.0).with_columns(load_force_n=np.full(12000, 4000.0))
-    view = friction_view(loaded, cylinder, filters["savitzky_golay"], 0.003)
+    view = friction_view(loaded, replace(labeller, load="measured"), filters["savitzky_golay"])
     assert view.curve is not None
     assert view.friction_name == "friction"
-    assert "the load force of the recording" in view.assumed[0]
+    assert "Load: measured." in view.assumed[0]
 
 
-def test_it_says_that_no_load_is_assumed(strokes: Recording, cylinder: Cylinder, filters: Filters) -> None:
-    view = friction_view(strokes, cylinder, filters["savitzky_golay"], 0.003)
-    assert view.assumed[0].startswith(
-        "Friction = P1·A1 - P2·A2 - m·a - load, with m = 6 kg and load = 0 (the recording has no load force)."
-    )
+def test_a_load_that_position_decides_is_taken_off(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
+    loaded = made_strokes(cylinder, load_n=4000.0)
+    view = friction_view(loaded, replace(labeller, load="position"), filters["savitzky_golay"])
+    assert view.friction_name == "friction"
+    assert view.load_n == pytest.approx(0.0, abs=10.0)
+    assert "A constant difference between the directions counts as load." in view.assumed[0]
+
+
+def test_a_load_cell_that_is_not_to_be_used_is_refused(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
+    loaded = made_strokes(cylinder).with_columns(load_force_n=np.zeros(12000))
+    with pytest.raises(RecordingError, match=r"load \(ingest.load\) is none, but a load was measured"):
+        friction_view(loaded, labeller, filters["savitzky_golay"])
+
+
+def test_it_says_that_no_load_is_assumed(strokes: Recording, labeller: Labeller, filters: Filters) -> None:
+    view = friction_view(strokes, labeller, filters["savitzky_golay"])
+    assert view.assumed[0].startswith("Friction = P1·A1 - P2·A2 - m·a - load, with m = 6 kg. Load: none.")
 
 
 def test_a_position_that_counts_backwards_makes_the_half_difference_negative(
-    cylinder: Cylinder, filters: Filters
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
 ) -> None:
     backwards = made_strokes(cylinder, sign=-1.0)
     shifted = backwards.with_columns(position_m=backwards.column("position_m") + 0.25)
-    view = friction_view(shifted, cylinder, filters["savitzky_golay"], 0.003)
+    view = friction_view(shifted, labeller, filters["savitzky_golay"])
     assert view.half_difference_n < 0.0
     assert view.curve is None
 
 
 @pytest.mark.parametrize("method", ["savitzky_golay", "rts"])
-def test_a_drive_force_stands_for_pressures(cylinder: Cylinder, filters: Filters, method: str) -> None:
+def test_a_drive_force_stands_for_pressures(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters, method: str
+) -> None:
     strokes = made_strokes(cylinder)
     force = (
         strokes.column("pressure_1_pa") * cylinder.piston_area_m2
         - strokes.column("pressure_2_pa") * cylinder.annulus_area_m2
     )
     table = strokes.table.drop(columns=["pressure_1_pa", "pressure_2_pa"]).assign(drive_force_n=force)
-    view = friction_view(replace(strokes, table=table), cylinder, filters[method], 0.003)
-    with_pressures = friction_view(strokes, cylinder, filters[method], 0.003)
+    view = friction_view(replace(strokes, table=table), labeller, filters[method])
+    with_pressures = friction_view(strokes, labeller, filters[method])
     assert view.force_name == "drive force"
     np.testing.assert_allclose(view.half_difference_n, with_pressures.half_difference_n, rtol=0.01)
 
 
-def test_a_piston_that_stands_still_has_no_curve_but_a_view(cylinder: Cylinder, filters: Filters) -> None:
+def test_a_piston_that_stands_still_has_no_curve_but_a_view(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
     still = made_strokes(cylinder, rest_s=20.0, seconds=20.0)
-    view = friction_view(still, cylinder, filters["savitzky_golay"], 0.003)
+    view = friction_view(still, labeller, filters["savitzky_golay"])
     assert view.points == ()
     assert view.curve is None
     assert "got 0 points of steady sliding" in view.no_curve
 
 
-def test_what_counts_as_standstill_follows_from_the_sensor_s_own_noise(cylinder: Cylinder, filters: Filters) -> None:
+def test_what_counts_as_standstill_follows_from_the_sensor_s_own_noise(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
     """Twice the noise, twice the speed, with a rest to see it at or without."""
     noise = np.random.default_rng(2).normal(0.0, 1e-4, 12000)
     for rest_s in (0.0, 3.0):
@@ -93,9 +117,8 @@ def test_what_counts_as_standstill_follows_from_the_sensor_s_own_noise(cylinder:
         once, twice = (
             friction_view(
                 strokes.with_columns(position_m=strokes.column("position_m") + times * noise),
-                cylinder,
+                labeller,
                 filters["savitzky_golay"],
-                0.003,
             ).slowest_m_s
             for times in (1.0, 2.0)
         )

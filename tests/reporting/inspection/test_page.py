@@ -7,127 +7,172 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.friction_view import with_friction
-from cylinder_friction.reporting.inspection.page import write_page
+from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.reporting.inspection.subject import Inspected
 
-from .conftest import made_strokes
+from .conftest import made_panes, made_strokes, stated, unpacked, write_page_of
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.labelling.label import Labeller
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 CHROMIUM = Path("/usr/bin/chromium")
 OK = Finding("rate", "ok", "200 Hz")
 REFUSED = Inspected("<b>.csv", [Finding("unit", "refused", "position_m is 251 m & more")])
-
-
-def page_of(path: Path, subjects: list[Inspected], cylinder: Cylinder, filters: Filters, **options: object) -> str:
-    write_page(path, subjects, cylinder, filters, **options)  # type: ignore[arg-type]
-    return path.read_text(encoding="utf-8")
+FIGURES = 4
+"""Of a file with friction: against velocity, over time, against position, spectra."""
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory, strokes: Recording, cylinder: Cylinder, filters: Filters) -> Path:
+def written(tmp_path_factory: pytest.TempPathFactory, strokes: Recording, labeller: Labeller, filters: Filters) -> Path:
     """The page of a file that is in order and of one that is refused."""
     path = tmp_path_factory.mktemp("written") / "page.html"
-    write_page(path, [Inspected("a.csv", [OK], strokes), REFUSED], cylinder, filters)
+    write_page_of(path, [Inspected("a.csv", [OK], stated(strokes)), REFUSED], labeller, filters)
     return path
 
 
-def test_files_outcomes_reasons_and_figures_are_on_it(written: Path) -> None:
-    text = written.read_text(encoding="utf-8")
+def test_friction_comes_first_and_files_outcomes_reasons_and_figures_follow(written: Path) -> None:
+    text = unpacked(written.read_text(encoding="utf-8"))
     for words in (
         "&lt;b&gt;.csv",
-        "position_m is 251 m &amp; more",
+        "not usable: position_m is 251 m &amp; more",
+        "usable for labelling.",
         "P1, piston side",
         "friction [N]",
         "Stribeck velocity",
         "N·s/m",
-        "load = 0 (the recording has no load force)",
+        "Load: none.",
         "noise level",
         "savitzky_golay, one-sided",
         "rts, Kalman filter",
     ):
         assert words in text, words
-    assert text.count('class="plot"') == 5
+    pane = text[text.index('<section id="recording-1">') :]
+    assert re.search(r"friction while extending</dt><dd>3\d\d ± \d+ N", pane)
+    assert pane.index("friction while retracting") < pane.index('class="plot"') < pane.index("Checks: 2")
+    assert text.index("Friction while sliding") < text.index("<table")
+    assert text.count('class="plot"') == FIGURES + 1  # and what filters cost
 
 
 def test_it_fetches_nothing(written: Path) -> None:
-    assert not re.search(r"<(?:script|link|img)[^>]*\s(?:src|href)=", written.read_text(encoding="utf-8"))
+    text = written.read_text(encoding="utf-8")
+    for page in (text, unpacked(text)):
+        assert not re.search(r"<(?:script|link|img)[^>]*\s(?:src|href)=", page)
 
 
 def test_equal_input_makes_equal_bytes(
-    tmp_path: Path, written: Path, strokes: Recording, cylinder: Cylinder, filters: Filters
+    tmp_path: Path, written: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
-    write_page(tmp_path / "page.html", [Inspected("a.csv", [OK], strokes), REFUSED], cylinder, filters)
+    write_page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], stated(strokes)), REFUSED], labeller, filters)
     assert (tmp_path / "page.html").read_bytes() == written.read_bytes()
 
 
 @pytest.mark.slow
-def test_ten_long_recordings_stay_small(tmp_path: Path, cylinder: Cylinder, filters: Filters) -> None:
-    long = made_strokes(cylinder, seconds=100.0)
-    text = page_of(tmp_path / "page.html", [Inspected(f"{n}.csv", [OK], long) for n in range(10)], cylinder, filters)
-    assert len(text) < 3_000_000
-
-
-def test_of_many_recordings_the_first_get_figures_and_all_are_listed(
-    tmp_path: Path, strokes: Recording, cylinder: Cylinder, filters: Filters
+def test_thirty_files_of_a_minute_have_all_figures_in_less_than_5_megabytes(
+    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
-    subjects = [Inspected(f"file{number}.csv", [OK], strokes) for number in range(5)]
-    text = page_of(tmp_path / "page.html", subjects, cylinder, filters, plotted=2)
-    assert text.count("<section") == 3
-    assert "2 of 5 recordings that could be read are shown with figures, refused ones before others" in text
-    assert all(f"file{number}.csv" in text for number in range(5))
+    """Every tenth file is drawn; they weigh the same, as the number of files alone decides on their detail."""
+    noise = np.random.default_rng(0).normal(0.0, 0.1, len(strokes))
+    recording = strokes.with_columns(oil_temperature_c=40.0 + noise)
+    subjects = [Inspected(f"{number}.csv", [OK], recording) for number in range(3)]
+    panes, _ = made_panes(subjects, labeller, filters, files=30)
+    without = write_page_of(tmp_path / "page.html", [REFUSED], labeller, filters)
+    assert len(without) + 10 * sum(len(pane.html) for pane in panes) < 5_000_000
+    assert all(len(pane.html) > 30_000 for pane in panes)
+
+
+def test_all_files_have_figures_in_their_order_and_bad_ones_lose_nothing(
+    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
+) -> None:
+    good = [Inspected(f"{name}.csv", [OK], strokes) for name in "zay"]
+    bad = Inspected("m.csv", [Finding("motion", "refused", "does not move")], strokes)
+    text = write_page_of(tmp_path / "page.html", [good[0], REFUSED, good[1], bad, good[2]], labeller, filters)
+    assert re.findall(r'<a href="#recording-\d">(\d\. [^<]*)', text) == [
+        "1. z.csv",
+        "2. &lt;b&gt;.csv",
+        "3. a.csv",
+        "4. m.csv",
+        "5. y.csv",
+    ]
+    panes = text[: text.index('<section id="filters">')].split('<section id="recording-')[1:]
+    assert [pane.count('class="plot"') for pane in panes] == [FIGURES, 0, FIGURES, FIGURES, FIGURES]
+    assert "drawn to show what is wrong, and is no result" in panes[3]
+    assert "friction while extending" not in panes[3]
+    assert '"number of the file"' in text
+
+
+def test_signals_are_not_held(strokes: Recording, labeller: Labeller, filters: Filters) -> None:
+    (pane,), _ = made_panes([Inspected("a.csv", [OK], strokes)], labeller, filters)
+    assert pane.subject.recording is None
+    assert pane.subject.outcome == "ok"
+    assert len(pane.points) < 50
 
 
 def test_a_recording_shorter_than_the_filter_is_shown_with_the_reason(
-    tmp_path: Path, strokes: Recording, cylinder: Cylinder, filters: Filters
+    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
     short = Recording(strokes.metadata, strokes.table.iloc[:30])
-    text = page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], short)], cylinder, filters)
-    assert "Friction could not be calculated: got 30 samples" in text
+    text = write_page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], short)], labeller, filters)
+    assert "not usable: friction cannot be calculated: got 30 samples" in text
     assert text.count('class="plot"') == 1
 
 
-def test_a_load_is_warned_of(tmp_path: Path, cylinder: Cylinder, filters: Filters) -> None:
+def test_friction_that_holds_a_load_is_drawn_as_that_and_stated_nowhere(
+    tmp_path: Path, cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
     loaded = made_strokes(cylinder, load_n=4000.0)
-    text = page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], loaded)], cylinder, filters)
-    assert "does not turn with the direction: a load" in text
+    text = write_page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], loaded)], labeller, filters)
+    assert "not usable: the force still holds a load" in text
     assert "friction + load [N]" in text
+    assert "Friction while sliding" not in text
+    assert "friction while extending" not in text
+    assert "No curve is stated" in text
 
 
 def test_a_drive_force_and_further_columns_are_drawn(
-    tmp_path: Path, strokes: Recording, cylinder: Cylinder, filters: Filters
+    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
     table = strokes.table.drop(columns=["pressure_1_pa", "pressure_2_pa"])
-    table = table.assign(drive_force_n=300.0, oil_temperature_c=41.0)
-    text = page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], replace(strokes, table=table))], cylinder, filters)
+    table = table.assign(
+        drive_force_n=300.0 * np.sign(np.gradient(strokes.column("position_m"))), oil_temperature_c=41.0
+    )
+    subject = Inspected("a.csv", [OK], replace(strokes, table=table))
+    text = write_page_of(tmp_path / "page.html", [subject], labeller, filters)
     assert "oil [°C]" in text
-    assert text.count('"name":"drive force"') == 2
+    assert text.count('"name":"drive force"') == 1
     assert "piston side" not in text
 
 
-def test_the_overview_shows_friction_and_one_file_opens_with_its_figures(
-    tmp_path: Path, strokes: Recording, cylinder: Cylinder, filters: Filters
+def test_one_file_opens_with_its_figures_and_several_with_the_overview(
+    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
-    one = page_of(tmp_path / "one.html", [Inspected("a.csv", [OK], strokes)], cylinder, filters)
+    subject = Inspected("a.csv", [OK], strokes)
+    one = write_page_of(tmp_path / "one.html", [subject], labeller, filters)
     assert '<section id="recording-1" data-first>' in one
-    subject = with_friction(Inspected("b.csv", [OK], strokes), cylinder, filters["savitzky_golay"], 0.003)
-    assert 300.0 < subject.friction_n < 400.0
-    two = page_of(tmp_path / "two.html", [Inspected("a.csv", [OK], strokes), subject], cylinder, filters, plotted=1)
+    two = write_page_of(tmp_path / "two.html", [subject, replace(subject, file="b.csv")], labeller, filters)
     assert "data-first" not in two.split("<main>")[1]
-    assert two.count(f">{subject.friction_n:.0f}</td>") == 2
 
 
-def test_an_unknown_filter_is_refused(tmp_path: Path, cylinder: Cylinder, filters: Filters) -> None:
+def test_each_condition_has_its_own_mean(
+    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
+) -> None:
+    other = replace(strokes, metadata=replace(strokes.metadata, condition="cold"))
+    subjects = [Inspected(f"{number}.csv", [OK], each) for number, each in enumerate((strokes, strokes, other))]
+    text = write_page_of(tmp_path / "page.html", subjects, labeller, filters)
+    assert re.search(r"Condition 1: <strong>3\d\d N extending \(3\d\d to 3\d\d N\), 3\d\d N retracting \(", text)
+    assert re.search(r"Condition cold: <strong>3\d\d N extending, 3\d\d N retracting<", text)
+
+
+def test_an_unknown_filter_is_refused(labeller: Labeller, filters: Filters) -> None:
     with pytest.raises(ValueError, match=r"method: expected one of adaptive, .*, but got 'median'"):
-        write_page(tmp_path / "page.html", [], cylinder, filters, method="median")
+        Panes(labeller, filters, "median")
 
 
 @pytest.mark.slow
@@ -145,8 +190,9 @@ def test_a_browser_draws_every_figure_without_an_error_and_filters_the_table(tmp
         page.get_by_role("button", name=re.compile("refused")).click()
         assert page.locator("#files tbody tr:visible").count() == 1
         page.get_by_role("link", name="a.csv").first.click()
-        assert page.locator("#recording-1 .plot").count() == 5
-        for number in range(5):
+        page.locator("#recording-1 .plot").first.wait_for()
+        assert page.locator("#recording-1 .plot").count() == FIGURES
+        for number in range(FIGURES):
             page.locator("#recording-1 .plot").nth(number).scroll_into_view_if_needed()
             page.locator("#recording-1 .plot").nth(number).locator(".main-svg").first.wait_for()
         page.set_viewport_size({"width": 400, "height": 900})

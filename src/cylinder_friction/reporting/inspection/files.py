@@ -7,31 +7,53 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
 from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.ingesting import refuse_duplicate, session_zeros
+from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, NoZero, ZeroReading
 from cylinder_friction.recordings.mapping.channel_mapping import wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import PathNames, name_of
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.timeline.aligning import align
-from cylinder_friction.reporting.inspection.subject import Inspected
+from cylinder_friction.reporting.inspection.subject import Inspected, worst
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
     """Yield what was found in each file, in their order; a file that a gap splits gives one entry per piece.
 
+    As in ``ingest``, a recording that was not vented is zeroed by the others of its session, and a recording that is
+    there already is refused.
+
     Args:
         files: By the name that is shown, which is the path below the source where that is known.
         recipe: How a file becomes recordings.
     """
+    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
+    sources: dict[str, str] = {}
+    duplicates = DuplicateDetection()
     for name, path in tqdm(files.items(), desc="inspect", unit="file", disable=None):
-        yield from inspect_file(name, path, recipe)
+        for piece, subject in _inspect_file(name, path, recipe, zeros):
+            recording = subject.recording
+            if piece is None or recording is None or subject.outcome == "refused":
+                yield subject
+                continue
+            try:
+                refuse_duplicate(recording.name, piece, sources, duplicates)
+            except RecordingError as error:
+                subject = subject.found(Finding("duplicate", "refused", str(error)))
+            else:
+                sources[recording.name] = name
+            yield subject
 
 
-def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
-    """Return what was found in one file. A path without a session is noted, for it may lie elsewhere later.
+def _inspect_file(
+    name: str, path: Path, recipe: Recipe, zeros: Mapping[str, ZeroReading | NoZero]
+) -> Iterator[tuple[Piece | None, Inspected]]:
+    """Yield what was found in one file. A path without a session is noted, for it may lie elsewhere later.
 
     What is refused has its recording all the same wherever the signals can be read.
     """
@@ -47,12 +69,11 @@ def inspect_file(name: str, path: Path, recipe: Recipe) -> list[Inspected]:
         findings.append(Finding("file", "refused", str(error)))
         pieces = _as_logged(path, recipe)
         if not pieces:
-            return [Inspected(name, findings)]
-    found = []
+            yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, names, number, len(pieces), name, "", recipe.cylinder)
-        found.append(_inspected(name, piece, metadata, recipe, findings))
-    return found
+        found, recording = _checked(piece, metadata, recipe, zeros.get(names.session))
+        yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 
 
 def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
@@ -63,18 +84,22 @@ def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
     return []
 
 
-def _inspected(
-    name: str, piece: Piece, metadata: RecordingMetadata, recipe: Recipe, before: Sequence[Finding]
-) -> Inspected:
-    findings = list(before)
+def _checked(
+    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None
+) -> tuple[Sequence[Finding], Recording | None]:
+    findings: list[Finding] = []
+    table = piece.table
     try:
-        table, metadata = zeroed(piece, metadata, recipe)
+        table, metadata = zeroed(piece, metadata, recipe, session)
     except RecordingError as error:
         findings.append(Finding("zero", "refused", str(error)))
-        table = piece.table
+    findings += [
+        Finding("repair", "noted" if text.startswith(NOT_CORRECTED) else "repaired", text) for text in metadata.repairs
+    ]
     findings += inspect_recording(table, recipe.limits, piece.sample_time_s)
     try:
-        recording = Recording(replace(metadata, sample_time_s=piece.sample_time_s), table)
-    except RecordingError:  # which the findings state already
-        return Inspected(name, findings, None, piece.repairs)
-    return Inspected(name, findings, recording, piece.repairs)
+        return findings, Recording(replace(metadata, sample_time_s=piece.sample_time_s), table)
+    except RecordingError as error:
+        if worst(finding.outcome for finding in findings) != "refused":
+            findings.append(Finding("recording", "refused", str(error)))
+        return findings, None

@@ -16,7 +16,6 @@ from cylinder_friction.reporting.inspection.filter_costs import FilterCost
 from cylinder_friction.reporting.inspection.friction_view import FrictionView
 from cylinder_friction.reporting.inspection.spectra import spectrum
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES, interactive
-from cylinder_friction.reporting.time_figure import single
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 SPECTRUM_POINTS = 250
@@ -101,7 +100,7 @@ def _panel(
 def _add(figure: go.Figure, column: int, name: str, x: Array, y: Array, line: dict[str, object]) -> None:
     known = any(trace.name == name for trace in figure.data)
     hover = f"%{{x:.3~g}} Hz, %{{y:.3~g}}<extra>{name}</extra>"
-    trace = go.Scatter(x=single(x), y=single(y), mode="lines", name=name, legendgroup=name, line=line)
+    trace = go.Scatter(x=np.float32(x), y=np.float32(y), mode="lines", name=name, legendgroup=name, line=line)
     figure.add_trace(trace.update(showlegend=not known, hovertemplate=hover), row=1, col=column)
 
 

@@ -1,6 +1,6 @@
 """Friction against velocity, the Stribeck curve, and force against position."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
@@ -11,18 +11,20 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.reporting.inspection.friction_view import FrictionView
+from cylinder_friction.reporting.inspection.sliding_friction import WAYS, MeanFriction
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, SERIES, interactive
-from cylinder_friction.reporting.time_figure import single, spread_evenly
+from cylinder_friction.reporting.time_figure import compact, spread_evenly
 
-CLOUD_POINTS = 3000
 CURVE_POINTS = 200
 MM_PER_M = 1e3
 WIDE_SPAN = 10.0
 """From this ratio of speeds on, fewer of them are written at the axis."""
 
 
-def against_velocity(view: FrictionView, detail: float = 1.0) -> go.Figure:
-    """Return two panels: every usable row against velocity, and steady sliding against speed on a log scale."""
+def against_velocity(view: FrictionView, points: int) -> go.Figure:
+    """Return two panels: usable rows, ``points`` of them a direction, against velocity, and steady sliding against
+    speed on a log scale.
+    """
     figure = make_subplots(
         rows=1,
         cols=2,
@@ -32,7 +34,7 @@ def against_velocity(view: FrictionView, detail: float = 1.0) -> go.Figure:
     )
     velocity = view.signals.velocity_m_s
     for name, colour, rows in ways(view):
-        rows = spread_evenly(rows, round(detail * CLOUD_POINTS))
+        rows = spread_evenly(rows, points)
         figure.add_trace(
             _cloud(name, colour, MM_PER_M * velocity[rows], view.friction_n[rows]),
             row=1,
@@ -48,23 +50,46 @@ def against_velocity(view: FrictionView, detail: float = 1.0) -> go.Figure:
     return interactive(figure, 480, legend_rows=2)
 
 
-def against_position(view: FrictionView, position_m: Array, detail: float = 1.0) -> go.Figure:
+def against_position(view: FrictionView, position_m: Array, points: int) -> go.Figure:
     """Return the force against position: its middle is load, half its width is friction."""
     figure = go.Figure()
     for name, colour, rows in ways(view):
         if name != "standstill":
-            rows = spread_evenly(rows, round(detail * CLOUD_POINTS))
+            rows = spread_evenly(rows, points)
             figure.add_trace(_cloud(name, colour, MM_PER_M * position_m[rows], view.force_n[rows]))
     figure.update_xaxes(title_text="position [mm]")
     figure.update_yaxes(title_text=f"{view.force_name} [N]")
     return interactive(figure, 360)
 
 
-def compared(views: Mapping[str, FrictionView]) -> go.Figure | None:
+def of_files(friction: Sequence[tuple[str, Mapping[str, MeanFriction]]]) -> go.Figure | None:
+    """Return the friction of every file, by title and direction, with its interval; None for fewer than two."""
+    figure = go.Figure()
+    for way, (colour, symbol) in zip(WAYS, ((BLUE, "circle"), (ORANGE, "square")), strict=True):
+        known = [(number, title, each[way]) for number, (title, each) in enumerate(friction, start=1) if way in each]
+        figure.add_scatter(
+            x=[number + (-0.1, 0.1)[way == "retracting"] for number, _, _ in known],
+            y=[each.mean_n for _, _, each in known],
+            error_y={"type": "data", "array": [each.half_width_n for _, _, each in known], "thickness": 1.2},
+            customdata=[f"{title}: {each} N" for _, title, each in known],
+            mode="markers",
+            name=way,
+            marker={"color": colour, "size": 8, "symbol": symbol},
+            hovertemplate="%{customdata}<extra></extra>",
+        )
+    if max(len(trace.x) for trace in figure.data) < 2:
+        return None
+    count = len(friction)
+    figure.update_xaxes(title_text="number of the file", range=[0.4, count + 0.6], tick0=1, dtick=-(-count // 12))
+    figure.update_yaxes(title_text="friction against the motion [N]", rangemode="tozero")
+    return interactive(figure, 340)
+
+
+def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> go.Figure | None:
     """Return friction in steady sliding against velocity, one line per recording; None for fewer than two."""
     figure = go.Figure()
-    for number, (title, view) in enumerate(views.items()):
-        points = sorted(view.points, key=lambda point: point.velocity_m_s)
+    for number, (title, found) in enumerate(recordings.items()):
+        points = sorted(found, key=lambda point: point.velocity_m_s)
         if not points:
             continue
         velocity, friction = (
@@ -89,13 +114,8 @@ def compared(views: Mapping[str, FrictionView]) -> go.Figure | None:
 
 def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
     """Return name, colour and usable rows of standstill, extension and retraction."""
-    velocity = view.signals.velocity_m_s
-    slow = np.abs(velocity) <= view.slowest_m_s
-    return [
-        ("standstill", PALE, np.flatnonzero(view.usable & slow)),
-        ("extending", BLUE, np.flatnonzero(view.usable & ~slow & (velocity > 0.0))),
-        ("retracting", ORANGE, np.flatnonzero(view.usable & ~slow & (velocity < 0.0))),
-    ]
+    ways = (("standstill", PALE, 0.0), ("extending", BLUE, 1.0), ("retracting", ORANGE, -1.0))
+    return [(name, colour, np.flatnonzero(view.usable & (view.direction == sign))) for name, colour, sign in ways]
 
 
 def _speed_ticks(view: FrictionView) -> list[float]:
@@ -106,8 +126,8 @@ def _speed_ticks(view: FrictionView) -> list[float]:
 
 def _cloud(name: str, colour: str, x: Array, y: Array) -> go.Scatter:
     return go.Scatter(
-        x=single(x),
-        y=single(y),
+        x=compact(x),
+        y=compact(y),
         mode="markers",
         name=name,
         legendgroup=name,
@@ -118,8 +138,8 @@ def _cloud(name: str, colour: str, x: Array, y: Array) -> go.Scatter:
 
 def _line(name: str, x: Array, y: Array, in_legend: bool) -> go.Scatter:
     return go.Scatter(
-        x=single(x),
-        y=single(y),
+        x=np.float32(x),
+        y=np.float32(y),
         mode="lines",
         name=name,
         legendgroup=name,
@@ -161,8 +181,8 @@ def _points(figure: go.Figure, points: tuple[SteadyPoint, ...]) -> None:
         ):
             figure.add_trace(
                 go.Scatter(
-                    x=single(x),
-                    y=single(y),
+                    x=np.float32(x),
+                    y=np.float32(y),
                     error_y={"type": "data", "symmetric": False, "array": above, "arrayminus": below, "thickness": 1.2},
                     customdata=rows,
                     mode="markers",

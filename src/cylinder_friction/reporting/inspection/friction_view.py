@@ -1,7 +1,6 @@
 """Friction of one recording as the inspection shows it: filtered, balanced, and gathered into a Stribeck curve."""
 
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,23 +9,21 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-from cylinder_friction.labelling.equation_of_motion import Stiffness, drive_force, friction_label
-from cylinder_friction.labelling.label import usable_rows
-from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.labelling.equation_of_motion import drive_force
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.filter_costs import pulse_responses
 from cylinder_friction.reporting.inspection.known_curve import known_curve
-from cylinder_friction.reporting.inspection.sensor_offsets import offset_evidence
-from cylinder_friction.reporting.inspection.subject import Inspected
-from cylinder_friction.signals.motion import noise_rms, standstill_rows
+from cylinder_friction.signals.motion import direction_of_motion, noise_rms, standstill_rows
 from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import (
     SignalFilter,
     SmoothDrive,
     SmoothSignals,
+    filtered,
     has_pressures,
-    smooth_load,
-    smooth_recording,
+    signals_of,
 )
 
 NOISE_MULTIPLE = 4.0
@@ -68,28 +65,34 @@ class FrictionView:
         return holds_load(self.load_n, self.half_difference_n)
 
     @property
+    def has_interval(self) -> bool:
+        """Whether it is stated how exact the sensors are."""
+        return UNCERTAINTY_COLUMN in self.labelled.table.columns
+
+    @property
+    def direction(self) -> Array:
+        """1 while extending, -1 while retracting, 0 at standstill and where not usable, shape ``(n,)``."""
+        return np.where(self.usable, direction_of_motion(self.signals.velocity_m_s, self.slowest_m_s), 0.0)
+
+    @property
     def friction_name(self) -> str:
         return "friction + load" if self.carries_load else "friction"
 
 
-def friction_view(
-    recording: Recording, cylinder: Cylinder, method: SignalFilter, end_stop_margin_m: float
-) -> FrictionView:
-    """Return a recording's friction by the equation of motion.
+def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter) -> FrictionView:
+    """Return a recording's friction as ``labeller`` labels it; load and mass are identified from it alone.
 
     Raises:
-        ValueError: The recording is shorter than the filter.
+        ValueError: The recording is shorter than the filter, its columns and the stated load contradict each other, or
+            its strokes do not determine a load that position decides.
     """
-    position_m, signals = recording.column("position_m"), smooth_recording(recording, method)
-    load_force_n = smooth_load(recording, method)
-    friction_n = friction_label(
-        signals, position_m, 0.0 if load_force_n is None else load_force_n, cylinder, Stiffness()
-    )
-    usable = usable_rows(position_m, cylinder.stroke_m, end_stop_margin_m, method.support(recording.sample_time_s))
-    labelled = recording.with_columns(friction_n=friction_n, velocity_m_s=signals.velocity_m_s, usable=usable)
-    return view_of_labelled(
-        labelled, signals, cylinder, method, _assumed(recording, cylinder, load_force_n is not None, end_stop_margin_m)
-    )
+    smooth = filtered(recording, method)
+    identified = labeller.identify([smooth], method) if labeller.needs_identification else None
+    labelled = labeller.label(smooth, method, identified)
+    load = "none" if labeller.load == "none" else "measured"
+    if identified is not None and identified.load is not None:
+        load = f"{identified.load.sentence()}. A constant difference between the directions counts as load"
+    return view_of_labelled(labelled, signals_of(smooth), labeller.cylinder, method, _assumed(labelled, labeller, load))
 
 
 def view_of_labelled(
@@ -143,28 +146,6 @@ def holds_load(load_n: float, half_difference_n: float) -> bool:
     return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
 
 
-def with_friction(
-    subject: Inspected,
-    cylinder: Cylinder,
-    method: SignalFilter,
-    end_stop_margin_m: float,
-    plan: OffsetPlan | None = None,
-    no_offset: str = "",
-) -> Inspected:
-    """Return the subject with its friction and what it shows of the sensors' offset, kept when signals are not held.
-
-    ``plan`` and ``no_offset`` are as for ``offset_evidence``.
-    """
-    if subject.recording is None or subject.outcome == "refused":
-        return subject
-    with suppress(ValueError):  # shorter than the filter
-        view = friction_view(subject.recording, cylinder, method, end_stop_margin_m)
-        uneven_n, friction_n = view.load_n, view.half_difference_n
-        evidence = offset_evidence(view.labelled, cylinder, plan or OffsetPlan(), uneven_n, friction_n, no_offset)
-        return replace(subject, friction_n=friction_n, offset=evidence)
-    return subject
-
-
 def up_and_down(
     position_m: Array, velocity_m_s: Array, friction_n: Array, usable: NDArray[np.bool_], slowest_m_s: float
 ) -> tuple[float, float]:
@@ -189,13 +170,13 @@ def up_and_down(
     return float(load_n), float(half_difference_n)
 
 
-def _assumed(recording: Recording, cylinder: Cylinder, has_load: bool, margin_m: float) -> tuple[str, ...]:
+def _assumed(recording: Recording, labeller: Labeller, load: str) -> tuple[str, ...]:
     force = PRESSURE_FORCE if has_pressures(recording) else "the measured drive force"
-    load = "the load force of the recording" if has_load else "load = 0 (the recording has no load force)"
+    cylinder, spring = labeller.cylinder, labeller.stiffness.mode
     return (
-        f"Friction = {force} - m·a - load, with m = {cylinder.moving_mass_kg:.4g} kg and {load}. "
+        f"Friction = {force} - m·a - load, with m = {cylinder.moving_mass_kg:.4g} kg. Load: {load}. "
         f"A1 = {1e6 * cylinder.piston_area_m2:.5g} mm², A2 = {1e6 * cylinder.annulus_area_m2:.5g} mm² "
-        f"({cylinder.name}).",
-        f"Left out: rows within {1e3 * margin_m:.3g} mm of an end stop (stroke {1e3 * cylinder.stroke_m:.4g} mm), and "
-        "rows whose filter saw them or the edge of the recording.",
+        f"({cylinder.name})." + ("" if spring == "none" else f" Stiffness: {spring}."),
+        f"Left out: rows within {1e3 * labeller.end_stop_margin_m:.3g} mm of an end stop (stroke "
+        f"{1e3 * cylinder.stroke_m:.4g} mm), and rows whose filter saw them or the edge of the recording.",
     )

@@ -1,122 +1,119 @@
-"""The inspection of a file or a folder as one HTML page: a list of all files, and a pane for each that is drawn."""
+"""The inspection of a file or a folder as one HTML page: friction and verdict of every file, and a pane for each."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from statistics import fmean
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.files import write_text
-from cylinder_friction.reporting.inspection.choice import PLOTTED, chosen
-from cylinder_friction.reporting.inspection.friction_figures import compared
-from cylinder_friction.reporting.inspection.recording_pane import MM_PER_M, Pane, recording_pane
+from cylinder_friction.reporting.inspection.filter_costs import MOTION_HZ, FilterCost
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, MS_PER_S, filter_figure
+from cylinder_friction.reporting.inspection.friction_figures import compared, of_files
+from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
 from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
-from cylinder_friction.reporting.inspection.subject import OUTCOMES, Inspected, count_outcomes, titles
+from cylinder_friction.reporting.inspection.sliding_friction import WAYS
+from cylinder_friction.reporting.inspection.subject import OUTCOMES, VERDICTS, count_outcomes
 from cylinder_friction.reporting.page import Cell, Table, page_html
-from cylinder_friction.signals.smooth_signals import SignalFilter
-
-MEANINGS = {
-    "ok": "usable as it came",
-    "noted": "usable; something is worth knowing",
-    "repaired": "usable after the repairs that are named",
-    "refused": "not usable, for the reason given",
-}
-FULL_DETAIL = 2
-"""So many recordings are drawn with every point that a screen can show; with more, each gets fewer."""
 
 
-def write_page(
-    path: Path,
-    subjects: Sequence[Inspected],
-    cylinder: Cylinder,
-    filters: Mapping[str, SignalFilter],
-    method: str = "savitzky_golay",
-    end_stop_margin_m: float = 0.003,
-    plotted: int = PLOTTED,
-    offsets: Sequence[KnownOffset] = (),
-) -> None:
+def write_page(path: Path, panes: Sequence[Pane], made_by: Panes, offsets: Sequence[KnownOffset] = ()) -> None:
     """Write the page whole; equal input makes equal bytes.
 
     Args:
         path: Of the HTML file.
-        subjects: What was inspected, in the order to be shown.
-        cylinder: Its areas, stroke and moving mass.
-        filters: By name, as ``filters_by_method`` gives them.
-        method: Which of them velocity and friction are shown with.
-        end_stop_margin_m: Rows this near an end stop are not usable [m].
-        plotted: How many files get figures, see ``chosen``.
+        panes: Of every file, in the order to be shown.
+        made_by: What made them.
         offsets: What is known of the pressure sensors' offset in each session.
-
-    Raises:
-        ValueError: The method is not one of the filters.
     """
-    if method not in filters:
-        raise ValueError(f"method: expected one of {', '.join(filters)}, but got {method!r}")
-    named, places = titles(subjects), chosen(subjects, plotted)
-    detail = min(1.0, FULL_DETAIL / max(1, len(places)))
-    panes = {
-        place: recording_pane(
-            f"recording-{place + 1}",
-            named[place],
-            subjects[place],
-            cylinder,
-            filters,
-            method,
-            end_stop_margin_m,
-            detail,
-        )
-        for place in places
-    }
-    counts = count_outcomes(subjects)
+    counts = count_outcomes([pane.subject for pane in panes])
     html = page_html(
         "templates/inspection.html.j2",
         title="Inspection of recordings",
-        lead=_lead(subjects, len(panes)),
-        counts=[(outcome, counts[outcome], MEANINGS[outcome]) for outcome in OUTCOMES if counts[outcome]],
-        files=_files(subjects, named, panes),
+        counts=[(outcome, counts[outcome], VERDICTS[outcome]) for outcome in OUTCOMES if counts[outcome]],
+        means=_means(panes),
+        files=_files(panes),
+        friction=of_files([(pane.subject.title, pane.friction) for pane in panes]),
         offsets=offset_table(offsets) if offsets else None,
-        comparison=compared({pane.title: pane.view for pane in panes.values() if pane.view is not None}),
-        panes=list(panes.values()),
-        method=method,
-        alone=len(subjects) == 1,
+        comparison=compared({pane.subject.title: pane.points for pane in panes}),
+        panes=panes,
+        filters=[
+            (f"{1.0 / step_s:g}", title, filter_figure(costs), _filter_table(costs), _filter_notes(costs, left_out))
+            for step_s, (title, costs, left_out) in made_by.costs.items()
+            if costs
+        ],
     )
     write_text(path, html)
 
 
-def _lead(subjects: Sequence[Inspected], shown: int) -> str:
-    readable = sum(subject.seen is not None for subject in subjects)
-    if readable > shown:
-        return (
-            f"{shown} of {readable} recordings that could be read are shown with figures, refused ones before others; "
-            "inspect another file by itself to see its own."
-        )
-    if shown == 0:
-        return "Nothing could be read far enough to be drawn."
-    return "Choose a recording to see its figures."
+def _means(panes: Sequence[Pane]) -> list[tuple[str, str]]:
+    """Return each condition and the mean friction of its files, by direction, in words."""
+    conditions: dict[str, dict[str, list[float]]] = {}
+    for pane in panes:
+        for way, friction in pane.friction.items():
+            conditions.setdefault(pane.condition, {}).setdefault(way, []).append(friction.mean_n)
+    return [
+        (name, ", ".join(f"{fmean(n):.0f} N {way}{_range(n)}" for way, n in ways.items()))
+        for name, ways in conditions.items()
+    ]
 
 
-def _files(subjects: Sequence[Inspected], named: Sequence[str], panes: Mapping[int, Pane]) -> Table:
-    """Return one row per file or piece: its outcome, the reason, its friction and its extent."""
+def _range(values: Sequence[float]) -> str:
+    return f" ({min(values):.0f} to {max(values):.0f} N)" if len(values) > 1 else ""
+
+
+def _files(panes: Sequence[Pane]) -> Table:
+    """Return one row per file or piece: its friction, its outcome and the verdict."""
     rows: list[list[str | Cell]] = []
-    for place, (title, subject) in enumerate(zip(named, subjects, strict=True)):
-        reasons = subject.reasons() or ([] if subject.seen is not None else ["became no recording"])
-        friction_n = panes[place].friction_n if place in panes else subject.friction_n
-        numbers = ["", "", ""]
-        if (seen := subject.seen) is not None:
-            numbers = [
-                f"{seen.rows * seen.sample_time_s:.5g}",
-                f"{1.0 / seen.sample_time_s:.5g}",
-                f"{MM_PER_M * seen.least_position_m:.4g} to {MM_PER_M * seen.greatest_position_m:.4g}",
-            ]
-        rows.append(
-            [
-                Cell(title, link=f"#{panes[place].name}" if place in panes else ""),
-                Cell(subject.outcome, badge=True, style="words badged"),
-                Cell(f"{friction_n:.0f}", value=friction_n) if math.isfinite(friction_n) else Cell("–", style="none"),
-                Cell(reasons[0] if reasons else "", more=reasons[1:], style="words"),
-                *numbers,
-            ]
+    for number, pane in enumerate(panes, start=1):
+        subject = pane.subject
+        friction = [
+            Cell(str(pane.friction[way]), value=pane.friction[way].mean_n)
+            if way in pane.friction
+            else Cell("–", style="none")
+            for way in WAYS
+        ]
+        title = Cell(f"{number}. {subject.title}", value=number, link=f"#{pane.name}")
+        outcome = Cell(subject.outcome, badge=True, style="words badged")
+        verdict = Cell(subject.verdict, more=subject.reasons[1:], style="words")
+        rows.append([title, *friction, outcome, verdict])
+    tip = "mean against the motion while sliding, with its 95 % interval"
+    head: list[str | Cell] = ["file", *(Cell(f"{way} [N]", tip=tip) for way in WAYS), "outcome", "verdict"]
+    outcomes = [pane.subject.outcome for pane in panes]
+    return Table(head, rows, words=(3, 4), sortable=True, outcomes=outcomes)
+
+
+def _filter_notes(costs: Sequence[FilterCost], left_out: Sequence[str]) -> str:
+    notes = [f"Left out: {words}." for words in left_out]
+    if any(math.isnan(cost.velocity_noise_m_s) for cost in costs):
+        notes.append("Noise at standstill needs a second of it in all; that recording rests less.")
+    return " ".join(notes)
+
+
+def _filter_table(costs: Sequence[FilterCost]) -> Table:
+    head = ["filter", "use", "pressure", "velocity", "acceleration", f"velocity, {MOTION_HZ:g}\u00a0Hz"]
+    head += ["pressure", "velocity", "standstill", "sensor"]
+    rows = []
+    for cost in costs:
+        late = (
+            cost.pressure_delay_s,
+            cost.velocity_delay_s,
+            cost.acceleration_delay_s,
+            cost.velocity_delay_in_motion_s,
         )
-    friction = Cell("friction [N]", tip="half of extending less retracting at equal position")
-    head: list[str | Cell] = ["file", "outcome", friction, "why", "duration [s]", "rate [Hz]", "travel [mm]"]
-    outcomes = [subject.outcome for subject in subjects]
-    return Table(head, rows, words=(1, 3), sortable=True, outcomes=outcomes)
+        rows.append(
+            (
+                cost.name,
+                "real\u00a0time" if cost.causal else "off\u00a0line",
+                *(f"{MS_PER_S * delay_s:z.1f}" if math.isfinite(delay_s) else "–" for delay_s in late),
+                *(
+                    "all" if math.isinf(hz) else f"{hz:.1f}"
+                    for hz in (cost.pressure_bandwidth_hz, cost.velocity_bandwidth_hz)
+                ),
+                *(
+                    "–" if math.isnan(noise) else f"{MM_PER_M * noise:.2g}"
+                    for noise in (cost.velocity_noise_m_s, cost.velocity_noise_from_sensor_m_s)
+                ),
+            )
+        )
+    groups = (("", 2), ("late by [ms]", 4), ("-3 dB at [Hz]", 2), ("velocity noise [mm/s]", 2))
+    return Table(head, rows, groups=groups)

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.sensor_offset import OffsetPlan, zero_uncertainty_n
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.filter_costs import MOTION_HZ, FilterCost, filter_costs
-from cylinder_friction.reporting.inspection.frequency_figures import MS_PER_S, filter_figure, spectra
+from cylinder_friction.reporting.inspection.filter_costs import FilterCost, filter_costs
+from cylinder_friction.reporting.inspection.frequency_figures import spectra
 from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
 from cylinder_friction.reporting.inspection.friction_view import FrictionView, friction_view
 from cylinder_friction.reporting.inspection.known_curve import is_breakaway_known
-from cylinder_friction.reporting.inspection.subject import OUTCOMES, Inspected
-from cylinder_friction.reporting.page import Cell, Table, four_digits
+from cylinder_friction.reporting.inspection.sensor_offsets import OffsetEvidence, offset_evidence
+from cylinder_friction.reporting.inspection.sliding_friction import MeanFriction, friction_finding, sliding_friction
+from cylinder_friction.reporting.inspection.subject import Inspected, worst_first
+from cylinder_friction.reporting.page import Cell, Table, four_digits, packed, page_html
 from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, QUIET
-from cylinder_friction.reporting.time_figure import LINE_POINTS, Line, Panel, over_time
+from cylinder_friction.reporting.time_figure import Line, Panel, over_time
+from cylinder_friction.signals.methods import windows_at
 from cylinder_friction.signals.smooth_signals import SignalFilter, has_pressures
 
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
+FULL_DETAIL, LEAST_DETAIL = 6, 0.05
+"""So many files are drawn with all points; of more, each gets fewer, but no less than this share."""
+LINE_POINTS = 12_000
+CLOUD_POINTS = 3000
 PA_PER_BAR = 1e5
 MM_PER_M = 1e3
 
@@ -39,77 +45,103 @@ COLUMNS = (
 """What a recording may hold: in words, its column, how much of its unit one of the shown unit is, the shown unit."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Pane:
-    """One recording's part of the page."""
+    """What stays of a file or a piece of one once its figures are drawn: kilobytes, however long it is."""
 
     name: str  # Its anchor
-    # Of the recording
-    title: str
-    outcome: str
-    warnings: list[str]
-    facts: list[tuple[str, str]]  # Name and value
-    view: FrictionView | None  # Its friction; None where it could not be calculated, and then ``problem`` states why
-    problem: str
-    # ``time``, and as far as they apply ``velocity``, ``position``, ``spectra`` and ``filters``
-    figures: dict[str, go.Figure]
-    tables: dict[str, Table]  # ``checks`` and, as far as they apply, ``curve``, ``points`` and ``filters``
-    friction_n: float = math.nan  # Half of extending less retracting [N]; NaN where unknown
-    # Sentences about steady sliding, and about what the filters' figures leave out
-    seen: list[str] = field(default_factory=list)
-    filter_notes: list[str] = field(default_factory=list)
+    subject: Inspected  # Without its recording
+    html: str  # Its part of the page, packed
+    condition: str = ""  # Of its recording
+    # As ``sliding_friction`` gives it; empty where it could not be calculated, and where it is not friction alone
+    friction: Mapping[str, MeanFriction] = field(default_factory=dict)
+    points: tuple[SteadyPoint, ...] = ()  # Of steady sliding
+    offset: OffsetEvidence | None = None  # Of the pressure sensors; None for what is refused
 
 
-def recording_pane(
-    name: str,
-    title: str,
-    subject: Inspected,
-    cylinder: Cylinder,
-    filters: Mapping[str, SignalFilter],
-    method: str,
-    end_stop_margin_m: float,
-    detail: float = 1.0,
-) -> Pane:
-    """Return the pane; where friction cannot be calculated it states why and shows what was measured.
+class Panes:
+    """Makes panes one after the other; holds nothing of them but what filters cost at each rate.
 
     Args:
-        name, title: Anchor and head of the pane.
-        subject: A file or a piece of one, with its recording.
-        cylinder: Its areas, stroke and moving mass.
-        filters: By name.
+        labeller: How friction is calculated.
+        filters: By name, as ``filters_by_method`` gives them.
         method: Which of them velocity and friction are shown with.
-        end_stop_margin_m: Rows this near an end stop are not usable [m].
-        detail: Share of the points that figures have at most.
+        files: How many there are: of more files each gets fewer points, so that the page stays small.
+        plan, no_offset: As for ``offset_evidence``.
+
+    Attributes:
+        costs: By sample time [s], the title of the first usable recording, what filters cost there, and which are left
+            out, and why.
+
+    Raises:
+        ValueError: The method is not one of the filters.
     """
-    recording = subject.recording
-    assert recording is not None
-    try:
-        view, problem = friction_view(recording, cylinder, filters[method], end_stop_margin_m), ""
-    except ValueError as error:
-        view, problem = None, str(error)
-    refused = subject.outcome == "refused"
-    panels = measured_panels(recording) + (calculated_panels(view) if view is not None else [])
-    time_s, points = recording.column("time_s"), max(200, round(detail * LINE_POINTS))
-    figures = {"time": over_time(time_s, panels, 2, points)}
-    tables = {"checks": _checks(subject)}
-    reasons, facts = subject.reasons(), _facts(recording)
-    pane = Pane(name, title, subject.outcome, reasons, facts, view, problem, figures, tables)
-    if view is None:
-        return pane
-    if math.isfinite(view.half_difference_n) and not refused:
-        pane.friction_n = view.half_difference_n
-        pane.facts.insert(0, ("friction: half of extending less retracting", f"{four_digits(pane.friction_n)} N"))
-    figures["velocity"] = against_velocity(view, detail)
-    stribeck, pane.seen = stribeck_tables(view)
-    pane.tables |= stribeck
-    if np.any(view.usable & (np.abs(view.signals.velocity_m_s) > view.slowest_m_s)):
-        figures["position"] = against_position(view, recording.column("position_m"), detail)
-    # What filters make of broken signals states nothing about filters.
-    costs, left_out = ([], []) if refused else filter_costs(filters, recording)
-    figures["spectra"] = spectra(recording, view, next((cost for cost in costs if cost.name == method), None))
-    if not refused:
-        _add_filters(pane, costs, left_out)
-    return pane
+
+    def __init__(
+        self,
+        labeller: Labeller,
+        filters: Mapping[str, SignalFilter],
+        method: str,
+        files: int = 1,
+        plan: OffsetPlan | None = None,
+        no_offset: str = "",
+    ) -> None:
+        if method not in filters:
+            raise ValueError(f"method: expected one of {', '.join(filters)}, but got {method!r}")
+        self.labeller, self.filters, self.method = labeller, filters, method
+        self.plan, self.no_offset = plan or OffsetPlan(), no_offset
+        self.detail = min(1.0, max(LEAST_DETAIL, FULL_DETAIL / max(1, files)))
+        self.costs: dict[float, tuple[str, list[FilterCost], list[str]]] = {}
+
+    def pane(self, number: int, subject: Inspected) -> Pane:
+        """Return the pane of a subject, number ``number`` on the page; where there is no friction it states why."""
+        recording, name = subject.recording, f"recording-{number}"
+        if recording is None:
+            return Pane(name, subject, _packed(subject))
+        view, friction, offset, method = None, {}, None, self.filters[self.method]
+        if windows := windows_at(method, recording.sample_time_s):
+            subject = replace(subject, findings=[*subject.findings, Finding("filter_windows", "noted", windows)])
+        try:
+            view = friction_view(recording, self.labeller, method)
+        except ValueError as error:
+            problem = Finding("friction", "refused", f"friction cannot be calculated: {error}")
+            subject = subject if subject.outcome == "refused" else subject.found(problem)
+        if view is not None and subject.outcome != "refused":
+            cylinder, halves = self.labeller.cylinder, (view.load_n, view.half_difference_n)
+            offset = offset_evidence(view.labelled, cylinder, self.plan, *halves, self.no_offset)
+            friction = sliding_friction(view)
+            zero_n = zero_uncertainty_n(view.labelled, cylinder)
+            subject = subject.found(friction_finding(view, friction, zero_n, self.plan))
+        if subject.outcome == "refused":
+            friction = {}
+        elif recording.sample_time_s not in self.costs:
+            self.costs[recording.sample_time_s] = (subject.title, *filter_costs(self.filters, recording))
+        html = _packed(subject, friction=friction, method=self.method, **self._content(recording, view))
+        points = view.points if view is not None and friction else ()
+        return Pane(
+            name, replace(subject, recording=None), html, recording.metadata.condition, friction, points, offset
+        )
+
+    def _content(self, recording: Recording, view: FrictionView | None) -> dict[str, Any]:
+        """Return what the template shows of a recording that was read."""
+        panels = measured_panels(recording) + (calculated_panels(view) if view is not None else [])
+        lines, cloud = round(self.detail * LINE_POINTS), round(self.detail * CLOUD_POINTS)
+        figures = {"time": over_time(recording.column("time_s"), panels, 2, lines)}
+        content = {"facts": _facts(recording), "view": view, "figures": figures}
+        if view is None:
+            return content
+        figures["velocity"] = against_velocity(view, cloud)
+        if view.direction.any():
+            figures["position"] = against_position(view, recording.column("position_m"), cloud)
+        _, costs, _ = self.costs.get(recording.sample_time_s, ("", [], []))
+        cost = next((each for each in costs if each.name == self.method), None)
+        figures["spectra"] = spectra(recording, view, cost)
+        return content | {"curve": stribeck_table(view), "has_cut_off": cost is not None}
+
+
+def _packed(subject: Inspected, **content: Any) -> str:
+    shown = {"facts": [], "figures": {}, "view": None, "friction": {}} | content
+    return packed(page_html("templates/pane.html.j2", subject=subject, checks=_checks(subject), **shown))
 
 
 def measured_panels(recording: Recording) -> list[Panel]:
@@ -133,14 +165,13 @@ def measured_panels(recording: Recording) -> list[Panel]:
 
 
 def calculated_panels(view: FrictionView) -> list[Panel]:
-    """Return the panels of velocity, driving force and friction; friction has gaps where it is not usable."""
+    """Return the panels of velocity and friction; friction has gaps where it is not usable."""
     friction_n = np.where(view.usable, view.friction_n, np.nan)
     return [
         Panel(
             "velocity [mm/s]",
             (Line("velocity, extending positive", MM_PER_M * view.signals.velocity_m_s, BLUE),),
         ),
-        Panel("force [N]", (Line(view.force_name, view.force_n, QUIET),)),
         Panel("friction [N]", (Line(view.friction_name, friction_n, GREEN),), 1.3),
     ]
 
@@ -169,52 +200,19 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
 
 
 def _checks(subject: Inspected) -> Table:
-    rows = [(finding.outcome, finding.check, finding.text) for finding in subject.findings]
-    rows += [("repaired", "repair", text) for text in subject.all_repairs()]
-    rows.sort(key=lambda row: -OUTCOMES.index(row[0]))
-    cells = [(Cell(outcome, badge=True, style="words badged"), check, text) for outcome, check, text in rows]
-    return Table(("outcome", "check", "found"), cells, words=(1, 2))
+    rows = [
+        (Cell(each.outcome, badge=True, style="words badged"), each.check, each.text)
+        for each in worst_first(subject.findings)
+    ]
+    return Table(("outcome", "check", "found"), rows, words=(1, 2))
 
 
-def stribeck_tables(view: FrictionView) -> tuple[dict[str, Table], list[str]]:
-    """Return the curve's parameters, or the points of steady sliding where none are stated, and what was seen."""
+def stribeck_table(view: FrictionView) -> tuple[Table | None, str]:
+    """Return the curve's parameters and what they come from; without a curve the points of steady sliding, if any."""
     points, curve = view.points, view.curve
-    tables: dict[str, Table] = {}
-    seen: list[str] = []
-    if curve is not None:
-        speeds = [MM_PER_M * abs(point.velocity_m_s) for point in points]
-        known = is_breakaway_known(curve, points)
-        seen.append(
-            f"Fitted to {len(points)} points of steady sliding, {min(speeds):.2g} to {max(speeds):.3g} mm/s, and drawn "
-            "no further."
-        )
-        if not known:
-            seen.append("Not seen: friction that rises towards standstill, for which slower sliding is needed.")
-        slow = (curve.static_n, MM_PER_M * curve.stribeck_velocity_m_s, curve.stribeck_exponent)
-        static, velocity, exponent = (four_digits(value) if known else "not seen" for value in slow)
-        rows = [
-            ("Coulomb friction, extending", "Fc", four_digits(curve.coulomb_n), "N"),
-            ("Coulomb friction, retracting", "ratio · Fc", four_digits(curve.retract_ratio * curve.coulomb_n), "N"),
-            ("static friction, extending", "Fs", static, "N"),
-            ("Stribeck velocity", "vs", velocity, "mm/s"),
-            ("Stribeck exponent", "a", exponent, "–"),
-            ("viscous coefficient", "s2", four_digits(curve.viscous_n_s_m), "N·s/m"),
-            ("retracting over extending", "ratio", four_digits(curve.retract_ratio), "–"),
-        ]
-        tables["curve"] = Table(("parameter", "symbol", "value", "unit"), rows, words=(1, 3))
-        return tables, seen
-    for way, words in ((1.0, "Extending"), (-1.0, "Retracting")):
-        sliding = [point for point in points if way * point.velocity_m_s > 0.0]
-        if sliding:
-            forces = [way * point.friction_n for point in sliding]
-            speeds = [MM_PER_M * way * point.velocity_m_s for point in sliding]
-            seen.append(
-                f"{words}: {four_digits(min(forces))} to {four_digits(max(forces))} N against the motion, at "
-                f"{min(speeds):.2g} to {max(speeds):.2g} mm/s."
-            )
-    if points:
+    if curve is None:
         head = ("velocity [mm/s]", f"{view.friction_name} [N]", "lower quartile [N]", "upper quartile [N]", "rows")
-        rows_of_points = [
+        table = [
             (
                 f"{MM_PER_M * point.velocity_m_s:.3g}",
                 *(four_digits(value) for value in (point.friction_n, point.lower_quartile_n, point.upper_quartile_n)),
@@ -222,41 +220,24 @@ def stribeck_tables(view: FrictionView) -> tuple[dict[str, Table], list[str]]:
             )
             for point in points
         ]
-        tables["points"] = Table(head, rows_of_points)
-    return tables, seen
-
-
-def _add_filters(pane: Pane, costs: Sequence[FilterCost], left_out: Sequence[str]) -> None:
-    pane.filter_notes = [f"Left out: {words}." for words in left_out]
-    if any(math.isnan(cost.velocity_noise_m_s) for cost in costs):
-        pane.filter_notes.append("Noise at standstill needs a second of it in all; this recording rests less.")
-    if not costs:
-        return
-    head = ["filter", "use", "pressure", "velocity", "acceleration", f"velocity, {MOTION_HZ:g}\u00a0Hz"]
-    head += ["pressure", "velocity", "standstill", "sensor"]
-    rows = []
-    for cost in costs:
-        late = (
-            cost.pressure_delay_s,
-            cost.velocity_delay_s,
-            cost.acceleration_delay_s,
-            cost.velocity_delay_in_motion_s,
-        )
-        rows.append(
-            (
-                cost.name,
-                "real\u00a0time" if cost.causal else "off\u00a0line",
-                *(f"{MS_PER_S * delay_s:z.1f}" if math.isfinite(delay_s) else "–" for delay_s in late),
-                *(
-                    "all" if math.isinf(hz) else f"{hz:.1f}"
-                    for hz in (cost.pressure_bandwidth_hz, cost.velocity_bandwidth_hz)
-                ),
-                *(
-                    "–" if math.isnan(noise) else f"{MM_PER_M * noise:.2g}"
-                    for noise in (cost.velocity_noise_m_s, cost.velocity_noise_from_sensor_m_s)
-                ),
-            )
-        )
-    groups = (("", 2), ("late by [ms]", 4), ("-3 dB at [Hz]", 2), ("velocity noise [mm/s]", 2))
-    pane.tables["filters"] = Table(head, rows, words=(1,), groups=groups)
-    pane.figures["filters"] = filter_figure(costs)
+        return Table(head, table) if points else None, ""
+    speeds = [MM_PER_M * abs(point.velocity_m_s) for point in points]
+    off_n = [point.friction_n - curve.friction(np.array([point.velocity_m_s]))[0] for point in points]
+    seen = (
+        f"Fitted to {len(points)} points of steady sliding, {min(speeds):.2g} to {max(speeds):.3g} mm/s; "
+        f"{np.sqrt(np.mean(np.square(off_n))):.0f} N (root mean square) is not explained by speed."
+    )
+    if not (known := is_breakaway_known(curve, points)):
+        seen += " Not seen: friction that rises towards standstill, for which slower sliding is needed."
+    slow = (curve.static_n, MM_PER_M * curve.stribeck_velocity_m_s, curve.stribeck_exponent)
+    static, velocity, exponent = (four_digits(value) if known else "not seen" for value in slow)
+    rows = [
+        ("Coulomb friction, extending", "Fc", four_digits(curve.coulomb_n), "N"),
+        ("Coulomb friction, retracting", "ratio · Fc", four_digits(curve.retract_ratio * curve.coulomb_n), "N"),
+        ("static friction, extending", "Fs", static, "N"),
+        ("Stribeck velocity", "vs", velocity, "mm/s"),
+        ("Stribeck exponent", "a", exponent, "–"),
+        ("viscous coefficient", "s2", four_digits(curve.viscous_n_s_m), "N·s/m"),
+        ("retracting over extending", "ratio", four_digits(curve.retract_ratio), "–"),
+    ]
+    return Table(("parameter", "symbol", "value", "unit"), rows), seen

@@ -86,14 +86,16 @@ def offset_evidence(
             sliding = replace(steady_sliding(labelled, cylinder, plan), session=session)
         except RecordingError as error:
             why_not = str(error)
-    if sliding is not None:
-        largest_n = COVERAGE_FACTOR * math.hypot(sliding.prior_n, plan.asymmetry * friction_n)
-        if abs(uneven_n) > largest_n:
-            sliding, why_not = None, _too_uneven(uneven_n, largest_n)
+    if sliding is not None and (uneven := too_uneven(uneven_n, friction_n, sliding.prior_n, plan)):
+        sliding, why_not = None, uneven
     return OffsetEvidence(session, stated_n, None, sliding, why_not)
 
 
-def _too_uneven(uneven_n: float, largest_n: float) -> str:
+def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:
+    """Return why ``uneven_n`` is no offset of zeros with the standard uncertainty ``zero_n``, or empty; all in [N]."""
+    largest_n = math.inf if zero_n is None else COVERAGE_FACTOR * math.hypot(zero_n, plan.asymmetry * friction_n)
+    if not abs(uneven_n) > largest_n:
+        return ""
     return (
         f"{four_digits(uneven_n)} N does not turn with the direction, where the stated zeros and an asymmetry of "
         f"friction explain {four_digits(largest_n)} N; a load acts, or a sensor is worse than stated"
@@ -111,12 +113,11 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
 
 
 def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan) -> KnownOffset:
-    vented = [each for each in own if each.vented_n is not None]
-    stated = [each.stated_n for each in vented or own]
+    taken_n = [each.vented_n for each in own if each.vented_n is not None]
+    stated = [each.stated_n for each in own]
     stated_n = math.nan if None in stated else COVERAGE_FACTOR * max(each for each in stated if each is not None)
-    if vented:
-        taken_n = [each.vented_n for each in vented if each.vented_n is not None]
-        words = f"taken off as read with vented chambers in {len(vented)} of {len(own)} recordings"
+    if taken_n:
+        words = "taken off as read with vented chambers"
         return KnownOffset(session, VENTED, words, stated_n, stated_n, sum(taken_n) / len(taken_n))
     found = None if model is None else model.sessions.get(session)
     if found is None or model is None:

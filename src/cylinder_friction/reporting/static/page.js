@@ -9,9 +9,9 @@ function stack(layout) {
   const count = axes.length;
   if (count < 2 || new Set(axes.map(key => layout[key].domain[0])).size < count) return 1;
   axes.forEach(function (key, index) {
-    const top = 1 - index / count;
+    const pitch = 1 / (count - 0.28), top = 1 - index * pitch;
     layout[key].domain = [0, 1];
-    layout['y' + key.slice(1)].domain = [top - 0.72 / count, top];
+    layout['y' + key.slice(1)].domain = [Math.max(0, top - 0.72 * pitch), top];
     const note = (layout.annotations || [])[index];
     if (note) Object.assign(note, {x: 0.5, y: top});
   });
@@ -42,12 +42,24 @@ const inSight = new IntersectionObserver(function (seen) {
   seen.filter(each => each.isIntersecting).forEach(each => { inSight.unobserve(each.target); draw(each.target); });
 }, {rootMargin: '400px'});
 
+// A section may be packed (deflate, base64) in a script until it is chosen, so that many of them make a small page.
+async function unpack(section) {
+  const source = section.querySelector('script[type="text/plain"]');
+  if (!source) return;
+  source.remove();
+  const bytes = Uint8Array.from(atob(source.textContent), letter => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+  section.innerHTML = await new Response(stream).text();
+  section.querySelectorAll('.plot').forEach(place => { inSight.observe(place); });
+}
+
 // Pages with panes (main > section) show one of them at a time, the first that is not a list if there is one file.
 function show() {
   const panes = document.querySelectorAll('main > section');
   if (!panes.length) return;
   const chosen = document.getElementById(location.hash.slice(1)) || document.querySelector('section[data-first]') || panes[0];
   panes.forEach(pane => { pane.hidden = pane !== chosen; });
+  unpack(chosen);
   document.querySelectorAll('nav a').forEach(function (link) {
     if (link.hash === '#' + chosen.id) link.setAttribute('aria-current', 'page');
     else link.removeAttribute('aria-current');

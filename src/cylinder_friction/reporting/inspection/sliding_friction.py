@@ -1,0 +1,97 @@
+"""Mean friction while the piston slides, in each direction, with an interval; and whether it is friction at all."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
+from cylinder_friction.reporting.inspection.friction_view import FrictionView
+from cylinder_friction.reporting.inspection.sensor_offsets import too_uneven
+from cylinder_friction.reporting.page import four_digits
+
+CONFIDENCE = 0.95
+WAYS = {"extending": 1.0, "retracting": -1.0}
+
+
+@dataclass(frozen=True)
+class MeanFriction:
+    """Friction against the motion, over all usable rows that slide one way."""
+
+    mean_n: float  # Positive where it opposes the motion [N]
+    half_width_n: float  # Half the 95 % interval [N]; NaN where nothing shows it
+
+    def __str__(self) -> str:
+        spread = f" ± {self.half_width_n:.0f}" if math.isfinite(self.half_width_n) else ""
+        return f"{self.mean_n:.0f}{spread}"
+
+
+def sliding_friction(view: FrictionView) -> dict[str, MeanFriction]:
+    """Return friction by direction, a key of ``WAYS``; nothing for a direction in which nothing slides.
+
+    The interval holds the uncertainty of the sensors and of an identified load, which no averaging reduces, and how
+    friction differs from stroke to stroke. Where the former is not stated there is none: unknown is not zero.
+    """
+    direction = view.direction
+    stroke = np.cumsum(np.diff(direction, prepend=direction[:1]) != 0.0)
+    found = {}
+    for way, sign in WAYS.items():
+        rows = direction == sign
+        if rows.any():
+            half_n = math.nan
+            if view.has_interval:
+                sensors_n = float(view.labelled.column(UNCERTAINTY_COLUMN)[rows].mean())
+                half_n = math.hypot(sensors_n, stroke_half_width(view.friction_n[rows], stroke[rows]))
+            found[way] = MeanFriction(sign * float(view.friction_n[rows].mean()), half_n)
+    return found
+
+
+def stroke_half_width(values: Array, stroke: NDArray[np.int64]) -> float:
+    """Return half the interval of the mean of rows, of which those of one stroke are not independent.
+
+    A stroke counts by its rows, and Student's t by their number; 0 for a single stroke, which shows no difference. Both
+    arrays have shape ``(n,)``.
+
+    Source: Cochran 1977, Sampling Techniques, chapter 9A (clusters of unequal size).
+    """
+    from scipy.special import stdtrit  # what only imports this module need not wait for it
+
+    _, stroke, rows = np.unique(stroke, return_inverse=True, return_counts=True)
+    if len(rows) < 2:
+        return 0.0
+    deviations = np.bincount(stroke, values - values.mean()) / len(values)
+    variance = float(deviations @ deviations) * len(rows) / (len(rows) - 1)
+    return float(stdtrit(len(rows) - 1, 0.5 + 0.5 * CONFIDENCE)) * math.sqrt(variance)
+
+
+def friction_finding(
+    view: FrictionView, friction: dict[str, MeanFriction], zero_n: float | None, plan: OffsetPlan
+) -> Finding:
+    """Return the friction of a recording, or why none is stated: a load is in it, or it drives the motion.
+
+    ``zero_n`` is the stated standard uncertainty of the sensors' zeros as friction [N], None where it is not stated;
+    ``plan`` states how asymmetric friction may be.
+    """
+    load_n, half_n = view.load_n, view.half_difference_n
+    text = ", ".join(f"{each} N {way}" for way, each in friction.items())
+    if not friction:
+        slowest = f"nothing slides faster than {1e3 * view.slowest_m_s:.2g} mm/s away from the end stops"
+        return Finding("friction", "refused", f"{slowest}; record strokes")
+    if half_n < 0.0 or (math.isnan(half_n) and min(each.mean_n for each in friction.values()) <= 0.0):
+        found = f"{half_n:.0f} N at equal position" if half_n < 0.0 else f"{text} against the motion"
+        remedy = "the position counts the other way, the pressures are swapped, or a load acts"
+        return Finding("friction", "refused", f"friction would push the piston ({found}): {remedy}")
+    held = f"{four_digits(load_n)} N does not turn with the direction" if view.carries_load else ""
+    if held := held or too_uneven(load_n, half_n, zero_n, plan):
+        remedy = "state the load (ingest.load), map a load cell, or zero the pressure sensors"
+        return Finding("friction", "refused", f"the force still holds a load, or a sensor's zero: {held}; {remedy}")
+    interval = "95 %" if view.has_interval else "no interval: the sensors' accuracy is not stated"
+    text = f"{text} (mean while sliding, {interval})"
+    if math.isnan(half_n):
+        seen = "no position is passed in both directions" if len(friction) > 1 else "the piston slides one way alone"
+        return Finding("friction", "noted", f"{text}; {seen}, so that a load or a sensor's zero would not show")
+    return Finding("friction", "ok", text)
