@@ -13,9 +13,11 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import check_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, ZeroRules, apply_zero, find_zero
+from cylinder_friction.recordings.mapping.channel_facts import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
@@ -67,10 +69,23 @@ class Recipe:
         )
 
 
+def tables_of(path: Path, recipe: Recipe) -> list[LoggedTable]:
+    """Return the tables of a file with the channels that are mapped.
+
+    Where a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
+    """
+    wanted = wanted_channels(recipe.channels)
+    tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted)
+    if recipe.channels["time_s"].rate_hz is not None:
+        unread = {name for table in tables for name in table.unread}
+        if clocks := {name for name in unread if words_of(name).quantity == "time"}:
+            return read_logged_file(path, recipe.file_format, recipe.csv, wanted | clocks)
+    return tables
+
+
 def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
     """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired."""
-    tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
-    mapped = map_signals(tables, recipe.channels)
+    mapped = map_signals(tables_of(path, recipe), recipe.channels)
     signals, screened = screen_signals(
         mapped.signals, sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m
     )

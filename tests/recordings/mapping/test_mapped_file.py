@@ -156,6 +156,12 @@ def test_a_rate_that_the_files_time_confirms_passes() -> None:
     assert len(map_signals([LoggedTable(pd.DataFrame(columns))], RATE).signals["position_m"].values) == 198
 
 
+@pytest.mark.parametrize("stamps", [np.arange(6), 50000 * np.arange(6) + 10**15, 5e6 * np.arange(6)])
+def test_a_channel_that_counts_samples_or_ticks_contradicts_no_rate(stamps: Any) -> None:
+    columns = {"t": stamps, "a": np.ones(6), "b": np.ones(6), "x": np.zeros(6)}
+    assert len(map_signals([LoggedTable(pd.DataFrame(columns))], RATE).signals) == 3
+
+
 def ending(rows: int, of: int = 2000, **more: Any) -> LoggedTable:
     x = np.where(np.arange(of) < rows, 1.0, np.nan)
     return LoggedTable(pd.DataFrame({"a": np.ones(of), "b": np.ones(of), "x": x, **more}))

@@ -145,14 +145,8 @@ def _check_column(column: str, source: ChannelMapping) -> None:
         )
 
 
-def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str] | None:
-    """Return the names of all channels that a mapping reads, time channels included.
-
-    None, for all there are, where a stated rate takes the place of time: a time channel that is there must not
-    contradict it.
-    """
-    if mapping["time_s"].rate_hz is not None:
-        return None
+def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
+    """Return the names of all channels that a mapping reads, time channels included."""
     return {name for source in mapping.values() for name in (source.channel, source.time) if name}
 
 

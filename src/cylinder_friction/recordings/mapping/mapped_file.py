@@ -21,7 +21,7 @@ from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
 
 RATE_AGREES = 0.05  # a stated rate may be off that of a time channel by this share: stamps are rounded, samples lost
-TIME_UNITS_S = (1.0, 1e-3, 1e-6)  # what a time channel without a unit may count in [s]
+TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # what a time channel without a unit may count in [s]
 ENDS_TOGETHER = 0.95  # columns that end within this share of their rows are of one rate
 FEWEST_ROWS = 10  # in fewer no rate shows
 MOST_TIMES_SLOWER = 20  # an end at a smaller share of the rows may be chance
@@ -202,6 +202,8 @@ def _refuse_other_rate(table: LoggedTable, rate_hz: float) -> None:
         stamps = stamps[np.isfinite(stamps)]
         unit_s = units.column_scale(TIME, clock.unit) if clock.unit else 1.0
         scales = (unit_s,) if clock.unit or clock.dates else TIME_UNITS_S
+        if not clock.unit and not clock.dates and clock.step == 1.0:
+            continue  # it counts samples
         steps = ((stamps[-1] - stamps[0]) / (len(stamps) - 1), float(np.median(np.diff(stamps))))
         rates_hz = [1.0 / (step * scale) for scale in scales for step in steps if step > 0.0]
         if rates_hz and all(abs(rate_hz / rate - 1.0) > RATE_AGREES for rate in rates_hz):

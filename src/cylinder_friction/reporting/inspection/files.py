@@ -10,11 +10,9 @@ from tqdm import tqdm
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
-from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, tables_of, zeroed
 from cylinder_friction.recordings.ingesting import refuse_duplicate, session_zeros
 from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, NoZero, ZeroReading
-from cylinder_friction.recordings.mapping.channel_mapping import wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import PathNames, name_of
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
@@ -79,7 +77,7 @@ def _inspect_file(
 def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
     """Return the pieces of a refused file with its bad samples in it, to be looked at; none where it is unreadable."""
     with suppress(RecordingError, OSError):
-        tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted_channels(recipe.channels))
+        tables = tables_of(path, recipe)
         return align(map_signals(tables, recipe.channels).signals, recipe.time)
     return []
 
