@@ -124,17 +124,30 @@ def test_a_load_identified_from_position_and_a_wish_leave_offsets_alone(workplac
     assert "has absorbed the sensors' offset" in offset.run(params_for(cylinder)).tags["offsets"]
 
 
-def test_beside_a_measured_load_offsets_are_left_alone(workplace: Path, cylinder: Cylinder) -> None:
+def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workplace: Path, cylinder: Cylinder) -> None:
     write_json(INGESTED_FILE, {"load": "measured", "oil_temperature": "recorded"})
     cell = {**STATED, "load_force_n": SensorUncertainty(5.0, 0.0)}
     for recording in read_recordings(LABELLED_FOLDER):
         loaded = recording.with_columns(load_force_n=np.zeros(len(recording)))
         write_recording(LABELLED_FOLDER, replace(loaded, metadata=replace(recording.metadata, uncertainty=cell)))
-    assert "the load is measured" in offset.run(params_for(cylinder)).tags["offsets"]
-    offset.run(params_for(cylinder, "always"))
-    given = read_json(ESTIMATORS_FILE)
+    assert offset.run(params_for(cylinder)).tags["offsets"] == "identified"
+    given, sessions = read_json(ESTIMATORS_FILE), read_json(OFFSET_FILE)["sessions"]
     assert given["inputs"] == ["pressure_1_pa", "pressure_2_pa", "position_m", "load_force_n"]
     assert given["offset_tracker"]["weights"][0][3] == pytest.approx(-1.0, abs=0.05)
+    tested = read_recordings(PROCESSED_FOLDERS["test"])[0].metadata
+    (found,) = (each for each in sessions if each["session"] == tested.session)
+    assert found["prior_n"] == pytest.approx(np.hypot(11.99, 5.0), abs=0.01)
+    assert set(tested.identified_zero) == {"pressure_1_pa", "pressure_2_pa", "load_force_n"}
+    cell_n = tested.identified_zero["load_force_n"].offset
+    assert cell_n == pytest.approx(-found["offset_n"] * 25.0 / found["prior_n"] ** 2)
+
+
+def test_beside_a_load_cell_of_unknown_accuracy_offsets_are_left_alone(workplace: Path, cylinder: Cylinder) -> None:
+    write_json(INGESTED_FILE, {"load": "measured", "oil_temperature": "recorded"})
+    for recording in read_recordings(LABELLED_FOLDER):
+        write_recording(LABELLED_FOLDER, recording.with_columns(load_force_n=np.zeros(len(recording))))
+    assert "the uncertainty of the sensors' zeros is not stated" in offset.run(params_for(cylinder)).tags["offsets"]
+    assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
 
 
 def write_loads(spread_n: float) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cylinder_friction.commands.params import CONF, composed
+from cylinder_friction.labelling.sensor_offset import LOADED
 from cylinder_friction.params.checking import Params, ParamsError, check_params, load_params
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.files import inspect_files
@@ -15,7 +16,7 @@ from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
-from cylinder_friction.stages.offset import LOADED, plan_from
+from cylinder_friction.stages.offset import plan_from
 
 
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:

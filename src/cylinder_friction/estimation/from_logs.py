@@ -14,7 +14,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
@@ -39,11 +39,6 @@ from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 
 FileFormat = Literal["parquet", "csv"]
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
-NO_OFFSET = {
-    "position": "a load identified from position has absorbed it",
-    "measured": "the load is measured: its sensor's zero and those of the pressures add up",
-}
-"""Why a load leaves offsets alone."""
 LABEL_BOUNDS = "label ± expanded uncertainty (k = 2, about 95 %) of sensors, smoothing, load and sensor offset"
 NO_BOUNDS = "none: the uncertainty of the sensors is not stated (sensor.accuracy_percent in the mapping)"
 MODEL_BOUNDS = "the estimator's: they hold friction in 90 % of the samples of sessions like those it was calibrated on"
@@ -224,7 +219,7 @@ class LabelledLogs:
         halves = up_and_down(
             position_m, velocity_m_s, recording.column("friction_n"), recording.usable(), self.plan.slowest_m_s
         )
-        return offset_evidence(recording, self.cylinder, self.plan, *halves, NO_OFFSET.get(self.load, ""))
+        return offset_evidence(recording, self.cylinder, self.plan, *halves, LOADED.get(self.load, ""))
 
     def _finished(self, recording: Recording) -> Recording:
         """Return a recording with its bounds, and without the offset of its session where strokes determine it."""

@@ -60,6 +60,9 @@ POSITION_ORDER = 12
 PASSES = 2
 """The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
 
+LOADED = {"position": "a load identified from position has absorbed the sensors' offset"}
+"""Why a load leaves offsets alone."""
+
 _OFFSET = 0
 """First of what a session has of its own: offset, asymmetry, scale, and slope where the temperature is unknown."""
 _SURE = np.array([1.0, 1.0, 0.5, 1.0, 1.0])
@@ -423,8 +426,8 @@ def _stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
         return known_n
     column = next(each for each in _sensor_areas(recording, cylinder) if each not in recording.metadata.uncertainty)
     instead = (
-        "state sensor.zero_uncertainty of the load cell; a load identified from position has absorbed the sensors' "
-        "offset already, so that there is none to identify"
+        "state sensor.accuracy_percent or sensor.zero_uncertainty of the load cell in the mapping; "
+        f"{LOADED['position']}, so that there is none to identify"
         if column == LOAD_FORCE
         else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
     )

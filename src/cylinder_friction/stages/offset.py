@@ -10,7 +10,7 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
-from cylinder_friction.labelling.sensor_offset import OffsetPlan, fit_offset_model, zero_uncertainty_n
+from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan, fit_offset_model, zero_uncertainty_n
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording
@@ -33,13 +33,6 @@ if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import OffsetParams
     from cylinder_friction.realtime.sensor_offset import OffsetTracker
-
-LOADED = {
-    "position": "a load identified from position has absorbed the sensors' offset",
-    "measured": "the load is measured: its cell's errors look like the sensors' offset, and the pipeline's estimators, "
-    "which do not take a load, cannot learn one",
-}
-"""Why a load leaves offsets alone."""
 
 
 def run(params: Params) -> RunRecord:
@@ -118,7 +111,7 @@ def _left_alone(wanted: str, load: str, recordings: Mapping[str, Sequence[Record
     """Return why no offsets are identified, empty where they are."""
     if wanted == "never":
         return "offset.identify is never"
-    if load != "none":
+    if load in LOADED:
         return LOADED[load]
     every = [recording for own in recordings.values() for recording in own]
     vented = [recording.name for recording in every if recording.metadata.zero_offset]

@@ -76,7 +76,8 @@ def offset_evidence(
         why_not: Why strokes cannot show an offset; empty where they may.
     """
     session, zeros = labelled.metadata.session or labelled.name, labelled.metadata.zero_offset
-    stated_n = zero_uncertainty_n(labelled.without_columns(LOAD_FORCE), cylinder)
+    identified = () if LOAD_FORCE in labelled.metadata.uncertainty else (LOAD_FORCE,)  # it has no sensor
+    stated_n = zero_uncertainty_n(labelled.without_columns(*identified), cylinder)
     if zeros:
         areas = sensitivities(labelled, cylinder)
         return OffsetEvidence(session, stated_n, sum(areas[name] * zero for name, zero in zeros.items()), None)
