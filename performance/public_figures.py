@@ -10,12 +10,16 @@ from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 from public_data import CYLINDERS, labelled, recordings_of
 from scipy.optimize import minimize
 
+from cylinder_friction.estimators.baselines import baselines
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
-from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.load import LoadPlan, pooled_load
 from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, motion_points
 from cylinder_friction.labelling.sensor_offset import zero_uncertainty_n
 from cylinder_friction.recordings.columns import LOAD_FORCE
@@ -25,6 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.recordings.recording import Recording
 
@@ -93,6 +98,8 @@ class CraneFigures:
         lugre_mae_n: Mean absolute error of LuGre, identified on the other run, against this run's label [N].
         lugre_percent: That over the mean absolute label of the same rows.
         own_percent: The same of LuGre identified on this run itself.
+        others_load_percent: The same of real-time estimators that know the other run's load and friction, by name.
+        own_load_percent: The same of those that know the other run's friction and this run's load.
         stated_zero_n: Standard uncertainty of the pressure sensors' zeros as stated, as friction [N]; None where the
             file states none.
     """
@@ -102,11 +109,13 @@ class CraneFigures:
     lugre_mae_n: float
     lugre_percent: float
     own_percent: float
+    others_load_percent: dict[str, float]
+    own_load_percent: dict[str, float]
     stated_zero_n: float | None
 
 
 def crane(data: Path, generations: int = 30) -> dict[str, CraneFigures]:
-    """Identify the load of each run from itself, LuGre on each, and scores it on the other."""
+    """Identify the load of each run from itself; score on it LuGre and the real-time estimators of the other run."""
     runs, estimators = {}, {}
     for name in CRANE_RUNS:
         recordings = recordings_of(data / f"crane/{name}_230425__100Hz.csv.gz", "crane")
@@ -120,11 +129,30 @@ def crane(data: Path, generations: int = 30) -> dict[str, CraneFigures]:
     figures = {}
     for name, (labels, found) in runs.items():
         other = next(each for each in CRANE_RUNS if each != name)
-        mae_n, percent = _lugre_error(estimators[other], labels)
-        own_percent = _lugre_error(estimators[name], labels)[1]
+        mae_n, percent = _error(estimators[other], labels)
+        own_percent = _error(estimators[name], labels)[1]
+        assert found.load is not None
+        fitted, own_load = _estimators_of(*runs[other]), pooled_load([found.load])
+        others = {each: _error(one, labels)[1] for each, one in fitted.items()}
+        own = {each: _error(one.with_position_load(own_load), labels)[1] for each, one in fitted.items()}
         stated_n = zero_uncertainty_n(labels[0].without_columns(LOAD_FORCE), CYLINDERS["crane"])
-        figures[name] = CraneFigures(found, asymmetry_percent(labels), mae_n, percent, own_percent, stated_n)
+        figures[name] = CraneFigures(
+            found, asymmetry_percent(labels), mae_n, percent, own_percent, others, own, stated_n
+        )
     return figures
+
+
+def _estimators_of(labels: list[Recording], found: SessionIdentification) -> dict[str, FrictionEstimator]:
+    """Return the estimators that learn from one run, its load taken off as a function of position."""
+    assert found.load is not None
+    cylinder, load = CYLINDERS["crane"], pooled_load([found.load])
+    chosen = baselines(cylinder, position_load=load)
+    plan = TrainingPlan(epochs=60, patience=None, sequence_length=100, burn_in=50)
+    chosen["hybrid"] = HybridEstimator(
+        cylinder, "force_balance", Architecture(nodes=16), plan, ForestPlan(16, 6, leaf=40), position_load=load
+    )
+    names = ("force_balance_unfiltered", "force_balance_low_pass", "ridge", "hybrid")
+    return {name: chosen[name].fit(labels) for name in names}
 
 
 def asymmetry_percent(recordings: list[Recording], bins: int = 8, slowest_m_s: float = 2e-3) -> float:
@@ -147,7 +175,7 @@ def asymmetry_percent(recordings: list[Recording], bins: int = 8, slowest_m_s: f
     return worst
 
 
-def _lugre_error(estimator: LugreEstimator, recordings: list[Recording]) -> tuple[float, float]:
+def _error(estimator: FrictionEstimator, recordings: list[Recording]) -> tuple[float, float]:
     errors, labels = [], []
     for recording in recordings:
         usable, label = recording.usable(), recording.column("friction_n")

@@ -60,6 +60,9 @@ def print_crane(data: Path) -> None:
             f"    LuGre of the other run: MAE {figures.lugre_mae_n:.0f} N, {figures.lugre_percent:.1f} % of mean "
             f"|friction|; of this run itself {figures.own_percent:.1f} %"
         )
+        for whose, errors in (("the other's", figures.others_load_percent), ("its own", figures.own_load_percent)):
+            each = ", ".join(f"{name} {percent:.1f} %" for name, percent in errors.items())
+            print(f"    real-time estimates, friction of the other run, load {whose}: {each}")
 
 
 def crane_offset(figures: CraneFigures) -> str:

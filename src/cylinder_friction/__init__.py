@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.loading import load_estimator as load
     from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.evaluation.comparison import compare
-    from cylinder_friction.labelling.label import label
+    from cylinder_friction.labelling.label import label, position_load
     from cylinder_friction.labelling.sensor_offset import fit_offset_model
     from cylinder_friction.recordings.reading_logs import read_logs as read_recordings
     from cylinder_friction.recordings.recording import Recording
@@ -62,6 +62,7 @@ __all__ = [
     "label",
     "load",
     "plot",
+    "position_load",
     "read_recordings",
     "split",
 ]
@@ -80,6 +81,7 @@ _DEFINED_IN = {
     "label": "labelling.label",
     "load": "estimators.loading:load_estimator",
     "plot": "reporting.figures",
+    "position_load": "labelling.label",
     "read_recordings": "recordings.reading_logs:read_logs",
     "split": "recordings.splits",
 }

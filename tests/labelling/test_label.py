@@ -10,7 +10,7 @@ import pytest
 from boom import STEP_S, boom_load, motion
 from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness
-from cylinder_friction.labelling.label import Labeller, label
+from cylinder_friction.labelling.label import Labeller, label, position_load
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
 from cylinder_friction.signals.smooth_signals import smooth_columns
@@ -191,6 +191,8 @@ def test_recordings_in_memory_share_the_load_of_their_session(cylinder: Cylinder
     with pytest.warns(UserWarning, match="velocity_window 21 lasts 0.21 s in place of 0.105 s"):  # it comes at 100 Hz
         (labelled,) = label([raw], cylinder, load="position")
     assert worst_error(labelled) < 5.0
+    known = position_load([raw], cylinder).at(labelled.column("position_m"))
+    assert np.abs(known - labelled.column("load_force_n"))[labelled.usable()].max() < 1.0
     with (
         pytest.warns(UserWarning, match="filter windows are in samples"),
         pytest.raises(RecordingError, match="session 's1': load and friction cannot be separated"),

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -142,6 +143,24 @@ class FrictionEstimator(ABC):
             ValueError: An offset is given, but this estimator learns none; or a number is impossible.
         """
         return self.aligned(self._stepped(recording, offset_n, offset_uncertainty_n))
+
+    def with_position_load(self, load: PositionLoad) -> Self:
+        """Return this fitted estimator for another load that position decides: another weight, another crane's angle.
+
+        Raises:
+            ValueError: It was not fitted with a load that position decides.
+        """
+        if self.position_load is None or self.training_range is None:
+            raise ValueError(
+                f"{self.kind}: knows no load that position decides, so that none can take its place; "
+                "fit it with position_load"
+            )
+        other = copy.copy(self)
+        other.position_load = load
+        if self.guard is not None:
+            trained = self.training_range.widened().within(POSITION, load.first_m, load.last_m)
+            other.guard = replace(self.guard, trained_lower=trained.lower, trained_upper=trained.upper)
+        return other
 
     def aligned(self, stepped: Array) -> Array:
         """Return what steps gave, shape ``(n, ...)``, at the samples it is of; the last rows repeat the last one."""

@@ -15,7 +15,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import force_balance_taps, labelled_rows, refuse_missing_inputs
 from cylinder_friction.realtime.history import HISTORY_NAMES, History, history_rows, new_history
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals import causal
 from cylinder_friction.signals.least_squares import least_squares
@@ -247,7 +247,7 @@ def _feature_rows(
     """Return the linear features of a design; without a cylinder, with areas of no meaning.
 
     Position gives velocity, creep and, in full, itself and acceleration; raw pressures the force balance and what
-    moves it; every other column (a temperature, a pressure level) its moving average of 20.
+    moves it, a load its rate; every other column (a temperature, a pressure level) its moving average of 20.
     """
     if "position_m" not in inputs:
         raise ValueError(f"expected position_m among the inputs, but got {inputs}")
@@ -291,6 +291,8 @@ def _feature_rows(
     if full:
         acceleration = causal.one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
         rows.append(FeatureRow("acceleration_m_s2", signal("position_m", acceleration)))
+    if raw and LOAD_FORCE in inputs:
+        rows.append(FeatureRow("load_force_rate_n_s", signal(LOAD_FORCE, pressure_rate)))
     for name in inputs:
         if (name == "position_m" and full) or name not in SAMPLE_COLUMNS or (name != "position_m" and not raw):
             rows.append(FeatureRow(f"{name}_20", signal(name, causal.moving_average_taps(20))))

@@ -12,11 +12,12 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
-from cylinder_friction.labelling.load import LoadPlan
+from cylinder_friction.labelling.load import LoadPlan, pooled_load
 from cylinder_friction.labelling.mass import MotionPlan, motion_points
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -260,13 +261,34 @@ def label(
     warn_of_rates(signal_filter, [recording.sample_time_s for recording in smooth])
     if not smooth:
         raise ValueError("label: expected at least one recording, but got none")
-    sessions: dict[str, list[Recording]] = {}
-    for recording in smooth:
-        sessions.setdefault(recording.metadata.session, []).append(recording)
-    identified = labeller.identify_sessions(sessions, signal_filter)
+    identified = labeller.identify_sessions(by_session(smooth), signal_filter)
     return [
         labeller.labelled(recording, signal_filter, identified.get(recording.metadata.session)) for recording in smooth
     ]
+
+
+def position_load(
+    recordings: Iterable[Recording], cylinder: Cylinder, *, signal_filter: SignalFilter | None = None
+) -> PositionLoad:
+    """Return the load that position decides, as an estimator takes it: the mean of the recordings' sessions.
+
+    Arguments as for ``label``.
+
+    Raises:
+        RecordingError: There is no recording, or the strokes of a session do not determine its load.
+    """
+    signal_filter = signal_filter or default_filter(cylinder)
+    sessions = by_session(filtered(recording, signal_filter) for recording in recordings)
+    identified = Labeller(cylinder, load="position").identify_sessions(sessions, signal_filter)
+    return pooled_load([each.load for each in identified.values() if each.load is not None])
+
+
+def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:
+    """Return recordings by the name of their session."""
+    sessions: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        sessions.setdefault(recording.metadata.session, []).append(recording)
+    return sessions
 
 
 def usable_rows(position_m: Array, stroke_m: float, margin_m: float, support: Support) -> Mask:
