@@ -124,6 +124,20 @@ def test_a_recording_shorter_than_the_filter_is_shown_with_the_reason(
     assert text.count('class="plot"') == 1
 
 
+def test_a_load_that_only_the_session_determines_is_noted(
+    strokes: Recording, labeller: Labeller, filters: Filters
+) -> None:
+    """``label`` identifies it from all recordings of the session together."""
+    one_stroke = Recording(strokes.metadata, strokes.table.iloc[1000:1200].reset_index(drop=True))
+    by_position = replace(labeller, load="position")
+    (pane,), _ = made_panes([Inspected("a.csv", [OK], one_stroke)], by_position, filters)
+    assert pane.subject.verdict.startswith(
+        "usable for labelling; worth knowing: friction is not known from this recording alone: load and friction "
+        "cannot be separated: got no stroke that extends"
+    )
+    assert pane.friction == {}
+
+
 def test_friction_that_holds_a_load_is_drawn_as_that_and_stated_nowhere(
     tmp_path: Path, cylinder: Cylinder, labeller: Labeller, filters: Filters
 ) -> None:
@@ -146,7 +160,7 @@ def test_a_drive_force_and_further_columns_are_drawn(
     subject = Inspected("a.csv", [OK], replace(strokes, table=table))
     text = write_page_of(tmp_path / "page.html", [subject], labeller, filters)
     assert "oil [°C]" in text
-    assert text.count('"name":"drive force"') == 1
+    assert text.count('"name":"drive force"') == 2
     assert "piston side" not in text
 
 

@@ -51,14 +51,12 @@ def _means(panes: Sequence[Pane]) -> list[tuple[str, str]]:
     for pane in panes:
         for way, friction in pane.friction.items():
             conditions.setdefault(pane.condition, {}).setdefault(way, []).append(friction.mean_n)
-    return [
-        (name, ", ".join(f"{fmean(n):.0f} N {way}{_range(n)}" for way, n in ways.items()))
-        for name, ways in conditions.items()
-    ]
+    return [(name, ", ".join(_mean(way, n) for way, n in ways.items())) for name, ways in conditions.items()]
 
 
-def _range(values: Sequence[float]) -> str:
-    return f" ({min(values):.0f} to {max(values):.0f} N)" if len(values) > 1 else ""
+def _mean(way: str, values: Sequence[float]) -> str:
+    spread = f" ({min(values):.0f} to {max(values):.0f} N)" if len(values) > 1 else ""
+    return f"{fmean(values):.0f} N {way}{spread}"
 
 
 def _files(panes: Sequence[Pane]) -> Table:
@@ -79,7 +77,7 @@ def _files(panes: Sequence[Pane]) -> Table:
     tip = "mean against the motion while sliding, with its 95 % interval"
     head: list[str | Cell] = ["file", *(Cell(f"{way} [N]", tip=tip) for way in WAYS), "outcome", "verdict"]
     outcomes = [pane.subject.outcome for pane in panes]
-    return Table(head, rows, words=(3, 4), sortable=True, outcomes=outcomes)
+    return Table(head, rows, words=(3, 4), style="stacked", sortable=True, outcomes=outcomes)
 
 
 def _filter_notes(costs: Sequence[FilterCost], left_out: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ from cylinder_friction.friction_models.identification.steady_points import Stead
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sensor_offset import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.checks.finding import Finding
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.reporting.inspection.filter_costs import FilterCost, filter_costs
 from cylinder_friction.reporting.inspection.frequency_figures import spectra
 from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
@@ -25,7 +25,7 @@ from cylinder_friction.reporting.page import Cell, Table, four_digits, packed, p
 from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 from cylinder_friction.signals.methods import windows_at
-from cylinder_friction.signals.smooth_signals import SignalFilter, has_pressures
+from cylinder_friction.signals.smooth_signals import SignalFilter
 
 FULL_DETAIL, LEAST_DETAIL = 6, 0.05
 """So many files are drawn with all points; of more, each gets fewer, but no less than this share."""
@@ -35,14 +35,14 @@ PA_PER_BAR = 1e5
 MM_PER_M = 1e3
 
 COLUMNS = (
-    ("P1, piston side", "pressure_1_pa", PA_PER_BAR, "bar"),
-    ("P2, rod side", "pressure_2_pa", PA_PER_BAR, "bar"),
-    ("position", "position_m", 1.0 / MM_PER_M, "mm"),
-    ("drive force", "drive_force_n", 1.0, "N"),
-    ("load force", "load_force_n", 1.0, "N"),
-    ("oil temperature", "oil_temperature_c", 1.0, "°C"),
+    ("pressure", "P1, piston side", "pressure_1_pa", PA_PER_BAR, "bar", ORANGE),
+    ("pressure", "P2, rod side", "pressure_2_pa", PA_PER_BAR, "bar", BLUE),
+    ("position", "position, 0 retracted", "position_m", 1.0 / MM_PER_M, "mm", INK),
+    ("force", "drive force", "drive_force_n", 1.0, "N", QUIET),
+    ("load", "load force", "load_force_n", 1.0, "N", QUIET),
+    ("oil", "oil temperature", "oil_temperature_c", 1.0, "°C", QUIET),
 )
-"""What a recording may hold: in words, its column, how much of its unit one of the shown unit is, the shown unit."""
+"""What a recording may hold: panel, words, column, how much of its unit one shown unit is, shown unit, colour."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ class Panes:
         try:
             view = friction_view(recording, self.labeller, method)
         except ValueError as error:
-            problem = Finding("friction", "refused", f"friction cannot be calculated: {error}")
-            subject = subject if subject.outcome == "refused" else subject.found(problem)
+            if subject.outcome != "refused":
+                subject = subject.found(_without_friction(error, self.labeller))
         if view is not None and subject.outcome != "refused":
             cylinder, halves = self.labeller.cylinder, (view.load_n, view.half_difference_n)
             offset = offset_evidence(view.labelled, cylinder, self.plan, *halves, self.no_offset)
@@ -139,6 +139,13 @@ class Panes:
         return content | {"curve": stribeck_table(view), "has_cut_off": cost is not None}
 
 
+def _without_friction(error: ValueError, labeller: Labeller) -> Finding:
+    """Return why there is no friction. A load or mass that one recording does not determine, its session may."""
+    if labeller.needs_identification and isinstance(error, RecordingError):
+        return Finding("friction", "noted", f"friction is not known from this recording alone: {error}")
+    return Finding("friction", "refused", f"friction cannot be calculated: {error}")
+
+
 def _packed(subject: Inspected, **content: Any) -> str:
     shown = {"facts": [], "figures": {}, "view": None, "friction": {}} | content
     return packed(page_html("templates/pane.html.j2", subject=subject, checks=_checks(subject), **shown))
@@ -146,22 +153,11 @@ def _packed(subject: Inspected, **content: Any) -> str:
 
 def measured_panels(recording: Recording) -> list[Panel]:
     """Return the panels of what sensors gave, in bar, mm, N and °C."""
-    panels = []
-    if has_pressures(recording):
-        sides = (
-            Line("P1, piston side", recording.column("pressure_1_pa") / PA_PER_BAR, ORANGE),
-            Line("P2, rod side", recording.column("pressure_2_pa") / PA_PER_BAR, BLUE),
-        )
-        panels.append(Panel("pressure [bar]", sides))
-    position_mm = MM_PER_M * recording.column("position_m")
-    panels.append(Panel("position [mm]", (Line("position, 0 retracted", position_mm, INK),)))
-    for axis, words, column in (
-        ("load [N]", "load force", "load_force_n"),
-        ("oil [°C]", "oil temperature", "oil_temperature_c"),
-    ):
+    panels: dict[str, list[Line]] = {}
+    for panel, words, column, scale, unit, colour in COLUMNS:
         if column in recording.table.columns:
-            panels.append(Panel(axis, (Line(words, recording.column(column), QUIET),)))
-    return panels
+            panels.setdefault(f"{panel} [{unit}]", []).append(Line(words, recording.column(column) / scale, colour))
+    return [Panel(axis, lines) for axis, lines in panels.items()]
 
 
 def calculated_panels(view: FrictionView) -> list[Panel]:
@@ -172,7 +168,7 @@ def calculated_panels(view: FrictionView) -> list[Panel]:
             "velocity [mm/s]",
             (Line("velocity, extending positive", MM_PER_M * view.signals.velocity_m_s, BLUE),),
         ),
-        Panel("friction [N]", (Line(view.friction_name, friction_n, GREEN),), 1.3),
+        Panel(f"{view.friction_name} [N]", (Line(view.friction_name, friction_n, GREEN),), 1.3),
     ]
 
 
@@ -186,7 +182,7 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
         ("duration", f"{len(recording) * about.sample_time_s:.5g} s"),
         ("sample rate", f"{1.0 / about.sample_time_s:.6g} Hz ({len(recording)} rows)"),
     ]
-    for words, column, scale, unit in COLUMNS:
+    for _, words, column, scale, unit, _ in COLUMNS:
         if column not in recording.table.columns:
             continue
         values = recording.column(column) / scale

@@ -177,4 +177,4 @@ def offset_table(offsets: Sequence[KnownOffset]) -> Table:
         for each in offsets
     ]
     head = ("session", "offset [N]", "± [N]", "stated ± [N]", "known from", "how")
-    return Table(head, rows, words=(4, 5))
+    return Table(head, rows, words=(4, 5), style="stacked")

@@ -81,12 +81,13 @@ def friction_finding(
     if not friction:
         slowest = f"nothing slides faster than {1e3 * view.slowest_m_s:.2g} mm/s away from the end stops"
         return Finding("friction", "refused", f"{slowest}; record strokes")
-    if half_n < 0.0 or (math.isnan(half_n) and min(each.mean_n for each in friction.values()) <= 0.0):
+    held = f"{four_digits(load_n)} N does not turn with the direction" if view.carries_load else ""
+    held = held or too_uneven(load_n, half_n, zero_n, plan)
+    if half_n < 0.0 or (not held and min(each.mean_n for each in friction.values()) <= 0.0):
         found = f"{half_n:.0f} N at equal position" if half_n < 0.0 else f"{text} against the motion"
         remedy = "the position counts the other way, the pressures are swapped, or a load acts"
         return Finding("friction", "refused", f"friction would push the piston ({found}): {remedy}")
-    held = f"{four_digits(load_n)} N does not turn with the direction" if view.carries_load else ""
-    if held := held or too_uneven(load_n, half_n, zero_n, plan):
+    if held:
         remedy = "state the load (ingest.load), map a load cell, or zero the pressure sensors"
         return Finding("friction", "refused", f"the force still holds a load, or a sensor's zero: {held}; {remedy}")
     interval = "95 %" if view.has_interval else "no interval: the sensors' accuracy is not stated"
