@@ -64,10 +64,13 @@ def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, poin
     return interactive(figure, round(PANEL_HEIGHT * sum(shares)) + 110, legend_rows)
 
 
-def compact(values: Array) -> list[float]:
-    """Return values to a thousandth of their span or better, finer than a pixel: short in a page, and when packed."""
+def compact(values: Array) -> NDArray[np.object_]:
+    """Return values to a thousandth of their span or better, finer than a pixel: short in a page, and when packed.
+
+    As objects they are written as numbers; Plotly packs arrays of floats, which deflating then hardly shortens.
+    """
     span = float(np.ptp(values[np.isfinite(values)])) if np.isfinite(values).any() else 0.0
-    return np.round(values, 3 - math.floor(math.log10(span)) if span > 0.0 else 6).tolist()
+    return np.round(values, 3 - math.floor(math.log10(span)) if span > 0.0 else 6).astype(object)
 
 
 def extremes(values: Array, points: int) -> tuple[Array, float]:
