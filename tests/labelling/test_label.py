@@ -193,6 +193,11 @@ def test_recordings_in_memory_share_the_load_of_their_session(cylinder: Cylinder
     assert worst_error(labelled) < 5.0
     known = position_load([raw], cylinder).at(labelled.column("position_m"))
     assert np.abs(known - labelled.column("load_force_n"))[labelled.usable()].max() < 1.0
+    with pytest.warns(UserWarning, match="velocity_window 21"):
+        (common,) = label([raw], cylinder, load=position_load([raw], cylinder))
+    usable = common.usable()
+    assert worst_error(common) < 5.0
+    np.testing.assert_allclose(common.column("load_force_n")[usable], known[usable])
     with (
         pytest.warns(UserWarning, match="filter windows are in samples"),
         pytest.raises(RecordingError, match="session 's1': load and friction cannot be separated"),

@@ -57,10 +57,11 @@ def workplace(
     return tmp_path
 
 
-def params_for(cylinder: Cylinder, identify: str = "auto") -> Params:
+def params_for(cylinder: Cylinder, identify: str = "auto", *, common_load: bool = False) -> Params:
     geometry = {name: getattr(cylinder, name) for name in CylinderParams.model_fields}
     return Params.model_construct(
-        cylinder=CylinderParams(**geometry), offset=OffsetParams(identify=identify, drift_s=3600.0, **PLAN)
+        cylinder=CylinderParams(**geometry),
+        offset=OffsetParams(identify=identify, common_load=common_load, drift_s=3600.0, **PLAN),
     )
 
 
@@ -161,6 +162,34 @@ def write_loads(spread_n: float) -> None:
     )  # fmt: skip
     loads = {name: replace(load, coefficients_n=(300.0 + spread_n * at,)) for at, name in enumerate(names)}
     write_json(IDENTIFIED_FILE, {name: {"load": each.to_dict()} for name, each in loads.items()})
+
+
+def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(
+    workplace: Path, cylinder: Cylinder
+) -> None:
+    write_json(INGESTED_FILE, {"load": "position", "oil_temperature": "recorded"})
+    write_loads(10.0)
+    loads = read_json(IDENTIFIED_FILE)
+    for each in read_recordings(LABELLED_FOLDER):
+        own_n = np.full(len(each), loads[each.metadata.session]["load"]["coefficients_n"][0])
+        pressure_pa = each.column("pressure_1_pa") + 320.0 / cylinder.piston_area_m2
+        # the session's own load has absorbed its sensors' offset, too much or too little of it
+        friction_n = each.column("friction_n") + 320.0 - own_n
+        write_recording(
+            LABELLED_FOLDER, each.with_columns(load_force_n=own_n, pressure_1_pa=pressure_pa, friction_n=friction_n)
+        )
+    offset.run(params_for(cylinder, common_load=True))
+    found = {each["session"]: each["offset_n"] for each in read_json(OFFSET_FILE)["sessions"]}
+    values = [found[name] for name in sorted(found)]
+    assert np.mean(values[1::2]) - np.mean(values[::2]) == pytest.approx(OFFSET_N, abs=4.0)
+    given = read_json(ESTIMATORS_FILE)
+    assert len(given["offset_tracker"]["weights"][0]) == 4
+    (recording, *_) = read_recordings(PROCESSED_FOLDERS["train"])
+    inside = (recording.column("position_m") >= 0.02) & (recording.column("position_m") <= 0.2)
+    assert recording.column("load_force_n")[inside] == pytest.approx(320.0)
+    assert not recording.usable()[~inside].any()
+    offset.run(params_for(cylinder))
+    assert "has absorbed the sensors' offset" in read_json(OFFSET_FILE)["left_alone_because"]
 
 
 def test_estimators_are_given_the_mean_load_of_the_training_sessions(workplace: Path, cylinder: Cylinder) -> None:

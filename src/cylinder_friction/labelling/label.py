@@ -19,8 +19,8 @@ from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE, UNCERTAINTY_COLUMN
-from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.motion import widened
 from cylinder_friction.signals.smooth_signals import (
@@ -235,7 +235,7 @@ def label(
     cylinder: Cylinder,
     *,
     signal_filter: SignalFilter | None = None,
-    load: LoadMode = "none",
+    load: LoadMode | PositionLoad = "none",
     inertia: InertiaMode = "given",
     stiffness: Stiffness = NO_STIFFNESS,
     end_stop_margin_m: float = 0.003,
@@ -249,22 +249,26 @@ def label(
         recordings: Raw recordings in SI units, of any sessions and conditions, in the order of the result.
         cylinder: Its areas, stroke and moving mass.
         signal_filter: Smooths pressures and differentiates position; None: ``AdaptiveWindow`` with its defaults.
-        load, inertia, stiffness, end_stop_margin_m: As in ``Labeller``.
+        load: As in ``Labeller``; or the load itself that position decides, the same in all sessions.
+        inertia, stiffness, end_stop_margin_m: As in ``Labeller``.
 
     Raises:
         RecordingError: A recording's columns contradict ``load``, or a session does not determine its load.
         ValueError: There is no recording, or a mode is not known.
     """
-    labeller = Labeller(cylinder, stiffness, end_stop_margin_m, load, inertia)
+    known = load if isinstance(load, PositionLoad) else None
+    mode: LoadMode = "none" if isinstance(load, PositionLoad) else load
+    labeller = Labeller(cylinder, stiffness, end_stop_margin_m, mode, inertia)
     signal_filter = signal_filter or default_filter(cylinder)
     smooth = [filtered(recording, signal_filter) for recording in recordings]
     warn_of_rates(signal_filter, [recording.sample_time_s for recording in smooth])
     if not smooth:
         raise ValueError("label: expected at least one recording, but got none")
     identified = labeller.identify_sessions(by_session(smooth), signal_filter)
-    return [
+    labelled = [
         labeller.labelled(recording, signal_filter, identified.get(recording.metadata.session)) for recording in smooth
     ]
+    return labelled if known is None else [with_common_load(recording, known) for recording in labelled]
 
 
 def position_load(
@@ -281,6 +285,24 @@ def position_load(
     sessions = by_session(filtered(recording, signal_filter) for recording in recordings)
     identified = Labeller(cylinder, load="position").identify_sessions(sessions, signal_filter)
     return pooled_load([each.load for each in identified.values() if each.load is not None])
+
+
+def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
+    """Return a labelled recording whose friction is free of ``load``, in place of the load of its own session, if any.
+
+    Its own session's load has absorbed its sensors' offset and whatever in its friction is uneven; a common one leaves
+    both in friction, where they belong. Rows where the common load is not known are not usable.
+    """
+    position_m, load_n = recording.column(POSITION), load.at(recording.column(POSITION))
+    own_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.table.columns else 0.0
+    changed = recording.with_columns(
+        load_force_n=load_n,
+        friction_n=recording.column("friction_n") + own_n - load_n,
+        usable=recording.usable() & (position_m >= load.first_m) & (position_m <= load.last_m),
+    )
+    who = changed.metadata
+    known = {**who.uncertainty, LOAD_FORCE: SensorUncertainty(zero=0.0, span=0.0)} if who.uncertainty else {}
+    return replace(changed, metadata=replace(who, uncertainty=known))
 
 
 def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:

@@ -120,6 +120,7 @@ class SplitParams(Section):
 class OffsetParams(Section):
     """The offset of the pressure sensors' zeros in each session; see ``labelling.OffsetPlan``."""
 
+    common_load: bool
     identify: Literal["auto", "always", "never"]
     slowest_m_s: Positive
     settling_s: NotNegative

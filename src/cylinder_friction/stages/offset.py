@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.label import with_common_load
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan, fit_offset_model, zero_uncertainty_n
@@ -45,32 +46,24 @@ def run(params: Params) -> RunRecord:
         RecordingError: Offsets are to be identified in any case, and cannot be.
     """
     names, ingested = read_json(SPLIT_FILE), read_json(INGESTED_FILE)
-    inputs = estimator_inputs(ingested)
+    inputs, settings, cylinder = estimator_inputs(ingested), params.offset, cylinder_from(params.cylinder)
     recordings: dict[str, list[Recording]] = {
         role: [read_recording(LABELLED_FOLDER / f"{name}.parquet") for name in names[role]] for role in names
     }
-    cylinder = cylinder_from(params.cylinder)
+    load = pooled_load(_identified_loads(recordings["train"])) if ingested["load"] == "position" else None
+    if load is not None and settings.common_load:
+        recordings = {role: [with_common_load(each, load) for each in own] for role, own in recordings.items()}
+    own_loads = load is not None and not settings.common_load
+    reason = "" if settings.identify == "always" else _left_alone(settings.identify, own_loads, recordings, cylinder)
     sessions: list[dict[str, Any]] = []
     tracker: OffsetTracker | None = None
-    wanted = params.offset.identify
-    reason = "" if wanted == "always" else _left_alone(wanted, ingested["load"], recordings, cylinder)
     if not reason:
-        plan = plan_from(params.offset)
-        model = fit_offset_model(recordings["train"], cylinder, plan)
-        for role, own in recordings.items():
-            conditions = {each.metadata.session: each.metadata.condition for each in own}
-            sessions += [
-                {"role": role, "condition": conditions[name], **found.to_dict()}
-                for name, found in model.offsets(own).items()
-            ]
-            recordings[role] = model.corrected(own)
-        if PRESSURE_1 in recordings["train"][0].table.columns and zeros_are_known(recordings["train"]):
-            tracker = fit_offset_tracker(recordings["train"], cylinder, inputs, plan)
+        channels = inputs if load is None else (*inputs, LOAD_FORCE)
+        recordings, sessions, tracker = _corrected(recordings, cylinder, plan_from(settings), channels)
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:
             for recording in recordings[role]:
                 write_recording(written, recording)
-    load = pooled_load(_identified_loads(recordings["train"])) if ingested["load"] == "position" else None
     write_json(
         ESTIMATORS_FILE,
         {
@@ -90,6 +83,23 @@ def run(params: Params) -> RunRecord:
     )
 
 
+def _corrected(
+    recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder, plan: OffsetPlan, channels: tuple[str, ...]
+) -> tuple[dict[str, list[Recording]], list[dict[str, Any]], OffsetTracker | None]:
+    """Return the recordings of each role without their offsets, the offset of each session, and how one is learned."""
+    model = fit_offset_model(recordings["train"], cylinder, plan)
+    sessions = []
+    for role, own in recordings.items():
+        conditions = {each.metadata.session: each.metadata.condition for each in own}
+        sessions += [
+            {"role": role, "condition": conditions[name], **found.to_dict()}
+            for name, found in model.offsets(own).items()
+        ]
+    corrected = {role: model.corrected(own) for role, own in recordings.items()}
+    learnable = PRESSURE_1 in corrected["train"][0].table.columns and zeros_are_known(corrected["train"])
+    return corrected, sessions, fit_offset_tracker(corrected["train"], cylinder, channels, plan) if learnable else None
+
+
 def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of a sample: what the label knows and can be measured in real time."""
     load = [LOAD_FORCE] if ingested["load"] == "measured" else []
@@ -104,15 +114,15 @@ def _identified_loads(train: Sequence[Recording]) -> list[LoadIdentification]:
 
 def plan_from(settings: OffsetParams) -> OffsetPlan:
     """Return how offsets are identified, from the configuration."""
-    return OffsetPlan(**settings.model_dump(exclude={"identify"}))
+    return OffsetPlan(**settings.model_dump(exclude={"identify", "common_load"}))
 
 
-def _left_alone(wanted: str, load: str, recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder) -> str:
+def _left_alone(wanted: str, own_loads: bool, recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder) -> str:
     """Return why no offsets are identified, empty where they are."""
     if wanted == "never":
         return "offset.identify is never"
-    if load in LOADED:
-        return LOADED[load]
+    if own_loads:
+        return LOADED["position"]
     every = [recording for own in recordings.values() for recording in own]
     vented = [recording.name for recording in every if recording.metadata.zero_offset]
     if vented:
