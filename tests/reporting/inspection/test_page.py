@@ -213,5 +213,12 @@ def test_a_browser_draws_every_figure_without_an_error_and_filters_the_table(tmp
         assert page.evaluate("document.documentElement.scrollWidth") == 400
         assert page.locator("#files").is_hidden()
         page.screenshot(path=str(tmp_path / "page.png"), full_page=True)
+        page.get_by_role("link", name="Files").click()
+        page.get_by_role("button", name=re.compile("refused")).click()
+        assert page.evaluate("document.documentElement.scrollWidth") == 400
+        for verdict in ("usable for labelling", "not usable: position_m is 251 m & more"):
+            box = page.get_by_role("cell", name=verdict, exact=True).bounding_box()
+            assert box is not None
+            assert box["x"] + box["width"] <= 400
         browser.close()
     assert errors == []
