@@ -88,7 +88,7 @@ def test_inspection_states_the_crane_s_friction_once_its_load_is_taken_off(
     assert loaded.friction == {}
     assert loaded.subject.verdict.startswith("not usable: the force still holds a load, or a sensor's zero: 3")
     taken_off = inspected(public, "crane", path, "position")
-    assert taken_off.subject.verdict == "usable for labelling"
+    assert taken_off.subject.verdict.startswith("usable for labelling; worth knowing: filter windows are in samples")
     for mean in taken_off.friction.values():
         assert least_n < mean.mean_n < 4000.0
         assert math.isnan(mean.half_width_n)
