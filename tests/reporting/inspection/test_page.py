@@ -184,6 +184,14 @@ def test_each_condition_has_its_own_mean(
     assert re.search(r"Condition cold: <strong>3\d\d N extending, 3\d\d N retracting<", text)
 
 
+def test_several_rates_are_warned_of(tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters) -> None:
+    slower = Recording(replace(strokes.metadata, sample_time_s=0.01), strokes.table.iloc[::2].reset_index(drop=True))
+    subjects = [Inspected("a.csv", [OK], strokes), Inspected("b.csv", [OK], slower)]
+    warning = "The usable files come at 200 and 100 Hz. ingest takes those of the commonest rate alone"
+    assert warning in write_page_of(tmp_path / "page.html", subjects, labeller, filters)
+    assert "The usable files come at" not in write_page_of(tmp_path / "page.html", subjects[:1], labeller, filters)
+
+
 def test_an_unknown_filter_is_refused(labeller: Labeller, filters: Filters) -> None:
     with pytest.raises(ValueError, match=r"method: expected one of adaptive, .*, but got 'median'"):
         Panes(labeller, filters, "median")
