@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         (b"%PDF-1.7\n", "is a PDF"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1", "is an old Excel or Word file"),
         (b"PK\x03\x04 xl/workbook.bin", r"save the table as \.xlsx or CSV"),
-        (b"|CF,2,1,1;|CK,1,3,1,1;\n", "is an imc FAMOS recording: export it as CSV .ASCII., MATLAB or MDF 4; expected"),
+        (b"|CF,2,1,1;|CK,1,3,1,1;\n", "is an imc FAMOS recording: export it as text .ASCII, CSV.; expected"),
         (b"TDSh\x0e\0\0\0", r"is the index of a TDMS file: take the \.tdms file itself"),
         (b'{"t": [1, 2]}', "is JSON"),
         (b"BZh91AY", "packed with bzip2"),
@@ -50,9 +50,9 @@ def test_what_is_no_log_is_refused_by_name(tmp_path: Path, content: bytes, messa
         ("rec.svdx", "if it is a TwinCAT Scope's, export it as CSV with a time column for each sample time"),
         (
             "pda.DAT",
-            "if it is of iba, extract it as ASCII or TDMS; if of imc, export it as CSV .ASCII., MATLAB or MDF 4",
+            "if it is of iba, extract it as ASCII or TDMS; if of imc, export it as text .ASCII, CSV.",
         ),
-        ("log.bin", "if it is catman's, export it as ASCII or MATLAB"),
+        ("log.bin", "if it is catman's, export it as text .ASCII."),
         ("trace.blf", "if it is a trace of a bus, decode it with the bus's database and save the signals as MDF 4"),
     ],
 )

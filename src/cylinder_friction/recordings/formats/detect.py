@@ -22,7 +22,7 @@ _STARTS = {
 _OTHERS = {
     b"PK": "a ZIP file: unpack it; of a spreadsheet save the table as .xlsx or CSV",
     b"\xd0\xcf\x11\xe0": "an old Excel or Word file: save the table as .xlsx or CSV",
-    b"|CF,": "an imc FAMOS recording: export it as CSV (ASCII), MATLAB or MDF 4",
+    b"|CF,": "an imc FAMOS recording: export it as text (ASCII, CSV)",
     b"%PDF": "a PDF: export the table as CSV",
     GZIP: "a gzip within a gzip: unpack it once",
     b"BZh": "packed with bzip2: unpack it, or pack it with gzip",
@@ -40,9 +40,9 @@ _OTHERS = {
 }
 _OWN_FILES = {
     (".svdx", ".svd", ".svb"): "if it is a TwinCAT Scope's, export it as CSV with a time column for each sample time",
-    (".dat",): "if it is of iba, extract it as ASCII or TDMS; if of imc, export it as CSV (ASCII), MATLAB or MDF 4",
-    (".raw",): "if it is of imc, export it as CSV (ASCII), MATLAB or MDF 4",
-    (".bin",): "if it is catman's, export it as ASCII or MATLAB",
+    (".dat",): "if it is of iba, extract it as ASCII or TDMS; if of imc, export it as text (ASCII, CSV)",
+    (".raw",): "if it is of imc, export it as text (ASCII, CSV)",
+    (".bin",): "if it is catman's, export it as text (ASCII)",
     (".blf",): "if it is a trace of a bus, decode it with the bus's database and save the signals as MDF 4",
 }
 """Endings of what measurement programs write for themselves, and what they export that is read here."""
