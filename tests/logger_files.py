@@ -33,6 +33,23 @@ def write_log(path: Path, recording: Recording, zero_bar: float = 0.0) -> Path:
     return _write(path, *columns, zero_bar=zero_bar)
 
 
+def made_log(rows: int) -> pd.DataFrame:
+    """Return strokes of changing speed with noise, 200 Hz, in the units of ``CHANNELS``."""
+    generator, time_s = np.random.default_rng(1), np.arange(rows) / 200.0
+    phase = 1.1 * time_s + 3.0 * np.sin(0.02 * time_s)
+    friction_n = 300.0 * np.tanh(20.0 * np.cos(phase))
+    second_bar = 9.0 + 2.0 * np.sin(0.3 * time_s)
+    first_bar = (friction_n + 1e5 * second_bar * 0.0025) / 0.0031 / 1e5
+    return pd.DataFrame(
+        {
+            "t": np.round(time_s, 3),
+            "p1": np.round(first_bar + generator.normal(0.0, 0.05, rows), 3),
+            "p2": np.round(second_bar + generator.normal(0.0, 0.05, rows), 3),
+            "x": np.round(125.0 + 30.0 * np.sin(phase) + generator.normal(0.0, 0.03, rows), 3),
+        }
+    )
+
+
 def write_lugre_log(
     path: Path,
     truth: LugreParameters,

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import copy
 import json
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, MODEL_BOUNDS, NO_BOUNDS, estimate_logs
+from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, MODEL_BOUNDS, NO_BOUNDS, FileFormat, estimate_logs
 from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording
-from logger_files import CHANNELS, write_log
+from logger_files import CHANNELS, made_log, write_log
 
 SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
 STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
@@ -118,6 +123,66 @@ def test_a_load_decided_by_position_is_taken_off(
     assert written.column("load_force_n")[usable].mean() == pytest.approx(weight_n, abs=60.0)
     assert np.abs(written.column("friction_n") - recording.column("friction_n"))[usable].mean() < 60.0
     assert result.recordings[0].load != "position"
+
+
+LABEL_N = 0.01
+"""Parts label as the whole does up to this: smooth pressures are stored in single precision, 1 Pa at 16 MPa [N]."""
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("long") / "long.csv"
+    made_log(50_000).to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize("rows", [2_000, 7_777, 20_000])
+@pytest.mark.parametrize("file_format", ["parquet", "csv"])
+def test_a_log_in_parts_has_the_friction_of_the_whole(
+    tmp_path: Path, long_log: Path, cylinder: Cylinder, rows: int, file_format: FileFormat
+) -> None:
+    frictions = []
+    for name, rows_at_once in (("whole", 1_000_000), ("parts", rows)):
+        into = tmp_path / name
+        run = partial(estimate_logs, long_log, cylinder, into, file_format=file_format, rows_at_once=rows_at_once)
+        (entry,) = run(channels=STATED).recordings
+        read = pd.read_parquet if file_format == "parquet" else pd.read_csv
+        frictions.append((entry, read(into / f"long.{file_format}")))
+    (whole_entry, whole), (entry, parts) = frictions
+    pd.testing.assert_frame_equal(parts, whole, rtol=0.0, atol=LABEL_N)
+    raw = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m", "usable"]
+    pd.testing.assert_frame_equal(parts[raw], whole[raw], check_exact=True)
+    assert entry.friction_n == pytest.approx(whole_entry.friction_n, abs=LABEL_N)
+    assert replace(entry, friction_n=None) == replace(whole_entry, friction_n=None)
+
+
+@pytest.mark.parametrize("rows", [2_000, 20_000])
+@pytest.mark.parametrize("lag_s", [0.0, 0.1])
+def test_a_model_runs_over_parts_as_over_the_whole(
+    tmp_path: Path, long_log: Path, cylinder: Cylinder, small_hybrid: HybridEstimator, rows: int, lag_s: float
+) -> None:
+    model = copy.copy(small_hybrid)
+    model.lag_s = lag_s
+    whole, parts = (
+        pd.read_parquet(
+            estimate_logs(long_log, cylinder, tmp_path / "out", channels=CHANNELS, model=model, rows_at_once=n).folder
+            / "long.parquet"
+        )
+        for n in (1_000_000, rows)
+    )
+    pd.testing.assert_frame_equal(parts.drop(columns="label_n"), whole.drop(columns="label_n"), check_exact=True)
+
+
+@pytest.mark.parametrize("load", ["none", "position"])
+def test_what_a_long_recording_shows_is_found_from_an_excerpt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long_log: Path, cylinder: Cylinder, load: LoadMode
+) -> None:
+    monkeypatch.setattr("cylinder_friction.recordings.long_logs.EXCERPT_ROWS", 20_000)
+    run = partial(estimate_logs, long_log, cylinder, channels=STATED, load=load)
+    (whole,), (parts,) = (run(tmp_path / f"{n}", rows_at_once=n).recordings for n in (1_000_000, 4_000))
+    assert parts.friction_n == pytest.approx(whole.friction_n, rel=0.02)
+    assert parts.rows == whole.rows
+    assert "The figures show " in (tmp_path / "4000/friction.html").read_text()
 
 
 def test_a_bad_file_is_named_and_the_others_go_on(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:

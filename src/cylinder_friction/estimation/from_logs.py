@@ -1,14 +1,14 @@
-"""Logger files become files of friction and one page; memory holds one recording at a time."""
+"""Logger files become files of friction and one page; memory holds one recording, or one part of a long one."""
 
 import math
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
@@ -18,12 +18,13 @@ from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.files import whole_folder, write_json
-from cylinder_friction.recordings.ingesting import Quarantined, convert_files
+from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
+from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
-from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_recording, write_recording
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.storage import write_parts, write_recording
 from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
 from cylinder_friction.reporting.inspection.friction_view import holds_load, up_and_down
 from cylinder_friction.reporting.inspection.sensor_offsets import (
@@ -35,7 +36,8 @@ from cylinder_friction.reporting.inspection.sensor_offsets import (
 )
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
-from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
+from cylinder_friction.signals.noise import noise_deviation
+from cylinder_friction.signals.smooth_signals import SignalFilter, filtered, has_pressures
 
 FileFormat = Literal["parquet", "csv"]
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
@@ -93,6 +95,7 @@ def estimate_logs(
     load: LoadMode | None = None,
     names: str | None = None,
     file_format: FileFormat = "parquet",
+    rows_at_once: int = ROWS_AT_ONCE,
 ) -> FrictionOfLogs:
     """Write the friction of logger files into a folder: one file per recording, ``summary.json`` and one page.
 
@@ -108,6 +111,7 @@ def estimate_logs(
         into: A new folder, or one that an earlier call wrote.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
         file_format: ``parquet`` or ``csv``.
+        rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
 
     Raises:
         RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
@@ -120,7 +124,7 @@ def estimate_logs(
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz)
     with whole_folder(into) as folder:
-        run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator)
+        run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator, rows_at_once)
         result, panes = _written(run, folder, file_format)
         result = replace(result, folder=into)
         shutil.rmtree(run.scratch, ignore_errors=True)
@@ -143,6 +147,7 @@ class LabelledLogs:
         cylinder: Whose recordings they are.
         scratch: A folder that may be removed afterwards.
         estimator: What friction comes from; None: the off-line label, less the sensors' offset where it is known.
+        rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
 
     Attributes:
         refused: Files and recordings that could not be used, once ``recordings`` has ended.
@@ -150,8 +155,16 @@ class LabelledLogs:
         loads: By recording, which load was taken off, in words.
     """
 
-    def __init__(self, logs: Logs, cylinder: Cylinder, scratch: Path, estimator: FrictionEstimator | None) -> None:
+    def __init__(
+        self,
+        logs: Logs,
+        cylinder: Cylinder,
+        scratch: Path,
+        estimator: FrictionEstimator | None,
+        rows_at_once: int = ROWS_AT_ONCE,
+    ) -> None:
         self.logs, self.cylinder, self.estimator, self.scratch = logs, cylinder, estimator, scratch
+        self.rows_at_once = rows_at_once
         self.filter: SignalFilter = default_filter(cylinder)
         self.plan = OffsetPlan()
         self.load = logs.recipe.limits.load
@@ -161,67 +174,95 @@ class LabelledLogs:
         self.loads: dict[str, str] = {}
 
     def recordings(self) -> Iterator[Recording]:
-        """Yield each usable recording with ``friction_n``, its bounds, velocity and usable rows."""
+        """Yield each usable recording with friction, bounds, velocity and usable rows; of a long one an excerpt."""
+        for labelled in self.labelled():
+            parts = labelled.excerpt()
+            for number, part in enumerate(parts, start=1):
+                name = f"{part.name}, excerpt {number} of {len(parts)}" if len(parts) > 1 else part.name
+                yield self.finished(replace(part, metadata=replace(part.metadata, name=name)))
+
+    def labelled(self) -> Iterator[LongRecording]:
+        """Yield each usable recording with its friction, on disk; what is read of it is yet to be ``finished``."""
         evidence: list[OffsetEvidence] = []
-        labelled = list(self._labelled(self._filtered(), evidence))
+        labelled = list(self._labelled(evidence))
         if self.estimator is None:
             known = known_offsets(evidence, self.cylinder, self.plan)
             self.offsets = {each.session: each for each in known}
-        for path in labelled:
-            yield self._finished(read_recording(path))
+        yield from labelled
 
-    def _filtered(self) -> dict[str, list[Path]]:
-        """Return the files of filtered recordings by session."""
-        sessions: dict[str, list[Path]] = {}
+    def _labelled(self, evidence: list[OffsetEvidence]) -> Iterator[LongRecording]:
+        sessions: dict[str, list[LongRecording]] = {}
         sample_times_s: set[float] = set()
-        for outcome in convert_files(self.logs.files, self.logs.recipe):
+        folder = self.scratch / "converted"
+        for outcome in convert_in_parts(self.logs.files, self.logs.recipe, folder, self.rows_at_once):
             if isinstance(outcome, Quarantined):
                 self.refused.append(outcome)
                 continue
-            try:
-                smooth = filtered(outcome, self.filter)
-            except ValueError as error:  # shorter than the filter
-                self._refuse(outcome, error)
+            sample_times_s.add(outcome.metadata.sample_time_s)
+            source = with_noise(outcome, self.cylinder) if isinstance(outcome, LongRecording) else outcome
+            if not self.labeller.needs_identification:
+                yield from self._label(source, None, evidence)
                 continue
-            written = write_recording(self.scratch / "filtered", smooth)
-            sessions.setdefault(outcome.metadata.session, []).append(written)
-            sample_times_s.add(outcome.sample_time_s)
+            if isinstance(source, Recording):
+                source = LongRecording(source.metadata, (write_recording(folder, source),), (slice(0, len(source)),))
+            sessions.setdefault(source.metadata.session, []).append(source)
         warn_of_rates(self.filter, sample_times_s)
-        return sessions
-
-    def _labelled(self, sessions: Mapping[str, list[Path]], evidence: list[OffsetEvidence]) -> Iterator[Path]:
-        """Yield the file of each recording with its friction; what a label shows of an offset joins ``evidence``."""
-        for paths in sessions.values():
-            identified: SessionIdentification | None = None
+        for sources in sessions.values():
+            smooth = (filtered(part, self.filter) for source in sources for part in source.excerpt())
             try:
-                if self.labeller.needs_identification:
-                    identified = self.labeller.identify(map(read_recording, paths), self.filter)
-            except RecordingError as error:
-                for path in paths:
-                    self._refuse(read_recording(path), error)
+                identified = self.labeller.identify(smooth, self.filter)
+            except ValueError as error:
+                for source in sources:
+                    self._refuse(source, error)
                 continue
-            for path in paths:
-                recording = self.labeller.labelled(read_recording(path), self.filter, identified)
-                if identified is not None and identified.load is not None:
-                    self.loads[recording.name] = identified.load.sentence()
-                if self.estimator is None:
-                    evidence.append(self._evidence(recording))
-                else:
-                    try:
-                        recording = _estimated(recording, self.estimator)
-                    except RecordingError as error:
-                        self._refuse(recording, error)
-                        continue
-                yield write_recording(self.scratch / "labelled", recording)
+            for source in sources:
+                if identified.load is not None:
+                    self.loads[source.metadata.name] = identified.load.sentence()
+                yield from self._label(source, identified, evidence)
+
+    def _label(
+        self,
+        source: Recording | LongRecording,
+        identified: SessionIdentification | None,
+        evidence: list[OffsetEvidence],
+    ) -> Iterator[LongRecording]:
+        """Yield a recording with its friction unless it is refused; what its label shows of an offset is added."""
+        parts = source.parts() if isinstance(source, LongRecording) else [(source, slice(0, len(source)))]
+        running = None if self.estimator is None else _RunningEstimate(self.estimator)
+        paths: list[Path] = []
+        own_rows: list[slice] = []
+        try:
+            for recording, own in parts:
+                labelled = self.labeller.labelled(filtered(recording, self.filter), self.filter, identified)
+                labelled = labelled.rows(own) if running is None else running.estimated(labelled, own)
+                stem = f"{recording.name}.{len(paths):06d}"
+                paths.append(write_recording(self.scratch / "labelled", labelled, stem))
+                own_rows.append(slice(0, len(labelled)))
+        except ValueError as error:  # shorter than the filter, or not what the estimator takes
+            self._refuse(source, error)
+            return
+        if isinstance(source, LongRecording):
+            source.remove()
+        result = LongRecording(source.metadata, tuple(paths), tuple(own_rows))
+        if self.estimator is None:
+            evidence += map(self._evidence, [labelled] if len(paths) == 1 else result.excerpt())
+        yield result
 
     def _evidence(self, recording: Recording) -> OffsetEvidence:
-        position_m, velocity_m_s = recording.column("position_m"), recording.column("velocity_m_s")
-        halves = up_and_down(
-            position_m, velocity_m_s, recording.column("friction_n"), recording.usable(), self.plan.slowest_m_s
+        return offset_evidence(
+            recording, self.cylinder, self.plan, *self._halves([recording]), LOADED.get(self.load, "")
         )
-        return offset_evidence(recording, self.cylinder, self.plan, *halves, LOADED.get(self.load, ""))
 
-    def _finished(self, recording: Recording) -> Recording:
+    def _halves(self, recordings: Sequence[Recording]) -> tuple[float, float]:
+        """Return half the sum and half the difference of friction up and down at equal position [N]."""
+        columns = ("position_m", "velocity_m_s", "friction_n")
+        position_m, velocity_m_s, friction_n = (
+            np.concatenate([recording.column(name) for recording in recordings]) for name in columns
+        )
+        usable = np.concatenate([recording.usable() for recording in recordings])
+        return up_and_down(position_m, velocity_m_s, friction_n, usable, self.plan.slowest_m_s)
+
+    def finished(self, recording: Recording) -> Recording:
         """Return a recording with its bounds, and without the offset of its session where strokes determine it."""
         if self.estimator is not None:
             return recording.without_columns(UNCERTAINTY_COLUMN)
@@ -235,50 +276,144 @@ class LabelledLogs:
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
         return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
 
-    def entry(self, recording: Recording) -> FrictionOfRecording:
-        """Return what became of a recording."""
-        flags, position_m = recording.table.get("flags"), recording.column("position_m")
-        usable, velocity_m_s = recording.usable(), recording.column("velocity_m_s")
-        friction_n = recording.column("friction_n")
-        load_n, half_n = up_and_down(position_m, velocity_m_s, friction_n, usable, self.plan.slowest_m_s)
-        words = {"none": "none", "measured": "measured"}
+    def entry(self, excerpt: Sequence[Recording], counts: "Counts | None" = None) -> FrictionOfRecording:
+        """Return what became of a recording.
+
+        Args:
+            excerpt: The recording, finished, or parts of it.
+            counts: Of all its rows; None where the excerpt holds them.
+        """
+        counts = counts or Counts.of(excerpt)
+        load_n, half_n = self._halves(excerpt)
+        words, about = {"none": "none", "measured": "measured"}, excerpt[0].metadata
         return FrictionOfRecording(
-            name=recording.name,
-            source_file=recording.metadata.source_file,
-            session=recording.metadata.session,
-            rows=len(recording),
-            duration_s=len(recording) * recording.sample_time_s,
-            usable_percent=100.0 * float(usable.mean()),
+            name=about.name,
+            source_file=about.source_file,
+            session=about.session,
+            rows=counts.rows,
+            duration_s=counts.rows * about.sample_time_s,
+            usable_percent=100.0 * counts.usable / counts.rows,
             friction_n=_known(half_n),
-            flags_percent=None if flags is None else _shares(flags.to_numpy()),
-            load=self.loads.get(recording.name) or words[self.load],
+            flags_percent=None if self.estimator is None else counts.flags_percent(),
+            load=self.loads.get(about.name) or words[self.load],
             load_left_n=_known(load_n) if holds_load(load_n, half_n) else None,
-            repairs=tuple(recording.metadata.repairs),
+            repairs=tuple(about.repairs),
         )
 
-    def _refuse(self, recording: Recording, error: Exception) -> None:
-        self.refused.append(Quarantined(recording.metadata.source_file, str(error), recording.name))
+    def _refuse(self, recording: Recording | LongRecording, error: Exception) -> None:
+        about = recording.metadata
+        self.refused.append(Quarantined(about.source_file, str(error), about.name))
+
+
+@dataclass
+class Counts:
+    """Rows of a recording, counted part by part."""
+
+    rows: int = 0
+    usable: int = 0
+    flags: Counter[str] = field(default_factory=Counter)  # By name
+    bounded: bool = False  # Whether any row has bounds
+
+    @classmethod
+    def of(cls, parts: Iterable[Recording]) -> "Counts":
+        counts = cls()
+        for part in parts:
+            counts.add(part)
+        return counts
+
+    def add(self, part: Recording) -> None:
+        self.rows += len(part)
+        self.usable += int(part.usable().sum())
+        self.bounded |= bool(np.isfinite(part.column("lower_n")).any())
+        if "flags" in part.table.columns:
+            flags = part.table["flags"].to_numpy()
+            self.flags.update({str(flag.name): int((flags & flag != 0).sum()) for flag in Flag})
+
+    def flags_percent(self) -> dict[str, float]:
+        """Return the share of rows with each flag that is ever set [%]."""
+        return {name: 100.0 * count / self.rows for name, count in self.flags.items() if count}
+
+
+class _RunningEstimate:
+    """The estimator's real-time step, run over the parts of a recording as if they were one."""
+
+    def __init__(self, estimator: FrictionEstimator) -> None:
+        self.estimator, self.stream = estimator, estimator.real_time()
+        # What was given after the last part's own rows, for an estimate of some samples before
+        self.newtons, self.flags = np.empty((0, 3)), np.empty(0, dtype=np.int64)
+
+    def estimated(self, labelled: Recording, own: slice) -> Recording:
+        """Return a part's own rows with friction, bounds and flags, and the label beside them."""
+        rows, end = own.stop - own.start, min(own.stop + self.estimator.lag_samples, len(labelled))
+        samples = labelled.samples(self.estimator.inputs)[own.start + len(self.flags) : end]
+        newtons, flags = self.stream.run(samples)
+        newtons, flags = np.concatenate([self.newtons, newtons]), np.concatenate([self.flags, flags])
+        self.newtons, self.flags = newtons[rows:], flags[rows:]
+        friction_n, lower_n, upper_n = self.estimator.aligned(newtons)[:rows].T
+        part = labelled.rows(own)
+        return part.with_columns(
+            label_n=part.column("friction_n"),
+            friction_n=friction_n,
+            lower_n=lower_n,
+            upper_n=upper_n,
+            flags=flags[:rows],
+        )
+
+
+def with_noise(recording: LongRecording, cylinder: Cylinder) -> LongRecording:
+    """Return a recording whose parts know its noise, for what a filter does depends on it."""
+    excerpt = recording.excerpt()
+    columns = [name for name in (*PRESSURES, DRIVE_FORCE, LOAD_FORCE) if name in excerpt[0].table.columns]
+    values = {name: np.concatenate([part.column(name) for part in excerpt]) for name in columns}
+    if has_pressures(excerpt[0]):
+        values[DRIVE_FORCE] = (
+            values[PRESSURES[0]] * cylinder.piston_area_m2 - values[PRESSURES[1]] * cylinder.annulus_area_m2
+        )
+    return replace(recording, noise={name: noise_deviation(each) for name, each in values.items()})
 
 
 def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[FrictionOfLogs, list[FrictionPane]]:
     bounded = False
     recordings: list[FrictionOfRecording] = []
     panes: list[FrictionPane] = []
-    for recording in run.recordings():
-        bounded |= bool(np.isfinite(recording.column("lower_n")).any())
-        _write(recording, folder, file_format)
-        recordings.append(run.entry(recording))
+    for labelled in run.labelled():
+        counts = Counts()
+        _write(
+            _counted(map(run.finished, (part for part, _ in labelled.parts())), counts), labelled, folder, file_format
+        )
+        bounded |= counts.bounded
+        excerpt = [run.finished(part) for part in labelled.excerpt()]
+        recordings.append(run.entry(excerpt, counts))
         if len(panes) < PLOTTED:
-            panes.append(friction_pane(recording, run.cylinder, run.filter, run.estimator is not None))
+            pane = friction_pane(excerpt[0], run.cylinder, run.filter, run.estimator is not None)
+            panes.append(pane if len(excerpt) == 1 else replace(pane, seen=f"{_shown(excerpt[0], counts)} {pane.seen}"))
+        labelled.remove()
     words = MODEL_BOUNDS if run.estimator is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
     return FrictionOfLogs(folder, words, recordings, run.refused, list(run.offsets.values())), panes
 
 
-def _write(recording: Recording, folder: Path, file_format: FileFormat) -> None:
-    if file_format == "csv":
-        recording.table.to_csv(folder / f"{recording.name}.csv", index=False, float_format="%.9g")
-    else:
-        write_recording(folder, recording)
+def _counted(parts: Iterable[Recording], counts: Counts) -> Iterator[Recording]:
+    for part in parts:
+        counts.add(part)
+        yield part
+
+
+def _shown(part: Recording, counts: Counts) -> str:
+    first_s, last_s = (float(part.table["time_s"].iloc[row]) for row in (0, -1))
+    return (
+        f"The figures show {first_s:.6g} to {last_s:.6g} s of a recording of {counts.rows * part.sample_time_s:.6g} s; "
+        "its file holds all of it."
+    )
+
+
+def _write(parts: Iterable[Recording], recording: LongRecording, folder: Path, file_format: FileFormat) -> None:
+    path = folder / f"{recording.metadata.name}.{file_format}"
+    if file_format == "parquet":
+        write_parts(path, parts)
+        return
+    with path.open("w", encoding="utf-8", newline="") as file:
+        for number, part in enumerate(parts):
+            part.table.to_csv(file, index=False, header=number == 0, float_format="%.9g")
 
 
 def remarks(each: FrictionOfRecording) -> list[str]:
@@ -295,15 +430,6 @@ def load_left(each: FrictionOfRecording) -> str:
     return f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"
 
 
-def _estimated(recording: Recording, estimator: FrictionEstimator) -> Recording:
-    """Return a labelled recording with the estimator's friction, bounds and flags, and the label beside them."""
-    newtons, flags = estimator.real_time().run(recording.samples(estimator.inputs))
-    friction_n, lower_n, upper_n = estimator.aligned(newtons).T
-    return recording.with_columns(
-        label_n=recording.column("friction_n"), friction_n=friction_n, lower_n=lower_n, upper_n=upper_n, flags=flags
-    )
-
-
 def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:
     """Return name, friction, usable share and remarks of every recording and refused file, as text."""
     rows = [
@@ -316,12 +442,6 @@ def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:
         for each in result.recordings
     ]
     return rows + [(each.file, "–", "–", f"refused: {each.reason}") for each in result.refused]
-
-
-def _shares(flags: NDArray[np.int64]) -> dict[str, float]:
-    """Return the share of rows with each flag that is ever set [%]."""
-    shares = {str(flag.name): 100.0 * float((flags & flag != 0).mean()) for flag in Flag}
-    return {name: share for name, share in shares.items() if share > 0.0}
 
 
 def _known(value: Any) -> Any:

@@ -211,7 +211,7 @@ class _Search:
 
 def _loaded(run: LabelledLogs, recordings: Sequence[Recording]) -> dict[str, Quarantined]:
     """Return, by name, the recordings whose friction still holds a load: it would pass for another parameter."""
-    left = {each.name: (each.metadata.source_file, load_left(run.entry(each))) for each in recordings}
+    left = {each.name: (each.metadata.source_file, load_left(run.entry([each]))) for each in recordings}
     return {name: Quarantined(file, words, name) for name, (file, words) in left.items() if words}
 
 

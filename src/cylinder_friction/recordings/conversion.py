@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -76,16 +76,25 @@ def tables_of(path: Path, recipe: Recipe) -> list[LoggedTable]:
     """
     wanted = wanted_channels(recipe.channels)
     tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted)
-    if recipe.channels["time_s"].rate_hz is not None:
-        unread = {name for table in tables for name in table.unread}
-        if clocks := {name for name in unread if words_of(name).quantity == "time"}:
-            return read_logged_file(path, recipe.file_format, recipe.csv, wanted | clocks)
-    return tables
+    clocks = unread_clocks(tables, recipe)
+    return read_logged_file(path, recipe.file_format, recipe.csv, wanted | clocks) if clocks else tables
+
+
+def unread_clocks(tables: Sequence[LoggedTable], recipe: Recipe) -> set[str]:
+    """Return the channels that were not read and are called time, where a stated rate takes its place."""
+    if recipe.channels["time_s"].rate_hz is None:
+        return set()
+    return {name for table in tables for name in table.unread if words_of(name).quantity == "time"}
 
 
 def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
     """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired."""
-    mapped = map_signals(tables_of(path, recipe), recipe.channels)
+    return pieces_from(tables_of(path, recipe), recipe)
+
+
+def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe) -> list[Piece]:
+    """Return what ``pieces_of`` does, from what a file holds."""
+    mapped = map_signals(tables, recipe.channels)
     signals, screened = screen_signals(
         mapped.signals, sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m
     )

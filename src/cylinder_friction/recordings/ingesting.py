@@ -4,6 +4,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 from tqdm import tqdm
@@ -11,6 +12,13 @@ from tqdm import tqdm
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_of
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
+from cylinder_friction.recordings.long_logs import (
+    ROWS_AT_ONCE,
+    Draft,
+    LongRecording,
+    pieces_in_turn,
+    pieces_or_drafts,
+)
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
@@ -102,7 +110,16 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested
 
 
 def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recording | Quarantined]:
-    """Yield the recordings of each file in turn, and for what is unusable the reason.
+    """Yield the recordings of each file in turn, each read whole, and for what is unusable the reason."""
+    for outcome in convert_in_parts(files, recipe):
+        assert not isinstance(outcome, LongRecording)
+        yield outcome
+
+
+def convert_in_parts(
+    files: Mapping[str, Path], recipe: Recipe, folder: Path | None = None, rows: int = ROWS_AT_ONCE
+) -> Iterator[Recording | LongRecording | Quarantined]:
+    """Yield the recordings of each file in turn, those of a long one in parts, and for what is unusable the reason.
 
     Also refused: a copy of a file already read, the same measurement exported twice, and a second recording of one
     name.
@@ -110,8 +127,11 @@ def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recordi
     Args:
         files: By their paths below the source, with ``/``, from which condition and session are taken.
         recipe: Its channels have passed ``check_mapping``.
+        folder: Where the parts of long files are kept; None: every file is read whole.
+        rows: A longer file is processed in parts of about so many rows.
     """
-    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
+    read = pieces_of if folder is None else partial(pieces_or_drafts, rows=rows, folder=folder)
+    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, None if folder is None else rows)
     digests: dict[str, str] = {}
     sources: dict[str, str] = {}
     duplicates = DuplicateDetection()
@@ -122,20 +142,22 @@ def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recordi
                 raise RecordingError(f"holds the same bytes as {digests[digest]}; a copy would be counted twice")
             digests[digest] = relative
             names = recipe.names.names(relative)
-            pieces = pieces_of(path, recipe)
+            pieces: Sequence[Piece | Draft] = read(path, recipe)
         except (RecordingError, OSError) as error:
             yield Quarantined(relative, str(error))
             continue
-        for number, piece in enumerate(pieces, start=1):
+        for number, found in enumerate(pieces, start=1):
+            piece = found.first() if isinstance(found, Draft) else found
             metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
+            finish = found.checked if isinstance(found, Draft) else partial(checked, piece)
             try:
-                recording = checked(piece, metadata, recipe, zeros.get(metadata.session))
-                refuse_duplicate(recording.name, piece, sources, duplicates)
+                recording = finish(metadata, recipe, zeros.get(metadata.session))
+                refuse_duplicate(metadata.name, piece, sources, duplicates)
             except RecordingError as error:
                 where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
                 yield Quarantined(relative, str(error), where)
             else:
-                sources[recording.name] = relative
+                sources[metadata.name] = relative
                 yield recording
 
 
@@ -181,16 +203,19 @@ def _not_read(source: Source, matching: list[Path]) -> list[str]:
     return [f"{files} not read, for {source.pattern!r} does not match (first: {first}); see ingest.pattern"]
 
 
-def session_zeros(files: Mapping[str, Path], recipe: Recipe) -> dict[str, ZeroReading | NoZero]:
+def session_zeros(
+    files: Mapping[str, Path], recipe: Recipe, rows: int | None = None
+) -> dict[str, ZeroReading | NoZero]:
     """Return what the pressure sensors of each session read while vented, from the recordings that show it.
 
     A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
-    cannot be read is skipped here; the run over the files reports why.
+    cannot be read is skipped here; the run over the files reports why. A file of more ``rows`` is read in parts.
     """
+    read = pieces_of if rows is None else partial(pieces_in_turn, rows=rows)
     readings: defaultdict[str, list[ZeroReading | NoZero]] = defaultdict(list)
     for relative, path in tqdm(files.items(), desc="zeros", unit="file", disable=None):
         with suppress(RecordingError, OSError):
             names = recipe.names.names(relative)
-            for piece in pieces_of(path, recipe):
+            for piece in read(path, recipe):
                 readings[names.session].append(find_zero(piece.table, recipe.zero, recipe.channels, names.name))
     return {session: session_zero(read) for session, read in readings.items()}

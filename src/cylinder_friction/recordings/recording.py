@@ -86,6 +86,9 @@ class Recording:
 
     metadata: RecordingMetadata
     table: pd.DataFrame
+    # Standard deviation of a column's white noise, in its unit, where the table is a part of what it was found from;
+    # ``drive_force_n`` stands for the force of both pressures too
+    noise: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         missing = missing_columns(self.table.columns)
@@ -186,6 +189,10 @@ class Recording:
         table = pd.DataFrame({name: self.table[name] for name in self.table.columns} | columns, copy=False)
         return replace(self, table=table)
 
+    def rows(self, own: slice) -> Recording:
+        """Return a copy of some rows, not copied in memory; its metadata stay those of all."""
+        return replace(self, table=self.table.iloc[own])
+
     def without_columns(self, *names: str) -> Recording:
         """Return a copy without some columns; a name that is not there is passed over."""
         return replace(self, table=self.table[[column for column in self.table.columns if column not in names]])
@@ -224,3 +231,5 @@ class Piece:
     sample_time_s: float  # Constant time between two rows [s]
     # What was done to get there, one sentence each with its numbers; empty if nothing was
     repairs: tuple[str, ...] = ()
+    segment: int = 0  # How often the clock had restarted
+    origin_s: float = 0.0  # Where that clock, and with it the sample grid, started [s]

@@ -1,7 +1,8 @@
 """Recordings on disk: one Parquet file each, with the metadata inside it."""
 
+import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,25 +17,36 @@ _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048
 
 
-def write_recording(folder: Path, recording: Recording) -> Path:
-    """Write ``<folder>/<name>.parquet`` and returns its path. Equal recordings make equal bytes."""
-    folder.mkdir(parents=True, exist_ok=True)
-    table = _arrow_table(recording)
-    path = folder / f"{recording.name}.parquet"
+def write_recording(folder: Path, recording: Recording, stem: str = "") -> Path:
+    """Write ``<folder>/<stem or name>.parquet`` and returns its path. Equal recordings make equal bytes."""
+    return write_parts(folder / f"{stem or recording.name}.parquet", [recording])
+
+
+def write_parts(path: Path, parts: Iterable[Recording]) -> Path:
+    """Write the parts of a recording, at least one, into one file and returns its path; memory holds one at a time."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    remaining = map(_arrow_table, parts)
+    first = next(remaining)
+    with _writer(path, first) as writer:
+        for table in itertools.chain([first], remaining):
+            writer.write_table(table)
+    return path
+
+
+def _writer(path: Path, table: pa.Table) -> pq.ParquetWriter:
     # A converter gives few values: numbered in a dictionary they take the bits that it has. Of other floats the bytes
     # are split by their place, where LZ4 makes of them as little as zstd does otherwise, in a fraction of the time.
     # Nobody searches recordings by value, so that statistics would only cost.
     floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
     few = [name for name in floats if _holds_few_values(table[name].to_numpy())]
-    pq.write_table(
-        table,
+    return pq.ParquetWriter(
         path,
+        table.schema,
         compression={name: "none" if name in few else "lz4" for name in table.column_names},
         use_dictionary=few,
         use_byte_stream_split=[name for name in floats if name not in few],
         write_statistics=False,
     )
-    return path
 
 
 def _holds_few_values(values: Array) -> bool:

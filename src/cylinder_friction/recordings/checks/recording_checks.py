@@ -1,6 +1,6 @@
 """What a uniformly sampled table must be before it counts as a recording: nothing unusable passes as good."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,8 +29,15 @@ def check_recording(
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
     """
+    return checked_recording(metadata, table, _findings(table, limits, sample_time_s), sample_time_s)
+
+
+def checked_recording(
+    metadata: RecordingMetadata, table: pd.DataFrame, findings: Iterable[Finding], sample_time_s: float
+) -> Recording:
+    """Return the recording of which these are the findings, as ``check_recording`` does."""
     noted = []
-    for finding in _findings(table, limits, sample_time_s):
+    for finding in findings:
         if finding.outcome == "refused":
             raise RecordingError(finding.text)
         if finding.outcome == "noted":
@@ -48,6 +55,32 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
     that passed and known areas.
     """
     return list(_findings(table, limits, sample_time_s))
+
+
+SOMEWHERE = (
+    "motion", "pressure_alive", "force_alive", "load_alive", "pressures_differ", "unit_plausible", "direction",
+    "friction_size",
+)  # fmt: skip
+"""Checks that a long recording has passed if one of its parts has; the others must be passed by every part."""
+
+
+def findings_of_parts(parts: Sequence[tuple[float, Sequence[Finding]]]) -> list[Finding]:
+    """Return one finding per check of a recording that was checked part by part.
+
+    Args:
+        parts: When each begins [s], and what its checks found.
+    """
+    by_check: dict[str, list[tuple[float, Finding]]] = {}
+    for start_s, findings in parts:
+        for finding in findings:
+            by_check.setdefault(finding.check, []).append((start_s, finding))
+    merged = []
+    for check, found in by_check.items():
+        order = ("ok", "refused", "noted") if check in SOMEWHERE else ("refused", "noted", "ok")
+        start_s, finding = min(found, key=lambda each: order.index(each[1].outcome))
+        where = f"in the part that begins at {start_s:.9g} s: " if finding.outcome != "ok" else ""
+        merged.append(replace(finding, text=where + finding.text))
+    return merged
 
 
 @dataclass(frozen=True)
@@ -108,7 +141,7 @@ def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) ->
             yield Finding("finite", "refused", text)
             return
     yield Finding("finite", "ok", "every value is a finite number")
-    yield _length(len(table), sample_time_s, limits)
+    yield length_finding(len(table), sample_time_s, limits)
     yield _rate(sample_time_s, limits)
     valid = True
     for finding in _of_signals(columns, limits, sample_time_s):
@@ -141,7 +174,8 @@ def _of_signals(columns: dict[str, Array], limits: CheckLimits, sample_time_s: f
         yield from _of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits)
 
 
-def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
+def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
+    """Return whether a recording of so many rows is long enough."""
     duration_s = rows * sample_time_s
     text = f"lasts {duration_s:.3g} s ({rows} rows)"
     return Finding.of(

@@ -70,46 +70,103 @@ def screen_signals(
         RecordingError: A sensor reads what it cannot, or rests at the end of its range, or jumps, for too many rows or
             for too many in a row. The message names the column and the first such row, counted from 1.
     """
-    screened: dict[str, Signal] = {}
-    repairs: list[str] = []
-    for column, signal in signals.items():
-        values, notes = _screened(column, signal.values, limits.get(column), rules, stroke_m)
-        screened[column] = signal if values is signal.values else replace(signal, values=values)
-        repairs += notes
-    return screened, tuple(repairs)
+    screen = Screen(limits, rules, stroke_m)
+    return screen.screened(signals), screen.notes()
 
 
-def _screened(
-    column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules, stroke_m: float | None
-) -> tuple[Array, list[str]]:
-    """Return values without bad samples; the missing ones of a channel slower than its table are not looked at."""
-    rows = np.flatnonzero(~np.isnan(values))
-    logged = values if len(rows) == len(values) else values[rows]
-    low, high = -math.inf, math.inf
-    if sensor is not None:
-        beyond = rules.overrange * (sensor.high - sensor.low)
-        low, high = sensor.low - beyond, sensor.high + beyond
-    height = _spike_height(logged, low, high, sensor.step if sensor else None, rules)
-    marks = np.zeros(len(logged), dtype=np.uint8)
-    counts, longest, first = _mark(logged, low, high, *_ends(column, sensor, stroke_m), height, marks)
-    if not counts[1:].any():
-        return values, []
-    few = max(rules.few_rows, math.floor(rules.most_bad * len(logged)))
-    notes = []
-    for kind, remedy in REMEDIES.items():
-        if counts[kind] == 0:
-            continue
-        row = int(rows[first[kind]])
-        what = _described(kind, column, values[row], sensor, row, int(counts[kind]))
-        if counts[kind] > few or longest[kind] > rules.longest_bad:
-            raise RecordingError(
-                f"{what}, at most {int(longest[kind])} in a row; expected at most {few}, and {rules.longest_bad} in a "
-                f"row; {remedy}"
-            )
-        notes.append(f"{what}; taken as missing")
-    screened = values.copy()
-    screened[rows[marks > 0]] = np.nan
-    return screened, notes
+@dataclass
+class _Bad:
+    """Samples of one column that are bad in one way."""
+
+    row: int  # The first, counted from 0
+    value: float  # Its value
+    count: int
+    longest: int  # Most of them in a row
+
+
+class Screen:
+    """Screens the signals of a file, at once or part by part; arguments are as for ``screen_signals``.
+
+    Args:
+        limits, rules, stroke_m: As for ``screen_signals``.
+        heights: By column, how far a sample must lie from its neighbours to be a spike; else found in what is screened.
+    """
+
+    def __init__(
+        self,
+        limits: Mapping[str, SensorLimits],
+        rules: ScreenRules,
+        stroke_m: float | None,
+        heights: Mapping[str, float] | None = None,
+    ) -> None:
+        self.limits, self.rules, self.stroke_m, self.heights = limits, rules, stroke_m, heights or {}
+        self._rows: dict[str, int] = {}
+        self._bad: dict[tuple[str, int], _Bad] = {}
+
+    def height(self, column: str, values: Array) -> float:
+        """Return how far a sample of these, none missing, must lie from its neighbours to be a spike."""
+        sensor = self.limits.get(column)
+        return _spike_height(values, *self._bounds(column), sensor.step if sensor else None, self.rules)
+
+    def screened(self, signals: dict[str, Signal], own: slice = slice(None), before: int = 0) -> dict[str, Signal]:
+        """Return the signals with their bad samples missing; those of rows in ``own`` count.
+
+        Args:
+            signals: Columns.
+            own: Rows that no other part of the file has.
+            before: Rows of the file before the first of these.
+        """
+        screened = {}
+        for column, signal in signals.items():
+            values = self._screened(column, signal.values, own, before)
+            screened[column] = signal if values is signal.values else replace(signal, values=values)
+        return screened
+
+    def notes(self) -> tuple[str, ...]:
+        """Return a sentence for each kind of bad sample in each column; raises as ``screen_signals``."""
+        notes = []
+        for column, logged in self._rows.items():
+            few = max(self.rules.few_rows, math.floor(self.rules.most_bad * logged))
+            for kind, remedy in REMEDIES.items():
+                bad = self._bad.get((column, kind))
+                if bad is None:
+                    continue
+                what = _described(kind, column, bad.value, self.limits.get(column), bad.row, bad.count)
+                if bad.count > few or bad.longest > self.rules.longest_bad:
+                    raise RecordingError(
+                        f"{what}, at most {bad.longest} in a row; expected at most {few}, and "
+                        f"{self.rules.longest_bad} in a row; {remedy}"
+                    )
+                notes.append(f"{what}; taken as missing")
+        return tuple(notes)
+
+    def _bounds(self, column: str) -> tuple[float, float]:
+        sensor = self.limits.get(column)
+        if sensor is None:
+            return -math.inf, math.inf
+        beyond = self.rules.overrange * (sensor.high - sensor.low)
+        return sensor.low - beyond, sensor.high + beyond
+
+    def _screened(self, column: str, values: Array, own: slice, before: int) -> Array:
+        """Return values without bad samples; the missing ones of a channel slower than its table are not looked at."""
+        rows = np.flatnonzero(~np.isnan(values))
+        logged = values if len(rows) == len(values) else values[rows]
+        height = self.heights[column] if column in self.heights else self.height(column, logged)
+        marks = np.zeros(len(logged), dtype=np.uint8)
+        ends = _ends(column, self.limits.get(column), self.stroke_m)
+        longest = _mark(logged, *self._bounds(column), *ends, height, marks)
+        begin, end = np.searchsorted(rows, own.indices(len(values))[:2])
+        self._rows[column] = self._rows.get(column, 0) + int(end - begin)
+        if not marks.any():
+            return values
+        for kind, count in enumerate(np.bincount(marks[begin:end], minlength=len(longest))):
+            if kind and count:
+                row = int(rows[begin + int(np.argmax(marks[begin:end] == kind))])
+                bad = self._bad.setdefault((column, kind), _Bad(before + row, float(values[row]), 0, 0))
+                bad.count, bad.longest = bad.count + int(count), max(bad.longest, int(longest[kind]))
+        screened = values.copy()
+        screened[rows[marks > 0]] = np.nan
+        return screened
 
 
 def _ends(column: str, sensor: SensorLimits | None, stroke_m: float | None) -> tuple[float, float]:
@@ -158,11 +215,9 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
 @numba.njit(cache=True)
 def _mark(
     values: Array, low: float, high: float, bottom: float, top: float, height: float, marks: NDArray[np.uint8]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Fill ``marks`` and return how many rows each mark has, the most of it in a row, and its first row."""
-    counts = np.zeros(5, dtype=np.int64)
+) -> NDArray[np.int64]:
+    """Fill ``marks`` and return the most of each mark in a row."""
     longest = np.zeros(5, dtype=np.int64)
-    first = np.zeros(5, dtype=np.int64)
     run_kind, run = 0, 0
     close = 0  # rows left in which a spike may begin: a jump was seen
     last, middle, peak = np.nan, np.nan, np.nan
@@ -192,13 +247,10 @@ def _mark(
             while row - begin + 1 < MOST_ODD and marks[begin - 1] == 0 and abs(values[begin - 1] - middle) > 0.5 * peak:
                 begin -= 1
         marks[begin : row + 1] = kind
-        if counts[kind] == 0:
-            first[kind] = begin
-        counts[kind] += row + 1 - begin
         run = run + 1 if kind == run_kind else row + 1 - begin
         run_kind = kind
         longest[kind] = max(longest[kind], run)
-    return counts, longest, first
+    return longest
 
 
 @numba.njit(cache=True)

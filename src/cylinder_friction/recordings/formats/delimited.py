@@ -1,11 +1,12 @@
 """Text tables: comma, semicolon, tab or blank separated, with whatever a logger writes above them."""
 
 import re
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -16,7 +17,7 @@ from cylinder_friction.recordings.formats.cells import MISSING, split_cells
 from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
 from cylinder_friction.recordings.formats.layout import Layout, find_layout
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
@@ -47,16 +48,87 @@ def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[s
         return _read(convert_text(source), options, wanted)
 
 
+def long_delimited(
+    source: FileSource, options: CsvOptions, wanted: Collection[str] | None, rows: int
+) -> LongTable | None:
+    """Return a text file that has many more rows than these, to be read in parts of about so many; None if it has not.
+
+    Each part is a run of whole lines, read as a file by itself, so that memory holds one of them.
+    """
+    text = open_text(source, options.encoding)
+    lines, layout = _first_lines(text, options)
+    if repeated_names(layout.names):
+        return None
+    below = lines[layout.first_row :]
+    step = max(1, sum(map(len, below)) // len(below)) * rows
+    begin = text.start + sum(map(len, lines[: layout.first_row]))
+    if text.end - begin <= step:
+        return None
+
+    def read(first: int, last: int) -> LoggedTable:
+        part = replace(text, end=last, notes=text.notes if first == begin else ())
+        try:
+            return _tables(_Rows(part, layout, first, begin), wanted)[0]
+        except UnicodeDecodeError:
+            part = replace(part, file=_Repaired(text.file, source.head.isascii()))
+            return _tables(_Rows(part, layout, first, begin), wanted)[0]
+
+    def chunks() -> Iterator[LoggedTable]:
+        first = begin
+        while first < text.end:
+            last = _line_end(text, first + step)
+            yield read(first, last)
+            first = last
+
+    def spread() -> Iterator[LoggedTable]:
+        length = step * ROWS_A_PLACE // rows
+        for place in np.linspace(begin, max(text.end - length, begin), PLACES).astype(int).tolist():
+            first = begin if place == begin else _line_end(text, place)
+            if first < text.end:
+                yield read(first, _line_end(text, first + length))
+
+    return LongTable(-(-(text.end - begin) // step), chunks, spread)
+
+
+def _line_end(text: Text, place: int) -> int:
+    """Return where the line ends that a byte lies in, line end included, or the text."""
+    while place < text.end:
+        block = text.file.read_at(min(HEAD_SIZE, text.end - place), place)
+        if (found := block.find(b"\n")) >= 0:
+            return int(place + found + 1)
+        place += len(block)
+    return text.end
+
+
+@dataclass(frozen=True)
+class _Repaired:
+    """A file whose bytes are read as UTF-8 whatever they are, as by ``convert_text``."""
+
+    file: Any
+    ascii_head: bool
+
+    def read_at(self, length: int, offset: int) -> bytes:
+        content: bytes = self.file.read_at(length, offset)
+        return content.decode("latin-1" if self.ascii_head else "utf-8", errors="replace").encode()
+
+    def get_stream(self, offset: int, length: int) -> Any:
+        return pa.BufferReader(self.read_at(length, offset))
+
+
 def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
     lines, layout = _first_lines(text, options)
-    names = layout.names
+    begin = text.start + sum(map(len, lines[: layout.first_row]))
+    return _tables(_Rows(text, layout, begin, begin), wanted)
+
+
+def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
+    text, layout, names = rows.text, rows.layout, rows.layout.names
     asked = set(names) if wanted is None else set(wanted) - {""}
     unread = tuple(name for name in names if name and name not in asked)
     if asked.isdisjoint(names):
         return [LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)]
     repeated = repeated_names(names)
     loaded = [index for index, name in enumerate(names) if name in asked | repeated]
-    rows = _Rows(text, layout, text.start + sum(map(len, lines[: layout.first_row])))
     table, decimal = rows.parsed(loaded)
     columns: list[tuple[str, NDArray[Any]]] = []
     units = dict(layout.units)
@@ -93,10 +165,13 @@ def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
 
 
 class _Rows:
-    """The rows of a text table from the byte ``begin`` on, and how to name the line of one that is wrong."""
+    """The rows of a text table from the byte ``begin`` on, and how to name the line of one that is wrong.
 
-    def __init__(self, text: Text, layout: Layout, begin: int) -> None:
-        self.text, self.layout, self.begin = text, layout, begin
+    ``first`` is the byte where the first row of all begins.
+    """
+
+    def __init__(self, text: Text, layout: Layout, begin: int, first: int) -> None:
+        self.text, self.layout, self.begin, self.first = text, layout, begin, first
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
         """Return the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
@@ -159,8 +234,14 @@ class _Rows:
     def _lines(self) -> list[tuple[int, str]]:
         """Return the rows that are not empty, each with its number within the file, counted from 1."""
         content = self.text.file.read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
-        lines = enumerate(re.split(r"\r\n|\n|\r", content), start=self.layout.first_row + 1)
+        above = self.layout.first_row + self._lines_before()
+        lines = enumerate(re.split(r"\r\n|\n|\r", content), start=above + 1)
         return [(number, line) for number, line in lines if line or len(self.layout.names) == 1]
+
+    def _lines_before(self) -> int:
+        read_at = self.text.file.read_at
+        places = range(self.first, self.begin, HEAD_SIZE)
+        return sum(read_at(min(HEAD_SIZE, self.begin - place), place).count(b"\n") for place in places)
 
     def _refuse_ragged_line(self) -> None:
         width = len(self.layout.names)

@@ -1,6 +1,6 @@
 """What a logger's file holds, before it is given a meaning: tables, or channels that are put together by length."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +23,18 @@ class LoggedTable:
     name: str = ""  # Of the table or group within the file; empty where the file has only one
     unread: tuple[str, ...] = ()  # Names of channels that were there but not asked for
     notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
+
+
+@dataclass(frozen=True)
+class LongTable:
+    """The one table of a file that is too long to be read at once; each part has the same channels."""
+
+    count: int  # How many chunks there are, about
+    chunks: Callable[[], Iterator[LoggedTable]]  # All rows, in order
+    spread: Callable[[], Iterator[LoggedTable]]  # A few rows of each of ``PLACES`` places between its begin and its end
+
+
+PLACES, ROWS_A_PLACE = 32, 1024
 
 
 def named_columns(columns: Sequence[tuple[str, NDArray[Any]]], kind: Any = None) -> pd.DataFrame:

@@ -1,13 +1,20 @@
 """Parquet, as data loggers in the cloud and pandas write it."""
 
-from collections.abc import Collection
+import itertools
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.recordings.formats.columns import plain_values, text_objects
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
+from cylinder_friction.recordings.formats.logged_table import (
+    PLACES,
+    ROWS_A_PLACE,
+    LoggedTable,
+    LongTable,
+    named_columns,
+)
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -18,19 +25,60 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[Log
     The index that pandas stores is a channel if it has a name or holds time stamps (then named ``index``); row numbers
     are left out. Units come from a field's metadata, key ``unit`` or ``units``.
     """
-    with pq.ParquetFile(source.handle(), pre_buffer=False, page_checksum_verification=True) as file:
-        fields = list(file.schema_arrow)
-        simple = [field for field in fields if not pa.types.is_nested(field.type) and not _is_row_number(field)]
-        loaded = [field for field in simple if wanted is None or _name(field) in wanted]
-        others = [field for field in fields if not any(field is one for one in loaded) and not _is_row_number(field)]
-        read = dict.fromkeys(field.name for field in loaded)
-        table = file.read(columns=list(read), use_threads=False, use_pandas_metadata=False)
-        rows = file.metadata.num_rows
-    if rows == 0:
-        raise RecordingError("holds no rows; expected one row per sample")
-    units = {_name(field): unit for field in simple if (unit := _unit(field))}
-    columns = [(_name(field), _values(column)) for field, column in zip(table.schema, table.columns, strict=True)]
-    return [LoggedTable(named_columns(columns if loaded else []), units, unread=tuple(map(_name, others)))]
+    with _opened(source) as file:
+        table = file.read(columns=_read_names(file, wanted), use_threads=False, use_pandas_metadata=False)
+        if file.metadata.num_rows == 0:
+            raise RecordingError("holds no rows; expected one row per sample")
+        return [_table(file, table, wanted)]
+
+
+def long_parquet(source: FileSource, wanted: Collection[str] | None, rows: int) -> LongTable | None:
+    """Return a file of more rows than these, to be read in parts of so many; None if it has not so many."""
+    with _opened(source) as file:
+        count, groups = file.metadata.num_rows, file.metadata.num_row_groups
+    if count <= rows:
+        return None
+
+    def chunks() -> Iterator[LoggedTable]:
+        with _opened(source) as file:
+            names = _read_names(file, wanted)
+            for batch in file.iter_batches(rows, columns=names, use_threads=False, use_pandas_metadata=False):
+                yield _table(file, pa.Table.from_batches([batch]), wanted)
+
+    def spread() -> Iterator[LoggedTable]:
+        with _opened(source) as file:
+            names = _read_names(file, wanted)
+            # Of many row groups the begin of some; few are gone through, for Parquet has no other places to start.
+            many, every = groups >= PLACES, max(1, count // PLACES // ROWS_A_PLACE)
+            for place in [[place * groups // PLACES] for place in range(PLACES)] if many else [[*range(groups)]]:
+                batches = file.iter_batches(ROWS_A_PLACE, row_groups=place, columns=names, use_threads=False)
+                for batch in itertools.islice(batches, 0, 1 if many else None, every):
+                    yield _table(file, pa.Table.from_batches([batch]), wanted)
+
+    return LongTable(-(-count // rows), chunks, spread)
+
+
+def _opened(source: FileSource) -> Any:
+    """Return the file, which is read page by page and not a row group at once."""
+    return pq.ParquetFile(source.handle(), buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
+
+
+def _loaded(file: Any, wanted: Collection[str] | None) -> list[Any]:
+    simple = [field for field in file.schema_arrow if not pa.types.is_nested(field.type) and not _is_row_number(field)]
+    return [field for field in simple if wanted is None or _name(field) in wanted]
+
+
+def _read_names(file: Any, wanted: Collection[str] | None) -> list[str]:
+    return list(dict.fromkeys(field.name for field in _loaded(file, wanted)))
+
+
+def _table(file: Any, table: Any, wanted: Collection[str] | None) -> LoggedTable:
+    fields = [field for field in file.schema_arrow if not _is_row_number(field)]
+    loaded = _loaded(file, wanted)
+    units = {_name(each): unit for each in fields if not pa.types.is_nested(each.type) and (unit := _unit(each))}
+    columns = [(_name(each), _values(column)) for each, column in zip(table.schema, table.columns, strict=True)]
+    unread = tuple(_name(each) for each in fields if not any(each.equals(one) for one in loaded))
+    return LoggedTable(named_columns(columns if loaded else []), units, unread=unread)
 
 
 def _is_row_number(field: Any) -> bool:

@@ -2,14 +2,18 @@
 
 import gzip
 import io
+import shutil
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from tempfile import NamedTemporaryFile
+from typing import Any, BinaryIO
 
 from cylinder_friction.recordings.recording import RecordingError
 
 HEAD_SIZE = 65536  # so many bytes are looked at to find out what a file is [bytes]
+
+MOST_IN_MEMORY = 1 << 26  # a file whose bytes must be unpacked or rewritten to be read, is so up to this size [bytes]
 
 GZIP = b"\x1f\x8b"
 
@@ -21,6 +25,7 @@ class FileSource:
     origin: Path | bytes
     head: bytes  # The first ``HEAD_SIZE`` bytes
     size: int  # Of the whole [bytes]
+    kept: Any = None  # What keeps a temporary file that ``origin`` names
 
     def handle(self) -> str | io.BytesIO:
         """Return what a library opens: the path as text, or the bytes as a file."""
@@ -56,7 +61,7 @@ def read_head(path: Path) -> bytes:
 
 
 def open_source(path: Path) -> FileSource:
-    """Return the file's source; a gzipped file is unpacked whole; refused as by ``read_head``."""
+    """Return the file's source; a gzipped file is unpacked, a large one on disk; refused as by ``read_head``."""
     head = read_head(path)
     try:
         with path.open("rb") as file:
@@ -64,7 +69,14 @@ def open_source(path: Path) -> FileSource:
         if not zipped:
             return FileSource(path, head, path.stat().st_size)
         with gzip.open(path) as file:
-            content = file.read()
+            content = file.read(MOST_IN_MEMORY)
+            if len(content) == MOST_IN_MEMORY:
+                unpacked = NamedTemporaryFile()  # noqa: SIM115 - removed with the source
+                unpacked.write(content)
+                shutil.copyfileobj(file, unpacked, HEAD_SIZE)
+                unpacked.flush()
+                origin = Path(unpacked.name)
+                return FileSource(origin, head, origin.stat().st_size, unpacked)
     except (OSError, EOFError, zlib.error) as error:
         raise _damaged_gzip(error) from None
     return FileSource(content, head, len(content))

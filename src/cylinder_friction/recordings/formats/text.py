@@ -1,15 +1,17 @@
 """Characters of a text file, whatever their encoding, and where its last whole line ends."""
 
 import codecs
+import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from tempfile import NamedTemporaryFile
 from typing import Any
 
 import pyarrow as pa
 
 from cylinder_friction.recordings.formats.detect import BYTE_ORDER_MARKS
-from cylinder_friction.recordings.formats.source import FileSource
+from cylinder_friction.recordings.formats.source import MOST_IN_MEMORY, FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
 _TAIL = 1 << 16
@@ -40,7 +42,8 @@ def open_text(source: FileSource, encoding: str) -> Text:
     if encoding == "auto":
         encoding = BYTE_ORDER_MARKS[mark] if mark else ("utf-8" if _is_utf8(source) else "cp1252")
     if codecs.lookup(encoding).name not in ("utf-8", "utf-8-sig", "ascii"):
-        return _ended(pa.BufferReader(converted(source, encoding)), 0)
+        large = source.size > MOST_IN_MEMORY
+        return _ended(_rewritten(source, encoding) if large else pa.BufferReader(converted(source, encoding)), 0)
     in_memory = isinstance(source.origin, bytes)
     file = pa.BufferReader(source.origin) if in_memory else pa.OSFile(str(source.origin))
     return _ended(file, len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0)
@@ -69,6 +72,23 @@ def converted(source: FileSource, encoding: str) -> bytes:
             ) from None
         text = content.decode("latin-1")
     return text.removeprefix("\ufeff").encode(errors="replace")
+
+
+def _rewritten(source: FileSource, encoding: str) -> Any:
+    """Return what ``converted`` does as an open temporary file, of which memory holds a little at a time."""
+    with NamedTemporaryFile() as file:
+        try:
+            with io.TextIOWrapper(source.opened(), encoding, newline="") as text:
+                while block := text.read(1 << 20):
+                    file.write(block.removeprefix("\ufeff").encode(errors="replace"))
+        except UnicodeDecodeError as error:
+            if encoding == "cp1252":
+                return _rewritten(source, "latin-1")
+            raise RecordingError(
+                f"its characters are not {encoding}: {error.reason}; name the right encoding"
+            ) from None
+        file.flush()
+        return pa.OSFile(file.name)
 
 
 def _is_utf8(source: FileSource) -> bool:

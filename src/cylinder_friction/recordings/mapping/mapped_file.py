@@ -140,11 +140,11 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
-    notes += _take_delays(signals, mapping)
+    notes += take_delays(signals, mapping)
     return MappedFile(signals, tuple(notes))
 
 
-def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
+def take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
     """Move the stamps of sensors of a stated delay; returns a note for each. Those of one clock keep one array."""
     notes = []
     earlier: dict[tuple[int, float], Array] = {}

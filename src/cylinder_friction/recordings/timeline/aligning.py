@@ -1,6 +1,7 @@
 """From columns as they were sampled to pieces at one constant rate; whatever is bridged or moved is reported."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ Spans = list[tuple[float, float]]
 HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake
 
 
-def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
+def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None = None) -> list[Piece]:
     """Return the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
 
     - Columns with even stamps of one clock, nothing missing, at the wanted rate: unchanged, stamps included.
@@ -32,6 +33,8 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
 
     Args:
         signals: Columns; those of one logged table share their ``time_s`` array.
+        rules: For repairs, and which rate is wanted.
+        origin_s: First stamp of the clock that runs on in these signals, where they are a part of a file [s].
 
     Returns:
         Pieces, at least one. ``time_s`` continues the logger's time, and starts anew where its clock did.
@@ -40,7 +43,7 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
         RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
     """
     _check(signals)
-    unchanged = _unchanged(signals, rules)
+    unchanged = _unchanged(signals, rules, origin_s)
     if unchanged is not None:
         return [unchanged]
     timelines, repairs = find_timelines(signals, rules)
@@ -56,7 +59,8 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
         )
     one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
     same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
-    pieces, more, short = (_on_logged_grid if same_rate else _on_new_grid)(timelines, rate_hz, rules)
+    place = _on_logged_grid if same_rate else _on_new_grid
+    pieces, more, short = place(timelines, rate_hz, rules, _origins(timelines, origin_s))
     if not pieces:
         why = "; ".join([*repairs, *_gap_note(timelines, rules)]) or "the columns do not overlap in time"
         raise RecordingError(
@@ -66,7 +70,7 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[Piece]:
     whole = (
         *repairs, *_gap_note(timelines, rules), *_edge_note(timelines, rate_hz), *_short_note(short, rules), *more
     )  # fmt: skip
-    return [Piece(piece.table, piece.sample_time_s, (*whole, *piece.repairs)) for piece in pieces]
+    return [replace(piece, repairs=(*whole, *piece.repairs)) for piece in pieces]
 
 
 def _check(signals: Mapping[str, Signal]) -> None:
@@ -87,7 +91,7 @@ def _check(signals: Mapping[str, Signal]) -> None:
             )
 
 
-def _unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> Piece | None:
+def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None) -> Piece | None:
     """Return columns that need no repair and no resampling, not copied; None if they do."""
     time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
     one_clock = all(np.array_equal(time_s, other) for other in others)
@@ -98,12 +102,29 @@ def _unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> Piece | None:
     wanted_hz = whole_hertz(rate_hz) if rules.rate_hz is None else rules.rate_hz
     if abs(wanted_hz - rate_hz) > WHOLE_HERTZ * rate_hz:
         return None
-    return _piece(time_s, {column: signal.values for column, signal in signals.items()}, wanted_hz, ())
+    columns = {column: signal.values for column, signal in signals.items()}
+    return _piece(time_s, columns, wanted_hz, (), 0, [float(time_s[0]) if origin_s is None else origin_s])
 
 
-def _piece(time_s: Array, columns: Mapping[str, Array], rate_hz: float, repairs: Sequence[str]) -> Piece:
+def _piece(
+    time_s: Array,
+    columns: Mapping[str, Array],
+    rate_hz: float,
+    repairs: Sequence[str],
+    segment: int,
+    origins_s: Sequence[float],
+) -> Piece:
     table = pd.DataFrame({"time_s": time_s, **columns}, copy=False)
-    return Piece(table, 1.0 / rate_hz, tuple(repairs))
+    return Piece(table, 1.0 / rate_hz, tuple(repairs), segment, origins_s[segment])
+
+
+def _origins(timelines: Sequence[ChannelTimeline], origin_s: float | None) -> list[float]:
+    """Return the first stamp of any column since each start of the clock; NaN where there is none."""
+    origins_s = []
+    for segment in range(int(timelines[0].grid.segments[-1]) + 1):
+        firsts = [each.time_s[each.segments == segment][:1] for each in timelines]
+        origins_s.append(min((float(first[0]) for first in firsts if len(first)), default=np.nan))
+    return origins_s if origin_s is None else [origin_s, *origins_s[1:]]
 
 
 def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
@@ -117,7 +138,7 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
 
 
 def _on_logged_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, origins_s: Sequence[float]
 ) -> tuple[list[Piece], list[str], Spans]:
     """Return pieces whose samples are unchanged but for the bridged ones, and stretches that were too short."""
     grid = timelines[0].grid
@@ -136,8 +157,9 @@ def _on_logged_grid(
         if len(time_s) < len(numbers):
             time_s = np.interp(numbers, grid.index, grid.time_s)
         columns = {each.column: _filled(each, numbers) for each in timelines}
-        repairs = _bridged_note(timelines, float(time_s[0]), float(time_s[-1]), int(grid.segments[a]))
-        pieces.append(_piece(time_s, columns, rate_hz, repairs))
+        segment = int(grid.segments[a])
+        repairs = _bridged_note(timelines, float(time_s[0]), float(time_s[-1]), segment)
+        pieces.append(_piece(time_s, columns, rate_hz, repairs, segment, origins_s))
     return pieces, [], short
 
 
@@ -155,17 +177,15 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
 
 
 def _on_new_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, origins_s: Sequence[float]
 ) -> tuple[list[Piece], list[str], Spans]:
     """Return pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
     pieces: list[Piece] = []
     short: Spans = []
     methods: dict[str, list[str]] = {}
-    for segment in range(int(timelines[0].grid.segments[-1]) + 1):
-        firsts = [each.time_s[each.segments == segment] for each in timelines]
-        if not all(len(first) for first in firsts):
+    for segment, start_s in enumerate(origins_s):
+        if not all((each.segments == segment).any() for each in timelines):
             continue
-        start_s = min(float(first[0]) for first in firsts)
         uniform = {each.column: uniform_segments(each, segment, start_s) for each in timelines}
         spans: Spans = [(-np.inf, np.inf)]
         for of_column in uniform.values():
@@ -185,7 +205,7 @@ def _on_new_grid(
                 if method and column not in methods.setdefault(method, []):
                     methods[method].append(column)
             repairs = _bridged_note(timelines, first_s, last_s, segment)
-            pieces.append(_piece(time_s, columns, rate_hz, repairs))
+            pieces.append(_piece(time_s, columns, rate_hz, repairs, segment, origins_s))
     return pieces, _sentences(methods, len(timelines)), short
 
 

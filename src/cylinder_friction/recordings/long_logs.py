@@ -1,0 +1,388 @@
+"""A log too long for memory, part by part: read, mapped, screened and put on one sample grid as a whole one would be.
+
+Each part sees rows of its neighbours beside its own, further than any filter looks, and its border lies where the clock
+runs undisturbed, so that gaps, restarts and damaged stamps are never cut in two. What is decided for a whole file is
+decided once: its sample rate by the first part, what counts as a spike by rows spread over the file, and how many bad
+samples are too many at its end.
+"""
+
+import math
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.recording_checks import (
+    checked_recording,
+    findings_of_parts,
+    inspect_recording,
+    length_finding,
+)
+from cylinder_friction.recordings.checks.screening import Screen
+from cylinder_friction.recordings.conversion import Recipe, pieces_from, unread_clocks
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
+from cylinder_friction.recordings.formats.reading import open_logged_file
+from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, apply_zero, find_zero
+from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, wanted_channels
+from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
+from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata, Signal
+from cylinder_friction.recordings.storage import read_recording, write_recording
+from cylinder_friction.recordings.timeline.aligning import align
+from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
+
+ROWS_AT_ONCE = 1 << 19
+"""A longer log is processed in parts of about so many rows."""
+EXCERPT_ROWS = 1 << 20
+"""What holds for a whole recording is found from at most so many of its rows, in parts spread evenly over it."""
+
+CONTEXT_ROWS, CONTEXT_S = 8192, 1.0
+"""Rows of its neighbours that a part sees on either side, and the time that they last at least."""
+UNDISTURBED_ROWS = 64
+"""Around a border between two parts so many stamps to either side increase without a gap."""
+SAME_STEP = 0.25
+"""Where the sample time between two parts is off by more than this share, they become two recordings."""
+MOST_REPAIRS = 5
+"""So many sentences about repairs in single parts are kept."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part of a long log: a piece of which some rows are its own, and the others are its neighbours'."""
+
+    piece: Piece
+    own: slice
+    continues: bool  # Whether its own rows follow on those of the part before
+    of_file: tuple[str, ...]  # What was found in single samples of the whole file; empty but for the last section
+
+
+def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator[Part]:
+    """Yield the parts of a long log in order; what was repaired stands in their pieces.
+
+    Args:
+        table: The log.
+        recipe: How it becomes a recording.
+        rows: Of a part, about.
+        name: Of the file, for the progress bar.
+
+    Raises:
+        RecordingError: As for a file that is read whole, for single bad samples in the end; or it cannot be cut.
+    """
+    mapped = _Mapped(recipe)
+    screen = Screen(sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m, _heights(table, recipe))
+    rules, step_s, last_s, origin_s = recipe.time, 0.0, math.nan, None
+    chunks = tqdm(table.chunks(), desc=name, total=table.count, unit="part", disable=None, leave=False)
+    for section in _sections(map(mapped.of, chunks), rows, rules.longest_bridge_samples):
+        pieces = _aligned(section, screen, replace(recipe, time=rules), origin_s)
+        step_s, origin_s = step_s or pieces[0].sample_time_s, pieces[-1].origin_s
+        rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / step_s)
+        notes, of_file = mapped.notes(), screen.notes() if section.end else ()
+        for piece, own in _own_rows(pieces, section):
+            time_s = piece.table["time_s"].to_numpy()
+            follows = piece.segment == 0 and abs((time_s[own.start] - last_s) / step_s - 1.0) <= SAME_STEP
+            last_s = float(time_s[own.stop - 1])
+            yield Part(replace(piece, sample_time_s=step_s, repairs=(*notes, *piece.repairs)), own, follows, of_file)
+
+
+def _aligned(section: "_Section", screen: Screen, recipe: Recipe, origin_s: float | None) -> list[Piece]:
+    own = section.own
+    try:
+        signals = screen.screened(section.signals, own, section.before)
+        notes = take_delays(signals, recipe.channels)
+        pieces = align(signals, recipe.time, origin_s)
+    except RecordingError as error:
+        first, last = section.before + own.start + 1, section.before + own.stop
+        raise RecordingError(f"rows {first} to {last}: {error}") from None
+    return [replace(piece, repairs=(*notes, *piece.repairs)) for piece in pieces]
+
+
+class _Mapped:
+    """Signals of one chunk after the other, with what continues from one to the next."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self.channels, self.rate_hz = dict(recipe.channels), recipe.channels["time_s"].rate_hz
+        for column, source in recipe.channels.items():
+            if source.sensor is not None:  # delays are taken when a section is put on the grid
+                self.channels[column] = replace(source, sensor=replace(source.sensor, delay_s=0.0))
+        self.rows = 0
+        self.origin: np.datetime64 | None = None
+        self._notes: list[str] = []
+
+    def of(self, table: LoggedTable) -> dict[str, Signal]:
+        """Return the signals of the next chunk, which share one clock."""
+        try:
+            mapped = map_signals([self._since_start(table)], self.channels)
+        except RecordingError as error:
+            where = f"below row {self.rows}, from which rows count here: " if self.rows else ""
+            raise RecordingError(f"{where}{error}") from None
+        self._notes += mapped.notes
+        signals = mapped.signals
+        if len({id(signal.time_s) for signal in signals.values()}) > 1:
+            raise RecordingError(
+                f"has more than {ROWS_AT_ONCE} rows and channels with clocks of their own, so that it cannot be "
+                "processed in parts; export it with one time channel, or split it"
+            )
+        if self.rate_hz is not None:
+            time_s = (self.rows + np.arange(len(table.channels))) / self.rate_hz
+            signals = {column: Signal(time_s, signal.values) for column, signal in signals.items()}
+        self.rows += len(table.channels)
+        return signals
+
+    def notes(self) -> list[str]:
+        """Return what the reader repaired since this was asked last."""
+        notes, self._notes = list(dict.fromkeys(self._notes)), []
+        return notes
+
+    def _since_start(self, table: LoggedTable) -> LoggedTable:
+        """Return dates as seconds since the first one of the file; in a chunk alone they would count from its own."""
+        dates = table.channels.select_dtypes(["datetime", "datetimetz"])
+        if not len(dates.columns):
+            return table
+        first = dates.min().min()
+        self.origin = (
+            self.origin or (first.tz_convert("UTC").tz_localize(None) if first.tzinfo else first).to_datetime64()
+        )
+        seconds = {str(name): stamps_to_seconds(dates[name], self.origin) for name in dates.columns}
+        return replace(
+            table, channels=table.channels.assign(**seconds), units={**table.units, **dict.fromkeys(seconds, "s")}
+        )
+
+
+def _heights(table: LongTable, recipe: Recipe) -> dict[str, float]:
+    """Return how high a spike is in each column; where a place cannot be read, reading it in turn states why."""
+    mapped, found = _Mapped(recipe), dict[str, list[Array]]()
+    for chunk in table.spread():
+        with suppress(RecordingError):
+            for column, signal in mapped.of(chunk).items():
+                found.setdefault(column, []).append(signal.values[~np.isnan(signal.values)])
+    screen = Screen(sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m)
+    return {column: screen.height(column, np.concatenate(values)) for column, values in found.items()}
+
+
+@dataclass(frozen=True)
+class _Section:
+    """Rows of a log as they were logged."""
+
+    signals: dict[str, Signal]
+    own: slice  # Rows that no other section has
+    before: int  # Rows of the log before the first of these
+    begin: bool  # Whether it is the first
+    end: bool  # Whether it is the last
+
+
+def _sections(chunks: Iterator[dict[str, Signal]], rows: int, longest_bridge: int) -> Iterator[_Section]:
+    """Yield sections of about so many rows, with rows of their neighbours, cut where the clock is undisturbed."""
+    held: dict[str, Signal] = {}
+    first = before = 0
+    for chunk in chunks:
+        held = _joined(held, chunk) if held else chunk
+        time_s = next(iter(held.values())).time_s
+        context = _context_rows(time_s)
+        while len(time_s) >= first + rows + 2 * context:
+            cut = _undisturbed(time_s, first, rows, context, longest_bridge)
+            if cut is None:
+                _refuse_uncut(len(time_s) - first, 4 * (rows + context), before + first)
+                break
+            yield _Section(_rows_of(held, 0, cut + context), slice(first, cut), before, before + first == 0, False)
+            dropped = max(cut - context, 0)
+            held = _rows_of(held, dropped, len(time_s))
+            time_s = next(iter(held.values())).time_s
+            first, before = cut - dropped, before + dropped
+    if held:
+        yield _Section(held, slice(first, len(time_s)), before, before + first == 0, True)
+
+
+def _joined(one: dict[str, Signal], other: dict[str, Signal]) -> dict[str, Signal]:
+    clocks = {id(each.time_s): np.concatenate([each.time_s, other[column].time_s]) for column, each in one.items()}
+    return {
+        column: Signal(clocks[id(each.time_s)], np.concatenate([each.values, other[column].values]))
+        for column, each in one.items()
+    }
+
+
+def _rows_of(signals: dict[str, Signal], first: int, end: int) -> dict[str, Signal]:
+    clocks = {id(each.time_s): each.time_s[first:end] for each in signals.values()}
+    return {column: Signal(clocks[id(each.time_s)], each.values[first:end]) for column, each in signals.items()}
+
+
+def _context_rows(time_s: Array) -> int:
+    steps_s = np.diff(time_s[:CONTEXT_ROWS])
+    usual_s = float(np.median(steps_s[steps_s > 0.0])) if (steps_s > 0.0).any() else CONTEXT_S
+    return max(CONTEXT_ROWS, round(CONTEXT_S / usual_s))
+
+
+def _undisturbed(time_s: Array, first: int, rows: int, context: int, longest_bridge: int) -> int | None:
+    """Return the row nearest to ``first + rows`` around which the clock is undisturbed, or None.
+
+    Stamps increase without a gap over ``UNDISTURBED_ROWS`` to either side, and the clock does not restart in
+    ``context``: there, medians over as many stamps increase, which single damaged ones do not change.
+    """
+    steps_s = np.diff(time_s)
+    known = steps_s[steps_s > 0.0]
+    usual_s = float(np.median(known)) if len(known) else 0.0
+    bad = np.append(False, ~((steps_s > 0.0) & (steps_s <= (longest_bridge + 1.5) * usual_s)))
+    medians_s = np.nanmedian(time_s[: len(bad) // UNDISTURBED_ROWS * UNDISTURBED_ROWS].reshape(-1, UNDISTURBED_ROWS), 1)
+    restarts = UNDISTURBED_ROWS * (1 + np.flatnonzero(~(np.diff(medians_s) > 0.0)))
+    counted, row = np.concatenate([[0], np.cumsum(bad)]), np.arange(len(bad))
+    around = [np.clip(row + side, 0, len(bad)) for side in (-UNDISTURBED_ROWS, UNDISTURBED_ROWS)]
+    good = counted[around[0]] == counted[around[1]]
+    for restart in restarts:
+        good[max(restart - context - 2 * UNDISTURBED_ROWS, 0) : restart + context + 2 * UNDISTURBED_ROWS] = False
+    good[: first + rows // 2], good[len(good) - context :] = False, False
+    possible = np.flatnonzero(good)
+    return int(possible[np.argmin(np.abs(possible - first - rows))]) if len(possible) else None
+
+
+def _refuse_uncut(held: int, most: int, row: int) -> None:
+    if held > most:
+        raise RecordingError(
+            f"cannot be processed in parts: in {held} rows from row {row + 1} on, time increases nowhere without a gap "
+            f"over {2 * UNDISTURBED_ROWS} rows, far from any restart; expected one stamp per sample; log time with a "
+            "finer resolution, or split the file"
+        )
+
+
+def _own_rows(pieces: Sequence[Piece], section: _Section) -> Iterator[tuple[Piece, slice]]:
+    """Yield each piece that has rows of its own, and which these are."""
+    stamps_s = next(iter(section.signals.values())).time_s
+    for piece in pieces:
+        time_s = piece.table["time_s"].to_numpy()
+        first, end = 0, len(time_s)
+        # Multiples of the sample time may miss a stamp by rounding.
+        slack_s = 1e-6 * piece.sample_time_s
+        if not section.begin and piece.segment == 0:
+            first = int(np.searchsorted(time_s, stamps_s[section.own.start] - slack_s))
+        if not section.end and piece.segment == pieces[-1].segment:
+            end = int(np.searchsorted(time_s, stamps_s[section.own.stop] - slack_s))
+        if first < end:
+            yield piece, slice(first, end)
+
+
+@dataclass(frozen=True)
+class LongRecording:
+    """A recording on disk, in parts."""
+
+    metadata: RecordingMetadata
+    paths: tuple[Path, ...]
+    own: tuple[slice, ...]  # Rows of each part that no other has; the others are its neighbours'
+    zeros: Mapping[str, float] = field(default_factory=dict)  # To be taken off each column, in its unit
+    noise: Mapping[str, float] = field(default_factory=dict)  # As in ``Recording``
+
+    def __len__(self) -> int:
+        return sum(own.stop - own.start for own in self.own)
+
+    def parts(self) -> Iterator[tuple[Recording, slice]]:
+        """Yield each part with rows of its neighbours, and which rows are its own."""
+        for path, own in zip(self.paths, self.own, strict=True):
+            yield self._read(path), own
+
+    def excerpt(self) -> list[Recording]:
+        """Return the recording as one if it is short enough, else parts that are spread evenly over it."""
+        count = len(self.paths)
+        most = min(max(1, EXCERPT_ROWS * count // len(self)), count)
+        chosen = [(2 * place + 1) * count // (2 * most) for place in range(most)]
+        found = [self._read(self.paths[index]).rows(self.own[index]) for index in chosen]
+        if most < count or count == 1:
+            return found
+        return [replace(found[0], table=pd.concat([part.table for part in found], ignore_index=True))]
+
+    def remove(self) -> None:
+        """Remove the parts from the disk."""
+        for path in self.paths:
+            path.unlink()
+
+    def _read(self, path: Path) -> Recording:
+        recording = replace(read_recording(path), metadata=self.metadata, noise=self.noise)
+        return recording.with_columns(**{name: recording.column(name) - zero for name, zero in self.zeros.items()})
+
+
+class Draft:
+    """A recording of a long log while that is read: its parts, and what each of them shows."""
+
+    def __init__(self, folder: Path, stem: str) -> None:
+        self.folder, self.stem = folder, stem
+        self.paths: list[Path] = []
+        self.own: list[slice] = []
+        self.findings: list[tuple[float, list[Finding]]] = []
+        self.zeros: list[ZeroReading | NoZero] = []
+        self.repairs: list[str] = []
+
+    def add(self, part: Part, recipe: Recipe) -> None:
+        """Keep a part on disk."""
+        table, step_s = part.piece.table.iloc[part.own], part.piece.sample_time_s
+        found = inspect_recording(table, recipe.limits, step_s)
+        self.findings.append((float(table["time_s"].iloc[0]), [each for each in found if each.check != "length"]))
+        self.zeros.append(find_zero(table, recipe.zero, recipe.channels))
+        self.repairs += [each for each in part.piece.repairs if each not in self.repairs]
+        metadata = RecordingMetadata(f"{self.stem}.{len(self.paths):06d}", "", "", step_s)
+        self.paths.append(write_recording(self.folder, Recording(metadata, part.piece.table)))
+        self.own.append(part.own)
+
+    def first(self) -> Piece:
+        """Return the own rows of the first part."""
+        recording = read_recording(self.paths[0]).rows(self.own[0])
+        return Piece(recording.table, recording.sample_time_s, tuple(_few(self.repairs)))
+
+    def checked(
+        self, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None
+    ) -> LongRecording:
+        """Return the recording, with what ``conversion.checked`` does; of its zeros that of the longest stretch counts.
+
+        Raises:
+            RecordingError: A check is not passed; see ``findings_of_parts``.
+        """
+        table, rows = self.first().table, sum(own.stop - own.start for own in self.own)
+        read = [each for each in self.zeros if isinstance(each, ZeroReading)]
+        zero = max(read, key=lambda each: each.to_s - each.from_s) if read else session or self.zeros[0]
+        _, metadata = apply_zero(table, metadata, zero, recipe.channels)
+        length = length_finding(rows, metadata.sample_time_s, recipe.limits)
+        findings = [length, *findings_of_parts(self.findings)]
+        metadata = checked_recording(metadata, table, findings, metadata.sample_time_s).metadata
+        return LongRecording(metadata, tuple(self.paths), tuple(self.own), metadata.zero_offset)
+
+
+def _few(repairs: Sequence[str]) -> list[str]:
+    more = len(repairs) - MOST_REPAIRS
+    return [*repairs[:MOST_REPAIRS], *([f"{more} more repairs in other parts of the file"] if more > 0 else [])]
+
+
+def pieces_or_drafts(path: Path, recipe: Recipe, *, rows: int, folder: Path) -> list[Piece] | list[Draft]:
+    """Return the unbroken stretches of a file, as drafts kept in a folder if it has more rows than these."""
+    tables = _opened(path, recipe, rows)
+    if not isinstance(tables, LongTable):
+        return pieces_from(tables, recipe)
+    drafts: list[Draft] = []
+    folder.mkdir(parents=True, exist_ok=True)
+    own_folder = Path(tempfile.mkdtemp(dir=folder))
+    for part in parts_of(tables, recipe, rows, path.name):
+        if not (part.continues and drafts):
+            drafts.append(Draft(own_folder, f"{len(drafts):06d}"))
+        drafts[-1].add(part, recipe)
+    for draft in drafts:
+        draft.repairs[:0] = part.of_file
+    return drafts
+
+
+def pieces_in_turn(path: Path, recipe: Recipe, *, rows: int) -> Iterator[Piece]:
+    """Yield the unbroken stretches of a file, and those of a file of more rows than these part by part."""
+    tables = _opened(path, recipe, rows)
+    if not isinstance(tables, LongTable):
+        yield from pieces_from(tables, recipe)
+        return
+    for part in parts_of(tables, recipe, rows, path.name):
+        yield replace(part.piece, table=part.piece.table.iloc[part.own])
+
+
+def _opened(path: Path, recipe: Recipe, rows: int) -> LongTable | list[LoggedTable]:
+    read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv)
+    wanted = wanted_channels(recipe.channels)
+    tables = read(wanted)
+    clocks = unread_clocks([next(tables.spread())] if isinstance(tables, LongTable) else tables, recipe)
+    return read(wanted | clocks) if clocks else tables

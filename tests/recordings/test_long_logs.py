@@ -1,0 +1,202 @@
+"""A log that is processed in parts becomes what the same log becomes as a whole, wherever it is cut."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.recordings.conversion import Recipe, pieces_of
+from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
+from cylinder_friction.recordings.long_logs import LongRecording, pieces_or_drafts
+from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.storage import read_metadata
+from logger_files import CHANNELS, made_log
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cylinder_friction.cylinder import Cylinder
+
+ROWS = 60_000
+DELAYED = {"range": [0.0, 250.0], "unit": "mm", "delay_s": 0.012}
+EXACT, BRIDGED, SAME_GRID = 0.0, 1e-12, 1e-9
+"""Greatest difference between parts and whole, as a share of a column's largest value."""
+
+
+def lost(log: pd.DataFrame) -> pd.DataFrame:
+    """Lose single rows, two in a row, and cells."""
+    log.loc[log.index[777::5003], "p1"] = np.nan
+    return log.drop(index=[*range(2000, ROWS, 4999), *range(2001, ROWS, 4999)])
+
+
+def split(log: pd.DataFrame) -> pd.DataFrame:
+    """Lose half a minute twice."""
+    return log.drop(index=[*range(20_000, 26_000), *range(40_000, 40_500)])
+
+
+def restarted(log: pd.DataFrame) -> pd.DataFrame:
+    log.loc[log.index >= 31_234, "t"] -= 150.0
+    return log
+
+
+def shuffled(log: pd.DataFrame) -> pd.DataFrame:
+    """Swap neighbours, double rows, and damage single stamps."""
+    order = np.arange(ROWS)
+    order[999::7001], order[1000::7001] = order[1000::7001].copy(), order[999::7001].copy()
+    log = log.iloc[order].reset_index(drop=True)
+    log.loc[log.index[3500::9001], "t"] = 1e9
+    return log.loc[log.index.repeat(np.where(np.arange(ROWS) % 6007 == 5, 2, 1))]
+
+
+def spiky(log: pd.DataFrame) -> pd.DataFrame:
+    log.loc[log.index[1500::11_003], "p2"] += 200.0
+    return log
+
+
+def uneven(log: pd.DataFrame) -> pd.DataFrame:
+    log["t"] += np.random.default_rng(2).uniform(0.0, 0.0015, len(log))
+    return log
+
+
+def dated(log: pd.DataFrame) -> pd.DataFrame:
+    log["t"] = (pd.Timestamp("2026-03-01 23:58") + pd.to_timedelta(log["t"], unit="s")).dt.strftime(
+        "%Y-%m-%d %H:%M:%S.%f"
+    )
+    return log
+
+
+def warm(log: pd.DataFrame) -> pd.DataFrame:
+    """Log the oil's temperature once a second in the same table."""
+    log["oil"] = np.where(np.arange(ROWS) % 200 == 0, np.round(40.0 + 5.0 * np.sin(0.01 * log["t"]), 2), np.nan)
+    return log
+
+
+def recipe(cylinder: Cylinder, **more: Any) -> Recipe:
+    channels = CHANNELS | more.pop("channels", {})
+    return Recipe.from_settings({"channels": channels, **more}, NameRules(condition="1"), cylinder, "none")
+
+
+def written(path: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> Path:
+    change(made_log(ROWS)).to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "tolerance"),
+    [
+        (pd.DataFrame.copy, {}, EXACT),
+        (lost, {}, BRIDGED),
+        (split, {}, EXACT),
+        (restarted, {}, EXACT),
+        (shuffled, {}, BRIDGED),
+        (spiky, {}, BRIDGED),
+        (dated, {}, EXACT),
+        (pd.DataFrame.copy, {"time": {"rate_hz": 250.0}}, SAME_GRID),
+        (split, {"time": {"rate_hz": 100.0}}, SAME_GRID),
+        (restarted, {"time": {"rate_hz": 80.0}}, SAME_GRID),
+        (uneven, {}, SAME_GRID),
+        (pd.DataFrame.copy, {"channels": {"time_s": {"rate_hz": 200.0}}}, EXACT),
+        (pd.DataFrame.copy, {"channels": {"position_m": CHANNELS["position_m"] | {"sensor": DELAYED}}}, SAME_GRID),
+        (warm, {"channels": {"oil_temperature_c": {"channel": "oil", "unit": "degC"}}}, SAME_GRID),
+    ],
+)
+@pytest.mark.parametrize("rows", [3_000, 17_001, 30_000])
+def test_parts_are_what_the_whole_is(
+    tmp_path: Path,
+    cylinder: Cylinder,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    more: dict[str, Any],
+    tolerance: float,
+    rows: int,
+) -> None:
+    path, rules = written(tmp_path / "log.csv", change), recipe(cylinder, **more)
+    whole = pieces_of(path, rules)
+    drafts = pieces_or_drafts(path, rules, rows=rows, folder=tmp_path / "parts")
+    assert len(drafts) == len(whole)
+    for draft, piece in zip(drafts, whole, strict=True):
+        recording = LongRecording(read_metadata(draft.paths[0]), tuple(draft.paths), tuple(draft.own))
+        (joined,) = recording.excerpt()
+        assert recording.metadata.sample_time_s == piece.sample_time_s
+        assert len(joined) == len(piece.table)
+        for column in piece.table:
+            expected = piece.table[column].to_numpy()
+            np.testing.assert_allclose(
+                joined.column(str(column)), expected, rtol=0.0, atol=tolerance * np.abs(expected).max()
+            )
+    assert max(len(draft.paths) for draft in drafts) > 1
+
+
+def test_what_is_found_in_single_samples_counts_for_the_file(tmp_path: Path, cylinder: Cylinder) -> None:
+    path, rules = written(tmp_path / "log.csv", spiky), recipe(cylinder)
+    (whole,) = pieces_of(path, rules)
+    (parts,) = convert_in_parts({"log.csv": path}, rules, tmp_path / "parts", 5_000)
+    assert isinstance(parts, LongRecording)
+    assert "pressure_2_pa is" in whole.repairs[0]
+    assert "(6 such rows in all), a spike" in whole.repairs[0]
+    assert whole.repairs[0] in parts.metadata.repairs
+
+
+@pytest.mark.parametrize(("suffix", "rows"), [(".csv.gz", 5_000), (".parquet", 5_000), (".csv", 5_000)])
+def test_other_files_are_read_in_parts_too(tmp_path: Path, cylinder: Cylinder, suffix: str, rows: int) -> None:
+    log = made_log(ROWS)
+    path = tmp_path / f"log{suffix}"
+    if suffix == ".parquet":
+        log.to_parquet(path, row_group_size=7_000)
+    else:
+        log.rename(columns={"p2": "p2"}).assign(**{"µ [°]": 1.0}).to_csv(path, index=False, encoding="cp1252")
+    (whole,) = pieces_of(path, recipe(cylinder))
+    (draft,) = pieces_or_drafts(path, recipe(cylinder), rows=rows, folder=tmp_path / "parts")
+    (joined,) = LongRecording(read_metadata(draft.paths[0]), tuple(draft.paths), tuple(draft.own)).excerpt()
+    pd.testing.assert_frame_equal(joined.table, whole.table)
+
+
+def refusal(path: Path, cylinder: Cylinder, folder: Path, rows: int = 5_000) -> str:
+    (outcome,) = convert_in_parts({path.name: path}, recipe(cylinder), folder, rows)
+    assert isinstance(outcome, Quarantined)
+    return outcome.reason
+
+
+def test_a_bad_line_far_down_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
+    path = written(tmp_path / "log.csv", pd.DataFrame.copy)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines[:55_000], "1,2,3\n", *lines[55_000:]]))
+    assert refusal(path, cylinder, tmp_path / "parts").startswith("line 55001 holds 3 values: '1,2,3'; expected 4")
+
+
+def test_text_far_down_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
+    path = written(
+        tmp_path / "log.csv",
+        lambda log: log.astype({"p1": object}).assign(p1=log["p1"].where(log.index != 59_000, "broken")),
+    )
+    reason = refusal(path, cylinder, tmp_path / "parts")
+    assert "below row " in reason
+    assert "from which rows count here: channel 'p1' (for 'pressure_1_pa') holds 'broken' in row " in reason
+
+
+def test_checks_are_those_of_the_whole(tmp_path: Path, cylinder: Cylinder) -> None:
+    def resting(log: pd.DataFrame) -> pd.DataFrame:
+        return log.assign(x=log["x"].where(log.index > 30_000, 120.0 + 1e-3 * (log.index % 7)))
+
+    def far(log: pd.DataFrame) -> pd.DataFrame:
+        return log.assign(x=log["x"].where(log.index < 50_000, log["x"] + 200.0))
+
+    path = written(tmp_path / "rest.csv", resting)
+    (recording,) = convert_in_parts({"rest.csv": path}, recipe(cylinder), tmp_path / "parts", 5_000)
+    assert isinstance(recording, LongRecording)
+    reason = refusal(written(tmp_path / "far.csv", far), cylinder, tmp_path / "parts")
+    assert reason.startswith("in the part that begins at ")
+    assert "expected 0 to 0.25 m, the stroke" in reason
+
+
+def test_a_log_that_cannot_be_cut_is_refused(tmp_path: Path, cylinder: Cylinder) -> None:
+    path = written(tmp_path / "log.csv", lambda log: log.assign(t=np.floor(log["t"] / 0.05) * 0.05))
+    assert "time increases nowhere without a gap over 128 rows" in refusal(path, cylinder, tmp_path / "parts", 1_000)
+    path = written(tmp_path / "clocks.csv", lambda log: log.assign(t2=2.0 * log["t"]))
+    rules = recipe(cylinder, channels={"position_m": CHANNELS["position_m"] | {"time": "t2"}})
+    (outcome,) = convert_in_parts({"clocks.csv": path}, rules, tmp_path / "parts", 5_000)
+    assert isinstance(outcome, Quarantined)
+    assert "channels with clocks of their own" in outcome.reason
