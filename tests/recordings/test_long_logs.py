@@ -13,6 +13,7 @@ from cylinder_friction.recordings.conversion import Recipe, pieces_of
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import LongRecording, pieces_or_drafts
 from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.recording import Piece, RecordingError
 from cylinder_friction.recordings.storage import read_metadata
 from logger_files import CHANNELS, made_log
 
@@ -73,6 +74,15 @@ def warm(log: pd.DataFrame) -> pd.DataFrame:
     """Log the oil's temperature once a second in the same table."""
     log["oil"] = np.where(np.arange(ROWS) % 200 == 0, np.round(40.0 + 5.0 * np.sin(0.01 * log["t"]), 2), np.nan)
     return log
+
+
+def coarse(log: pd.DataFrame) -> pd.DataFrame:
+    """Log time with a clock that ticks every 50 ms."""
+    return log.assign(t=np.floor(log["t"] / 0.05) * 0.05)
+
+
+def two_clocks(log: pd.DataFrame) -> pd.DataFrame:
+    return log.assign(t2=log["t"] + 0.001)
 
 
 def recipe(cylinder: Cylinder, **more: Any) -> Recipe:
@@ -192,11 +202,24 @@ def test_checks_are_those_of_the_whole(tmp_path: Path, cylinder: Cylinder) -> No
     assert "expected 0 to 0.25 m, the stroke" in reason
 
 
-def test_a_log_that_cannot_be_cut_is_refused(tmp_path: Path, cylinder: Cylinder) -> None:
-    path = written(tmp_path / "log.csv", lambda log: log.assign(t=np.floor(log["t"] / 0.05) * 0.05))
-    assert "time increases nowhere without a gap over 128 rows" in refusal(path, cylinder, tmp_path / "parts", 1_000)
-    path = written(tmp_path / "clocks.csv", lambda log: log.assign(t2=2.0 * log["t"]))
-    rules = recipe(cylinder, channels={"position_m": CHANNELS["position_m"] | {"time": "t2"}})
-    (outcome,) = convert_in_parts({"clocks.csv": path}, rules, tmp_path / "parts", 5_000)
-    assert isinstance(outcome, Quarantined)
-    assert "channels with clocks of their own" in outcome.reason
+@pytest.mark.parametrize(
+    ("change", "channels", "why"),
+    [
+        (coarse, {}, "time increases nowhere without a gap over 128 rows"),
+        (two_clocks, {"position_m": CHANNELS["position_m"] | {"time": "t2"}}, "channels with clocks of their own"),
+    ],
+)
+def test_a_log_that_cannot_be_cut_is_read_whole_up_to_a_size(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    cylinder: Cylinder,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    channels: dict[str, Any],
+    why: str,
+) -> None:
+    path, rules = written(tmp_path / "log.csv", change), recipe(cylinder, channels=channels)
+    (piece,) = pieces_or_drafts(path, rules, rows=1_000, folder=tmp_path / "parts")
+    assert isinstance(piece, Piece)
+    monkeypatch.setattr("cylinder_friction.recordings.long_logs.MOST_INDIVISIBLE", 1_000_000)
+    with pytest.raises(RecordingError, match=rf"MB, at most 1 MB\), and cannot be processed in parts: .*{why}"):
+        pieces_or_drafts(path, rules, rows=1_000, folder=tmp_path / "parts")

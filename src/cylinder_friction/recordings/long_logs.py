@@ -27,7 +27,7 @@ from cylinder_friction.recordings.checks.recording_checks import (
     length_finding,
 )
 from cylinder_friction.recordings.checks.screening import Screen
-from cylinder_friction.recordings.conversion import Recipe, pieces_from, unread_clocks
+from cylinder_friction.recordings.conversion import Recipe, pieces_from, pieces_of, unread_clocks
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, apply_zero, find_zero
@@ -47,10 +47,16 @@ CONTEXT_ROWS, CONTEXT_S = 8192, 1.0
 """Rows of its neighbours that a part sees on either side, and the time that they last at least."""
 UNDISTURBED_ROWS = 64
 """Around a border between two parts so many stamps to either side increase without a gap."""
+MOST_INDIVISIBLE = 256 * 10**6
+"""A log that cannot be cut into parts is read whole up to this size [bytes]."""
 SAME_STEP = 0.25
 """Where the sample time between two parts is off by more than this share, they become two recordings."""
 MOST_REPAIRS = 5
 """So many sentences about repairs in single parts are kept."""
+
+
+class IndivisibleError(RecordingError):
+    """A log that cannot be cut into parts; the message states why, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -125,10 +131,7 @@ class _Mapped:
         self._notes += mapped.notes
         signals = mapped.signals
         if len({id(signal.time_s) for signal in signals.values()}) > 1:
-            raise RecordingError(
-                f"has more than {ROWS_AT_ONCE} rows and channels with clocks of their own, so that it cannot be "
-                "processed in parts; export it with one time channel, or split it"
-            )
+            raise IndivisibleError("it has channels with clocks of their own; export it with one time channel")
         if self.rate_hz is not None:
             time_s = (self.rows + np.arange(len(table.channels))) / self.rate_hz
             signals = {column: Signal(time_s, signal.values) for column, signal in signals.items()}
@@ -242,10 +245,9 @@ def _undisturbed(time_s: Array, first: int, rows: int, context: int, longest_bri
 
 def _refuse_uncut(held: int, most: int, row: int) -> None:
     if held > most:
-        raise RecordingError(
-            f"cannot be processed in parts: in {held} rows from row {row + 1} on, time increases nowhere without a gap "
-            f"over {2 * UNDISTURBED_ROWS} rows, far from any restart; expected one stamp per sample; log time with a "
-            "finer resolution, or split the file"
+        raise IndivisibleError(
+            f"in {held} rows from row {row + 1} on, time increases nowhere without a gap over {2 * UNDISTURBED_ROWS} "
+            "rows, far from any restart; log time with a finer resolution"
         )
 
 
@@ -361,10 +363,13 @@ def pieces_or_drafts(path: Path, recipe: Recipe, *, rows: int, folder: Path) -> 
     drafts: list[Draft] = []
     folder.mkdir(parents=True, exist_ok=True)
     own_folder = Path(tempfile.mkdtemp(dir=folder))
-    for part in parts_of(tables, recipe, rows, path.name):
-        if not (part.continues and drafts):
-            drafts.append(Draft(own_folder, f"{len(drafts):06d}"))
-        drafts[-1].add(part, recipe)
+    try:
+        for part in parts_of(tables, recipe, rows, path.name):
+            if not (part.continues and drafts):
+                drafts.append(Draft(own_folder, f"{len(drafts):06d}"))
+            drafts[-1].add(part, recipe)
+    except IndivisibleError as error:
+        return _whole(path, recipe, error)
     for draft in drafts:
         draft.repairs[:0] = part.of_file
     return drafts
@@ -376,8 +381,20 @@ def pieces_in_turn(path: Path, recipe: Recipe, *, rows: int) -> Iterator[Piece]:
     if not isinstance(tables, LongTable):
         yield from pieces_from(tables, recipe)
         return
-    for part in parts_of(tables, recipe, rows, path.name):
-        yield replace(part.piece, table=part.piece.table.iloc[part.own])
+    try:
+        for part in parts_of(tables, recipe, rows, path.name):
+            yield replace(part.piece, table=part.piece.table.iloc[part.own])
+    except IndivisibleError as error:
+        yield from _whole(path, recipe, error)
+
+
+def _whole(path: Path, recipe: Recipe, error: IndivisibleError) -> list[Piece]:
+    if path.stat().st_size > MOST_INDIVISIBLE:
+        raise RecordingError(
+            f"is too large to be read whole ({path.stat().st_size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} "
+            f"MB), and cannot be processed in parts: {error}, or split the file"
+        )
+    return pieces_of(path, recipe)
 
 
 def _opened(path: Path, recipe: Recipe, rows: int) -> LongTable | list[LoggedTable]:

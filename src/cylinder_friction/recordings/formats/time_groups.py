@@ -34,6 +34,8 @@ def repeated_names(names: Sequence[str]) -> set[str]:
 def padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
     """Return a text's first lines, rows below a line of repeated names with as many cells as that one has."""
     for number, line in enumerate(lines):
+        if line[:1].isdecimal():  # a row, as most lines are
+            continue
         for delimiter in delimiters:
             cells = split_cells(line, delimiter) if delimiter != "whitespace" else []
             if cells and cells[0] in repeated_names(cells) and not is_value(cells[0], None):

@@ -1,0 +1,134 @@
+"""The command ``estimate`` on logger files of every size, beside pandas that only reads the same files.
+
+    python performance/log_throughput.py [--gigabytes 2] [--logs data/raw/rig] [--model models/hybrid] [--folder FOLDER]
+
+One file, 1,000 small ones, and one large one at two sizes, made of the rig's recordings, as CSV. Every run is a process
+of its own on one core: rows per second are rows over its seconds of CPU, imports included; memory is its peak. Ratios
+are those of time and memory to pandas. The two large files show whether memory grows with the file; the larger one's
+time and memory are extrapolated to ten times its size. Large files are removed at the end; run it after `dvc repro`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+TIME, POSITION, PRESSURES = "Time [s]", "Position [mm]", ["P1 [bar]", "P2 [bar]"]
+RATE_HZ, STROKE_MM, NOISE_BAR = 200.0, 250.0, 0.05
+SMALL_FILES, SMALL_ROWS = 1000, 6000
+NAMES = r"(?P<session>(?P<condition>[a-z]+)[0-9]*)"
+READ = "import sys, pathlib, pandas\nfor each in pathlib.Path(sys.argv[1]).glob('*'):\n    pandas.read_csv(each)"
+FLAT = 1.05
+"""Memory is flat if it grows by no more than this from a quarter of the file to the whole."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one process."""
+
+    cpu_s: float
+    peak_mb: float
+
+
+def main() -> int:
+    """Print the table; returns 1 if memory grows with the file."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--gigabytes", type=float, default=2.0, help="of the large file")
+    parser.add_argument("--logs", type=Path, default=Path("data/raw/rig"), help="folder of the rig's recordings")
+    parser.add_argument("--model", type=Path, default=Path("models/hybrid"))
+    parser.add_argument("--folder", type=Path, help="where to put a folder to work in; it is removed at the end")
+    arguments = parser.parse_args()
+    recordings = [pd.read_csv(path) for path in sorted(arguments.logs.glob("*.csv"))]
+    sizes = {"a quarter": 0.25e9 * arguments.gigabytes, "large": 1e9 * arguments.gigabytes}
+    sys.stdout.write(f"{'':16}{'rows':>12}{'MB':>8}  {'':8}{'rows/s':>12}{'time':>7}{'MB':>8}{'memory':>8}\n")
+    peaks: dict[tuple[str, str], Cost] = {}
+    with tempfile.TemporaryDirectory(prefix="log-throughput-", dir=arguments.folder) as name:
+        work = Path(name)
+        for case in ("one file", f"{SMALL_FILES} files", *sizes):
+            folder = work / "logs"
+            folder.mkdir()
+            rows = written(case, folder, recordings, sizes)
+            size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
+            costs = {side: cost(side, folder, work / "out", arguments.model) for side in ("pandas", "label", "model")}
+            for side, each in costs.items():
+                peaks[case, side] = each
+                sys.stdout.write(line(case, rows, size_mb, side, each, costs["pandas"]))
+            for each in (folder, work / "out"):
+                shutil.rmtree(each)
+    flat = True
+    for side in ("pandas", "label", "model"):
+        small, large = peaks["a quarter", side], peaks["large", side]
+        grows = large.peak_mb / small.peak_mb
+        flat &= side == "pandas" or grows <= FLAT
+        mb = large.peak_mb + 12.0 * (large.peak_mb - small.peak_mb) if grows > FLAT else large.peak_mb
+        sys.stdout.write(
+            f"{side}: memory of the large file over that of a quarter {grows:.2f}; a file of "
+            f"{10.0 * arguments.gigabytes:.0f} GB takes about {10.0 * large.cpu_s / 60.0:.0f} min and {mb:.0f} MB\n"
+        )
+    return 0 if flat else 1
+
+
+def written(case: str, folder: Path, recordings: list[pd.DataFrame], sizes: dict[str, float]) -> int:
+    """Write the files of a case and return how many rows they hold."""
+    if case == "one file":
+        recordings[0].to_csv(folder / "one1.csv", index=False)
+        return len(recordings[0])
+    if case not in sizes:
+        for number in range(SMALL_FILES):
+            seen = recordings[number % len(recordings)].iloc[:SMALL_ROWS].copy()
+            noise_bar = np.random.default_rng(number).normal(0.0, NOISE_BAR, (len(seen), 2))  # no two are alike
+            seen[PRESSURES] = (seen[PRESSURES] + noise_bar).clip(lower=0.0).round(3)
+            seen.to_csv(folder / f"small{number:04d}.csv", index=False)
+        return SMALL_FILES * SMALL_ROWS
+    # One after the other; the position must not rest at an end stop where it jumps.
+    inner = [each for each in recordings if each[POSITION].iloc[[0, -1]].between(5.0, STROKE_MM - 5.0).all()]
+    table = pa.Table.from_pandas(pd.concat(inner), preserve_index=False)
+    rows = 0
+    with (folder / "large1.csv").open("wb") as file:
+        while file.tell() < sizes[case]:
+            stamps = pa.array(np.round((rows + np.arange(len(table))) / RATE_HZ, 3))
+            options = pa_csv.WriteOptions(include_header=rows == 0, quoting_style="none")
+            pa_csv.write_csv(table.set_column(0, TIME, stamps), file, options)
+            rows += len(table)
+    return rows
+
+
+def cost(side: str, folder: Path, out: Path, model: Path) -> Cost:
+    """Run one side over a folder in a process of its own, for the second time where something is compiled first."""
+    command = [sys.executable, "-c", READ, str(folder)]
+    if side != "pandas":
+        command = [sys.executable, "-m", "cylinder_friction.commands.cli", "estimate", str(folder)]
+        command += ["--channels", "conf/ingest/rig.yaml", "--names", NAMES, "--output", str(out)]
+        command += ["--model", str(model)] if side == "model" else []
+    environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1")}
+    with tempfile.TemporaryFile("w+") as log:
+        child = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT)
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+        if child.returncode:
+            log.seek(0)
+            raise RuntimeError(f"{side} over {folder} failed with status {child.returncode}: {log.read()[-2000:]}")
+    return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+
+
+def line(case: str, rows: int, size_mb: float, side: str, own: Cost, pandas: Cost) -> str:
+    """Return a line of the table."""
+    about = f"{case:16}{rows:12d}{size_mb:8.0f}" if side == "pandas" else " " * 36
+    times, memory = own.cpu_s / pandas.cpu_s, own.peak_mb / pandas.peak_mb
+    return f"{about}  {side:8}{rows / own.cpu_s:12.0f}{times:7.2f}{own.peak_mb:8.0f}{memory:8.2f}\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
