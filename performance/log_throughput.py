@@ -65,8 +65,8 @@ def main() -> int:
             for side, each in costs.items():
                 peaks[case, side] = each
                 sys.stdout.write(line(case, rows, size_mb, side, each, costs["pandas"]))
-            for each in (folder, work / "out"):
-                shutil.rmtree(each)
+            shutil.rmtree(folder)
+            shutil.rmtree(work / "out")
     flat = True
     for side in ("pandas", "label", "model"):
         small, large = peaks["a quarter", side], peaks["large", side]
@@ -95,13 +95,14 @@ def written(case: str, folder: Path, recordings: list[pd.DataFrame], sizes: dict
     # One after the other; the position must not rest at an end stop where it jumps.
     inner = [each for each in recordings if each[POSITION].iloc[[0, -1]].between(5.0, STROKE_MM - 5.0).all()]
     table = pa.Table.from_pandas(pd.concat(inner), preserve_index=False)
-    rows = 0
-    with (folder / "large1.csv").open("wb") as file:
-        while file.tell() < sizes[case]:
-            stamps = pa.array(np.round((rows + np.arange(len(table))) / RATE_HZ, 3))
-            options = pa_csv.WriteOptions(include_header=rows == 0, quoting_style="none")
+    rows, path = 0, folder / "large1.csv"
+    path.touch()
+    while path.stat().st_size < sizes[case]:
+        stamps = pa.array(np.round((rows + np.arange(len(table))) / RATE_HZ, 3))
+        options = pa_csv.WriteOptions(include_header=rows == 0, quoting_style="none")
+        with path.open("ab") as file:
             pa_csv.write_csv(table.set_column(0, TIME, stamps), file, options)
-            rows += len(table)
+        rows += len(table)
     return rows
 
 

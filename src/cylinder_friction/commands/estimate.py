@@ -22,7 +22,7 @@ from cylinder_friction.stages._stage import cylinder_from
 if TYPE_CHECKING:
     from cylinder_friction.estimation.identification import FrictionModels
 
-EXPECTED = (ValueError,)
+EXPECTED = (ValueError, OSError)
 Result = TypeVar("Result")
 
 

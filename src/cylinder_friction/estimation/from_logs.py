@@ -386,7 +386,7 @@ def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[
         recordings.append(run.entry(excerpt, counts))
         if len(panes) < PLOTTED:
             pane = friction_pane(excerpt[0], run.cylinder, run.filter, run.estimator is not None)
-            panes.append(pane if len(excerpt) == 1 else replace(pane, seen=f"{_shown(excerpt[0], counts)} {pane.seen}"))
+            panes.append(pane if len(excerpt) == 1 else replace(pane, shown=_shown(excerpt[0], counts)))
         labelled.remove()
     words = MODEL_BOUNDS if run.estimator is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
     return FrictionOfLogs(folder, words, recordings, run.refused, list(run.offsets.values())), panes

@@ -14,8 +14,10 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.formats.logged_table import LongTable
+from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, convert_files, none_usable, other_rates
+from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
@@ -182,7 +184,8 @@ def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
 
 def _guessed(path: Path) -> dict[str, Any]:
     """Return a guessed mapping and warn of every guess; refuse where a column or a sensor's range cannot be guessed."""
-    guess = guess_mapping(read_logged_file(path), path)
+    tables = open_logged_file(path, ROWS_AT_ONCE)
+    guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path)
     lines = "\n".join(channel_lines(guess))
     unknown = [
         column

@@ -37,6 +37,7 @@ class FrictionPane:
     table: Table | None  # Of the Stribeck curve, or of the points of steady sliding
     seen: str  # What the curve comes from
     no_curve: str  # Why no Stribeck curve is stated; empty where it is
+    shown: str = ""  # Which part of a long recording the figures show; empty for all of it
 
 
 def friction_pane(recording: Recording, cylinder: Cylinder, method: SignalFilter, estimated: bool) -> FrictionPane:
