@@ -15,6 +15,8 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, MODEL_BOUNDS, NO_BOUNDS, FileFormat, estimate_logs
 from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording
@@ -123,6 +125,25 @@ def test_a_load_decided_by_position_is_taken_off(
     assert written.column("load_force_n")[usable].mean() == pytest.approx(weight_n, abs=60.0)
     assert np.abs(written.column("friction_n") - recording.column("friction_n"))[usable].mean() < 60.0
     assert result.recordings[0].load != "position"
+
+
+def test_a_model_takes_its_own_load_by_position_or_that_of_the_session(
+    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    """Of a crane at another angle only the session's own load is right; ``load="position"`` asks for it."""
+    recording = labelled_recordings[0]
+    knows = LowPassForceBalanceEstimator(cylinder)
+    knows.position_load = PositionLoad(0.08, 0.17, np.array([200.0, 250.0]), np.full(2, 5.0))
+    knows.fit(labelled_recordings[:2])
+    pressure_pa = recording.column("pressure_1_pa") + 900.0 / cylinder.piston_area_m2
+    write_log(tmp_path / "logs/heavy.csv", recording.with_columns(pressure_1_pa=pressure_pa))
+    for mode, off_n, words in (("none", 675.0, "a load of 200 to 250 N"), ("position", 0.0, "the load is 8")):
+        folder = tmp_path / mode
+        result = estimate_logs(tmp_path / "logs", cylinder, folder, channels=CHANNELS, model=knows, load=mode)
+        assert result.recordings[0].load.startswith(words)
+        written = read_recording(folder / "heavy.parquet")
+        error = written.column("friction_n") - recording.column("friction_n")
+        assert error[written.usable()].mean() == pytest.approx(off_n, abs=60.0)
 
 
 LABEL_N = 0.01

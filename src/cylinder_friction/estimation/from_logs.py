@@ -14,6 +14,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.realtime.flags import Flag
@@ -228,7 +229,7 @@ class LabelledLogs:
     ) -> Iterator[LongRecording]:
         """Yield a recording with its friction unless it is refused; what its label shows of an offset is added."""
         parts = source.parts() if isinstance(source, LongRecording) else [(source, slice(0, len(source)))]
-        running = None if self.estimator is None else _RunningEstimate(self.estimator)
+        running = None if self.estimator is None else _RunningEstimate(_for_load(self.estimator, identified))
         paths: list[Path] = []
         own_rows: list[slice] = []
         try:
@@ -285,7 +286,8 @@ class LabelledLogs:
         """
         counts = counts or Counts.of(excerpt)
         load_n, half_n = self._halves(excerpt)
-        words, about = {"none": "none", "measured": "measured"}, excerpt[0].metadata
+        about, given = excerpt[0].metadata, None if self.estimator is None else self.estimator.position_load
+        known = self.load if given is None else given.in_words()
         return FrictionOfRecording(
             name=about.name,
             source_file=about.source_file,
@@ -295,7 +297,7 @@ class LabelledLogs:
             usable_percent=100.0 * counts.usable / counts.rows,
             friction_n=_known(half_n),
             flags_percent=None if self.estimator is None else counts.flags_percent(),
-            load=self.loads.get(about.name) or words[self.load],
+            load=self.loads.get(about.name) or known,
             load_left_n=_known(load_n) if holds_load(load_n, half_n) else None,
             repairs=tuple(about.repairs),
         )
@@ -303,6 +305,13 @@ class LabelledLogs:
     def _refuse(self, recording: Recording | LongRecording, error: Exception) -> None:
         about = recording.metadata
         self.refused.append(Quarantined(about.source_file, str(error), about.name))
+
+
+def _for_load(estimator: FrictionEstimator, identified: SessionIdentification | None) -> FrictionEstimator:
+    """Return the estimator for the load of this session, where one is identified and it takes one by position."""
+    if identified is None or identified.load is None or estimator.position_load is None:
+        return estimator
+    return estimator.with_position_load(pooled_load([identified.load]))
 
 
 @dataclass
