@@ -387,11 +387,11 @@ def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[
     panes: list[FrictionPane] = []
     for labelled in run.labelled():
         counts = Counts()
-        _write(
-            _counted(map(run.finished, (part for part, _ in labelled.parts())), counts), labelled, folder, file_format
-        )
+        whole = [run.finished(part) for part in labelled.excerpt()] if len(labelled.paths) == 1 else []
+        parts = iter(whole) if whole else (run.finished(part) for part, _ in labelled.parts())
+        _write(_counted(parts, counts), labelled, folder, file_format)
         bounded |= counts.bounded
-        excerpt = [run.finished(part) for part in labelled.excerpt()]
+        excerpt = whole or [run.finished(part) for part in labelled.excerpt()]
         recordings.append(run.entry(excerpt, counts))
         if len(panes) < PLOTTED:
             pane = friction_pane(excerpt[0], run.cylinder, run.filter, run.estimator is not None)

@@ -140,15 +140,16 @@ def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> N
     sums = np.zeros(rows + 1)
     for row in range(rows):
         sums[row + 1] = sums[row] + values[row]
+    widths = half_width / np.sqrt(lengths + 1.0)
     chosen = np.zeros(rows, dtype=np.int64)
     for row in range(rows):
         lower, upper = -np.inf, np.inf
-        for length in lengths:
+        for place in range(lengths.shape[0]):
+            length = lengths[place]
             if row + length >= rows:
                 break
             mean = (sums[row + length + 1] - sums[row]) / (length + 1)
-            width = half_width / np.sqrt(length + 1.0)
-            lower, upper = max(lower, mean - width), min(upper, mean + width)
+            lower, upper = max(lower, mean - widths[place]), min(upper, mean + widths[place])
             if lower > upper:
                 break
             chosen[row] = length
