@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.deployment.scoring import ScoringError, score
+from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.scoring_model import ScoringError, ServedGraph, score
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.stream import RealTimeStream
@@ -26,21 +27,36 @@ if TYPE_CHECKING:
 __all__ = ["learning_hybrid", "offset_samples"]
 
 
+TOLERANCE_N = 1e-3
+
+
+def served(model: StepModel) -> ServedGraph:
+    return ServedGraph(sequence_graph(model).SerializeToString())
+
+
+@pytest.fixture(scope="session")
+def small_graph(small_model: StepModel) -> ServedGraph:
+    return served(small_model)
+
+
 def rows_of(recording: Recording, count: int | None = None) -> pd.DataFrame:
     return recording.table[list(SAMPLE_COLUMNS)].iloc[:count].reset_index(drop=True)
 
 
 def test_one_recording_is_scored_as_every_runtime_runs_it(
-    small_model: StepModel, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+    small_graph: ServedGraph,
+    small_model: StepModel,
+    small_hybrid: HybridEstimator,
+    labelled_recordings: list[Recording],
 ) -> None:
     recording = labelled_recordings[0]
-    scored = score(small_model, rows_of(recording))
+    scored = score(small_graph, rows_of(recording))
     assert list(scored.columns) == ["friction_n", "lower_n", "upper_n", "flags", "flag_names", "in_training_range"]
     newtons, flags = RealTimeStream(small_model).run(recording.samples())
-    np.testing.assert_array_equal(scored[["friction_n", "lower_n", "upper_n"]], newtons)
+    np.testing.assert_allclose(scored[["friction_n", "lower_n", "upper_n"]], newtons, rtol=0.0, atol=TOLERANCE_N)
     np.testing.assert_array_equal(scored["flags"], flags)
     assert [tuple(names.split()) for names in scored["flag_names"]] == [Flag.names(value) for value in flags]
-    np.testing.assert_array_equal(scored["friction_n"], small_hybrid.estimate(recording))
+    np.testing.assert_allclose(scored["friction_n"], small_hybrid.estimate(recording), rtol=0.0, atol=TOLERANCE_N)
     assert scored["in_training_range"].all()
 
 
@@ -51,14 +67,14 @@ def test_an_estimator_that_learns_the_sensors_offset_states_what_it_has_learned(
     finite = offset_samples[10:800]
     samples = np.concatenate([finite, finite])
     rows = pd.DataFrame(samples, columns=list(SAMPLE_COLUMNS)).assign(recording=["one"] * 790 + ["other"] * 790)
-    scored = score(learning_hybrid.step_model(), rows)
+    scored = score(served(learning_hybrid.step_model()), rows)
     offsets, flags = [], []
     for half in np.split(samples, 2):
         stream = learning_hybrid.real_time()
         for sample in half:
             flags.append(stream.step(*sample).flags)
             offsets.append(stream.offset)
-    np.testing.assert_array_equal(scored[["offset_n", "offset_uncertainty_n"]], offsets)
+    np.testing.assert_allclose(scored[["offset_n", "offset_uncertainty_n"]], offsets, rtol=0.0, atol=TOLERANCE_N)
     np.testing.assert_array_equal(scored["flags"], flags)
     np.testing.assert_array_equal(scored.iloc[:790, :6], scored.iloc[790:, :6])
     unknown = np.array(flags) & Flag.OFFSET_UNKNOWN != 0
@@ -70,47 +86,47 @@ def test_an_estimator_on_other_inputs_is_scored_on_them(labelled_recordings: lis
     recordings = [each.with_columns(oil_temperature_c=30.0 + each.column("position_m")) for each in labelled_recordings]
     inputs = ("position_m", "oil_temperature_c")
     ridge = RidgeEstimator(lags=4, inputs=inputs).fit(recordings)
-    scored = score(ridge.step_model(), recordings[0].table[list(inputs)])
+    scored = score(served(ridge.step_model()), recordings[0].table[list(inputs)])
     np.testing.assert_allclose(scored["friction_n"], ridge.estimate(recordings[0]), atol=1e-6)
     with pytest.raises(ScoringError, match="column 'oil_temperature_c' is missing"):
-        score(ridge.step_model(), rows_of(recordings[0]))
+        score(served(ridge.step_model()), rows_of(recordings[0]))
 
 
 def test_interleaved_recordings_are_scored_separately_and_returned_in_the_order_of_the_rows(
-    small_model: StepModel, labelled_recordings: list[Recording]
+    small_graph: ServedGraph, labelled_recordings: list[Recording]
 ) -> None:
     one, other = rows_of(labelled_recordings[0], 200), rows_of(labelled_recordings[4], 200)
     mixed = pd.concat([one.assign(recording="one"), other.assign(recording="other")])
     order = np.random.default_rng(1).permutation([0] * 200 + [1] * 200)
     nth = [np.cumsum(order == which)[at] - 1 + 200 * which for at, which in enumerate(order)]
-    scored = score(small_model, mixed.iloc[nth])
-    alone = np.concatenate([score(small_model, one)["friction_n"], score(small_model, other)["friction_n"]])
+    scored = score(small_graph, mixed.iloc[nth])
+    alone = np.concatenate([score(small_graph, one)["friction_n"], score(small_graph, other)["friction_n"]])
     assert np.abs(scored["friction_n"].to_numpy() - alone[nth]).max() < 1e-3
 
 
-def test_one_row_is_a_first_sample(small_model: StepModel, labelled_recordings: list[Recording]) -> None:
+def test_one_row_is_a_first_sample(small_graph: ServedGraph, labelled_recordings: list[Recording]) -> None:
     rows = rows_of(labelled_recordings[0], 50)
-    scored = score(small_model, rows.iloc[:1])
+    scored = score(small_graph, rows.iloc[:1])
     assert len(scored) == 1
-    assert abs(scored["friction_n"].iloc[0] - score(small_model, rows)["friction_n"].iloc[0]) < 1e-3
+    assert abs(scored["friction_n"].iloc[0] - score(small_graph, rows)["friction_n"].iloc[0]) < 1e-3
 
 
-def test_whole_numbers_are_numbers(small_model: StepModel) -> None:
+def test_whole_numbers_are_numbers(small_graph: ServedGraph) -> None:
     rows = pd.DataFrame({"pressure_1_pa": [1_000_000], "pressure_2_pa": [900_000], "position_m": [0.1]})
-    assert np.isfinite(score(small_model, rows)["friction_n"]).all()
+    assert np.isfinite(score(small_graph, rows)["friction_n"]).all()
 
 
 def test_a_sample_out_of_range_makes_doubtful_the_second_after_it(
-    small_model: StepModel, labelled_recordings: list[Recording]
+    small_graph: ServedGraph, labelled_recordings: list[Recording]
 ) -> None:
     rows = rows_of(labelled_recordings[0], 500)
     rows.loc[100, "pressure_1_pa"] = 3e8
-    flags = score(small_model, rows.assign(recording="spiked"))["in_training_range"].to_numpy()
+    flags = score(small_graph, rows.assign(recording="spiked"))["in_training_range"].to_numpy()
     assert flags[:100].all()
     assert not flags[100:300].any()
     assert flags[300:].all()
     both = pd.concat([rows.assign(recording="spiked"), rows_of(labelled_recordings[0], 50).assign(recording="calm")])
-    assert score(small_model, both)["in_training_range"].to_numpy()[500:].all(), "another recording is not affected"
+    assert score(small_graph, both)["in_training_range"].to_numpy()[500:].all(), "another recording is not affected"
 
 
 def changed(rows: pd.DataFrame, **columns: object) -> pd.DataFrame:
@@ -138,19 +154,19 @@ def changed(rows: pd.DataFrame, **columns: object) -> pd.DataFrame:
     ],
 )
 def test_what_cannot_be_scored_is_refused_by_name(
-    small_model: StepModel, labelled_recordings: list[Recording], change: object, message: str
+    small_graph: ServedGraph, labelled_recordings: list[Recording], change: object, message: str
 ) -> None:
     assert callable(change)
     with pytest.raises(ScoringError, match=message):
-        score(small_model, change(rows_of(labelled_recordings[0], 5)))
+        score(small_graph, change(rows_of(labelled_recordings[0], 5)))
 
 
 def test_a_value_that_no_sensor_gives_is_held_and_flagged(
-    small_model: StepModel, labelled_recordings: list[Recording]
+    small_graph: ServedGraph, labelled_recordings: list[Recording]
 ) -> None:
     rows = rows_of(labelled_recordings[0], 300)
     rows.loc[200, "pressure_1_pa"] = 1e308
-    scored = score(small_model, rows)
+    scored = score(small_graph, rows)
     assert np.isfinite(scored["friction_n"]).all()
     assert scored["flags"][200] & Flag.INVALID_PRESSURE_1
     assert not scored["in_training_range"][200]
@@ -159,11 +175,11 @@ def test_a_value_that_no_sensor_gives_is_held_and_flagged(
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(*itertools.repeat(st.floats(), 3)), min_size=1, max_size=6))
 def test_whatever_comes_the_result_is_finite_or_a_refusal(
-    small_model: StepModel, samples: list[tuple[float, float, float]]
+    small_graph: ServedGraph, samples: list[tuple[float, float, float]]
 ) -> None:
     rows = pd.DataFrame(samples, columns=list(SAMPLE_COLUMNS))
     try:
-        scored = score(small_model, rows)
+        scored = score(small_graph, rows)
     except ScoringError:
         return
     assert len(scored) == len(rows)

@@ -16,7 +16,9 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
+from cylinder_friction.deployment.onnx_graphs.export import export_onnx
 from cylinder_friction.estimators.base import DESCRIPTION_FILE
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.tracking.repository import LineageError, TrackingError
@@ -25,8 +27,10 @@ from cylinder_friction.tracking.store import Store, open_store
 SCORING_CODE = Path(__file__).parents[1] / "deployment/scoring_model.py"
 ESTIMATOR_ARTIFACT = "estimator"
 LINEAGE_ARTIFACT = "lineage"
+GRAPH_ARTIFACT = "graph"  # The name that the served model's code asks for
 LINEAGE_FILE = "lineage.json"
-REQUIREMENTS = ("cylinder-friction", "mlflow", "numpy", "pandas", "numba", "onnx")
+REQUIREMENTS = ("mlflow", "numpy", "onnxruntime", "pandas")
+"""All that the served model needs; the estimator's own files are beside its graph for this project's commands."""
 
 _URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
@@ -65,10 +69,15 @@ def save_model_folder(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MLflow's pyfunc warns of its own type hints when imported
         pyfunc = import_module("mlflow.pyfunc")
+    graph = export_onnx(load_estimator(estimator), path.with_name("graph")).sequence
     pyfunc.save_model(
         path=str(path),
         python_model=str(SCORING_CODE),
-        artifacts={ESTIMATOR_ARTIFACT: str(estimator), LINEAGE_ARTIFACT: str(lineage_path)},
+        artifacts={
+            GRAPH_ARTIFACT: str(graph),
+            ESTIMATOR_ARTIFACT: str(estimator),
+            LINEAGE_ARTIFACT: str(lineage_path),
+        },
         signature=signature_of(read_json(estimator / DESCRIPTION_FILE)["input"]),
         input_example=example,
         pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],

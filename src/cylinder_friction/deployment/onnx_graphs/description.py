@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import onnxruntime
 
-from cylinder_friction.deployment.descriptions import described_inputs
+from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
 from cylinder_friction.deployment.rendering import model_hash
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
@@ -50,6 +50,7 @@ def described(model: StepModel) -> dict[str, str]:
         "lag_s": repr(float(model.lag_s)),
         "input": input_text(model),
         "output": json.dumps(outputs_of(model)),
+        "flags": json.dumps({str(flag.value): flag.name for flag in flag_meanings(model)}),
         **({} if model.position_load is None else {"position_load": model.position_load.in_words()}),
         "training_range_with_margin": _ranges(model.inputs, guard.trained_lower, guard.trained_upper),
         "accepted_range": _ranges(model.inputs, guard.accept_lower, guard.accept_upper),
