@@ -12,7 +12,7 @@ share of Coulomb friction, and enters the load's uncertainty beside the scatter 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
@@ -29,6 +29,7 @@ from cylinder_friction.labelling.robust import (
 )
 from cylinder_friction.labelling.strokes import Coverage, StrokePoints, coverage_of
 from cylinder_friction.realtime.position_load import PositionLoad
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR
 from cylinder_friction.recordings.recording import RecordingError
 
 GRID = 51
@@ -219,6 +220,23 @@ def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
     own_n = np.sqrt(np.mean([each.uncertainty_n(position_m) ** 2 for each in sessions], axis=0))
     spread_n = loads_n.std(axis=0, ddof=1) if len(sessions) > 1 else np.zeros(POOLED_PLACES)
     return PositionLoad(first_m, last_m, loads_n.mean(axis=0), np.hypot(own_n, spread_n))
+
+
+def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: PositionLoad) -> None:
+    """Refuse sessions that cannot all carry the common load.
+
+    Raises:
+        RecordingError: The load of a session is further from it than twice its own standard uncertainty.
+    """
+    position_m = np.linspace(common.first_m, common.last_m, POOLED_PLACES)
+    for name, each in sessions.items():
+        off_n, known_n = each.load_n(position_m) - common.at(position_m), each.uncertainty_n(position_m)
+        if np.sqrt(np.mean(np.square(off_n / known_n))) > COVERAGE_FACTOR:
+            raise RecordingError(
+                f"sessions carry different loads: that of {name} is {np.sqrt(np.mean(off_n**2)):.3g} N from the mean "
+                f"of the training sessions, known to {known_n.mean():.3g} N; expected at most {COVERAGE_FACTOR:g} "
+                "times that; set offset.common_load to false, so that each session keeps its own"
+            )
 
 
 def _scaled(position_m: Array, coverage: Coverage) -> Array:

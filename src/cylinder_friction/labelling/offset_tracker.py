@@ -100,6 +100,7 @@ def zeros_are_known(recordings: Sequence[Recording]) -> bool:
         zero.uncertainty / max(recording.metadata.uncertainty[column].zero, 1e-12)
         for recording in recordings
         for column, zero in recording.metadata.identified_zero.items()
+        if recording.metadata.uncertainty[column].zero > 0.0
     ]
     return float(np.mean(remains)) <= LEAST_KNOWN
 

@@ -462,7 +462,7 @@ def _empty_model(
     common = set(columns).intersection(*(session.columns for session in sessions))
     inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
     quantities = np.concatenate([_quantities(session, inputs, cylinder) for session in sessions])
-    deviations = quantities.std(axis=0)
+    deviations, rounding = quantities.std(axis=0), 1e-9 * np.abs(quantities).max(axis=0)
     position_m = np.concatenate([session.columns["position_m"] for session in sessions])
     return OffsetModel(
         plan=plan,
@@ -470,7 +470,7 @@ def _empty_model(
         inputs=inputs,
         position_range_m=(float(position_m.min()), float(position_m.max())),
         means=_floats(quantities.mean(axis=0)),
-        deviations=_floats(np.where(deviations > 0.0, deviations, 1.0)),
+        deviations=_floats(np.where(deviations > rounding, deviations, 1.0)),
         lowest=_floats(quantities.min(axis=0)),
         highest=_floats(quantities.max(axis=0)),
         level_n=float(np.mean(np.abs(np.concatenate([session.label_n for session in sessions])))),

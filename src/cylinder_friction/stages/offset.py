@@ -9,7 +9,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import with_common_load
-from cylinder_friction.labelling.load import LoadIdentification, pooled_load
+from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan, fit_offset_model, zero_uncertainty_n
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
@@ -43,15 +43,20 @@ def run(params: Params) -> RunRecord:
     measured.
 
     Raises:
-        RecordingError: Offsets are to be identified in any case, and cannot be.
+        RecordingError: Offsets are to be identified in any case, and cannot be; or sessions that are to carry a common
+            load carry different ones.
     """
     names, ingested = read_json(SPLIT_FILE), read_json(INGESTED_FILE)
     inputs, settings, cylinder = estimator_inputs(ingested), params.offset, cylinder_from(params.cylinder)
     recordings: dict[str, list[Recording]] = {
         role: [read_recording(LABELLED_FOLDER / f"{name}.parquet") for name in names[role]] for role in names
     }
-    load = pooled_load(_identified_loads(recordings["train"])) if ingested["load"] == "position" else None
+    load = None
+    if ingested["load"] == "position":
+        loads = {name: LoadIdentification.from_dict(each["load"]) for name, each in read_json(IDENTIFIED_FILE).items()}
+        load = pooled_load([loads[name] for name in sorted({each.metadata.session for each in recordings["train"]})])
     if load is not None and settings.common_load:
+        refuse_unlike_loads(loads, load)
         recordings = {role: [with_common_load(each, load) for each in own] for role, own in recordings.items()}
     own_loads = load is not None and not settings.common_load
     reason = "" if settings.identify == "always" else _left_alone(settings.identify, own_loads, recordings, cylinder)
@@ -104,12 +109,6 @@ def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of a sample: what the label knows and can be measured in real time."""
     load = [LOAD_FORCE] if ingested["load"] == "measured" else []
     return (*SAMPLE_COLUMNS, *load, *([OIL_TEMPERATURE] if ingested["oil_temperature"] == "input" else []))
-
-
-def _identified_loads(train: Sequence[Recording]) -> list[LoadIdentification]:
-    identified = read_json(IDENTIFIED_FILE)
-    sessions = sorted({recording.metadata.session for recording in train})
-    return [LoadIdentification.from_dict(identified[session]["load"]) for session in sessions]
 
 
 def plan_from(settings: OffsetParams) -> OffsetPlan:
