@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 PRIOR_N = 80.0
 SPREAD_N = (25.0, 15.0, 20.0, 0.0)
+LIMITS = {
+    **{"force_weights": (3.117e-3, -2.501e-3, 0.0), "clear_samples": 40},
+    **{"sliding_lower": (20.0, 2e-5), "sliding_upper": (700.0, 2e-5), "largest_force": (720.0, 1e-5)},
+}
+"""A range of the force balance with a number in every place, that holds friction and the sensors' zeros."""
 ZEROS_PA = np.array([2e4, -1.5e4])
 """What the pressure sensors of ``offset_samples`` read too much: 99.9 N."""
 
@@ -45,16 +50,17 @@ def made_tracker(load: tuple[float, ...] = ()) -> OffsetTracker:
 
 
 def learning(model: StepModel) -> StepModel:
-    """Return a step model that learns the offset too, with bounds that follow how well it is known."""
-    return replace(model, offset=made_tracker(), bounds=replace(model.bounds, spread_n=SPREAD_N))
+    """Return a step model that learns the offset too, with bounds that follow it, and knows the range of the force."""
+    guard, bounds = replace(model.guard, **LIMITS), replace(model.bounds, spread_n=SPREAD_N)
+    return replace(model, offset=made_tracker(), guard=guard, bounds=bounds)
 
 
 @pytest.fixture(scope="session")
 def learning_hybrid(small_hybrid: HybridEstimator) -> HybridEstimator:
-    """The small hybrid with a tracker, and bounds that follow it."""
-    assert small_hybrid.bounds is not None
+    """The small hybrid with a tracker, bounds that follow it, and a range of the force that holds it."""
     hybrid = copy.copy(small_hybrid)
-    hybrid.offset, hybrid.bounds = made_tracker(), replace(small_hybrid.bounds, spread_n=SPREAD_N)
+    model = learning(small_hybrid.step_model())
+    hybrid.offset, hybrid.guard, hybrid.bounds = model.offset, model.guard, model.bounds
     return hybrid
 
 

@@ -14,7 +14,8 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.position_load import PositionLoad
-from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURE_1, SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import SensorUncertainty
 from cylinder_friction.testing.golden import Trajectory, trace
 from learned_offset import SPREAD_N, made_tracker
 
@@ -42,13 +43,14 @@ class Case:
 def case(request: pytest.FixtureRequest, cylinder: Cylinder, labelled_recordings: list[Recording]) -> Case:
     """Recordings whose piston side carries a load of up to 800 N besides; at times a sensor gives nothing."""
     measured = request.param == "measured"
-    loaded = []
+    loaded, stated = [], {PRESSURE_1: SensorUncertainty(60.0 / cylinder.piston_area_m2, 0.0)}
     for recording in labelled_recordings[:4]:
         load_n = LOAD.at(recording.column("position_m"))
         if measured:
             load_n = 800.0 * np.sin(1.3 * recording.column("time_s"))
         pressure_pa = recording.column("pressure_1_pa") + load_n / cylinder.piston_area_m2
-        loaded.append(recording.with_columns(load_force_n=load_n, pressure_1_pa=pressure_pa))
+        carrying = recording.with_columns(load_force_n=load_n, pressure_1_pa=pressure_pa)
+        loaded.append(replace(carrying, metadata=replace(recording.metadata, uncertainty=stated)))
     inputs = (*SAMPLE_COLUMNS, LOAD_FORCE) if measured else SAMPLE_COLUMNS
     hybrid = HybridEstimator(
         cylinder,
@@ -91,5 +93,9 @@ def test_without_the_load_it_would_count_as_friction(case: Case) -> None:
         model, samples = replace(case.model, position_load=blind), case.expected.samples
     else:
         model, samples = case.model, case.expected.samples * np.array([1.0, 1.0, 1.0, 0.0])
-    off_n = np.abs(trace(model, samples[:2000]).newtons - case.expected.newtons[:2000])[:, 0]
+    without = trace(model, samples[:2000])
+    off_n = np.abs(without.newtons - case.expected.newtons[:2000])[:, 0]
     assert off_n.mean() > 200.0
+    unmodelled = without.flags & Flag.UNMODELLED_FORCE != 0
+    assert unmodelled.mean() > 0.8
+    assert not (case.expected.flags[:3000] & Flag.UNMODELLED_FORCE).any()

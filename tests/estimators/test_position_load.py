@@ -53,7 +53,7 @@ def test_positions_where_the_load_is_not_known_are_outside(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
     knows = baselines(cylinder, position_load=LOAD)["force_balance_low_pass"].fit(labelled_recordings[:2])
-    knows.calibrate(1000.0, labelled_recordings[2:3])
+    knows.calibrate(labelled_recordings[:2], labelled_recordings[2:3])
     for estimator, load in ((knows, LOAD), (knows.with_position_load(HEAVIER), HEAVIER)):
         recording = labelled_recordings[0]
         _, flags = estimator.real_time().run(recording.samples(estimator.inputs))

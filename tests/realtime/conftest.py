@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -59,5 +60,5 @@ def designed(
 
 @pytest.fixture(params=[ReferenceStream, RealTimeStream], ids=["reference", "compiled"])
 def stream(request: pytest.FixtureRequest, small_model: StepModel) -> ReferenceStream | RealTimeStream:
-    """The reference and the compiled step, which keep one contract."""
-    return request.param(small_model)
+    """The reference and the compiled step, which keep one contract, with any force taken for friction."""
+    return request.param(replace(small_model, guard=replace(small_model.guard, force_weights=())))

@@ -122,7 +122,8 @@ def test_a_held_pressure_is_not_a_frozen_one(stream: Streams) -> None:
 def test_a_position_that_stays_under_more_than_friction_can_hold_is_frozen(
     small_model: StepModel, factor: float
 ) -> None:
-    guard = replace(small_model.guard, freeze_samples=30, warm_up_samples=0, recovery_samples=5)
+    times = {"freeze_samples": 30, "warm_up_samples": 0, "recovery_samples": 5}
+    guard = replace(small_model.guard, **times, force_weights=())
     area = float(small_model.base_taps[0].sum())
     pressure = (factor * guard.freeze_force_n - small_model.base_taps[1].sum() * SAMPLE[1]) / area
     guarded = replace(small_model, guard=guard)

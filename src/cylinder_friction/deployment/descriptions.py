@@ -28,6 +28,8 @@ FLAG_MEANINGS = {
     Flag.INVALID_OTHER: f"Another input {_INVALID}",
     Flag.OFFSET_UNKNOWN: "The cylinder has not slid in both directions yet: the offset of the sensors' zeros is no "
     "better known than stated, and the bounds are as wide as that",
+    Flag.UNMODELLED_FORCE: "The force balance lies beyond its range in training, or did until the piston moves a "
+    "while within it: an external load, an end stop or a wrong pressure, which the estimate takes for friction",
 }
 
 UNITS = {"pa": "Pa", "m_s2": "m/s2", "m_s": "m/s", "m": "m", "n": "N", "s": "s", "c": "degC"}
@@ -44,8 +46,8 @@ MEANINGS = {
 
 def flag_meanings(model: StepModel) -> dict[Flag, str]:
     """Return the meaning of each flag that a model can set."""
-    never = set() if model.offset is not None else {Flag.OFFSET_UNKNOWN}
-    return {flag: meaning for flag, meaning in FLAG_MEANINGS.items() if flag not in never}
+    can_set = {Flag.OFFSET_UNKNOWN: model.offset is not None, Flag.UNMODELLED_FORCE: bool(model.guard.force_weights)}
+    return {flag: meaning for flag, meaning in FLAG_MEANINGS.items() if can_set.get(flag, True)}
 
 
 @dataclass(frozen=True)

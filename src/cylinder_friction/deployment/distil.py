@@ -14,7 +14,6 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import HybridEstimator, train_correction
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
-from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
 
@@ -87,7 +86,8 @@ def distil(
     student._take_over(original)
     student._set(replace(parts, network=network, forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
     student.learning_curve = curve
-    student.calibrate(largest_friction_n(train), validation)
+    student.calibrate(train, validation)
+    student.guard = original.guard or student.guard
     return student, compare(original, student, held_out)
 
 

@@ -45,8 +45,12 @@ def wrapped(items: Iterable[str]) -> str:
     return "\n".join(lines)
 
 
-ABSENT = {"offset": None, "spread_n": (0.0, 0.0, 0.0, 0.0), "lag_s": 0.0, "position_load": None}
-"""What fields hold in a model without sensor offset, lag and load by position: there they leave its hash alone."""
+ABSENT = {
+    **{"offset": None, "spread_n": (0.0, 0.0, 0.0, 0.0), "lag_s": 0.0, "position_load": None, "clear_samples": 0},
+    **dict.fromkeys(("force_weights", "sliding_lower", "sliding_upper", "largest_force"), ()),
+}
+"""What fields hold in a model without sensor offset, lag, load by position and range of the force balance: there they
+leave its hash alone."""
 
 
 def render(template: str, real: Type = "double", **values: Any) -> str:

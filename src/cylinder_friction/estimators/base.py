@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.realtime.bounds import (
     LearnedOffset,
     calibrated_bounds,
@@ -20,11 +21,12 @@ from cylinder_friction.realtime.bounds import (
     unknown_bounds,
     velocity_taps,
 )
-from cylinder_friction.realtime.guard import TrainingRange, guard_from
+from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
+from cylinder_friction.realtime.unmodelled_force import with_force_limits
 from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
@@ -218,17 +220,21 @@ class FrictionEstimator(ABC):
         """Return a fresh guarded stream, which takes whatever the sensors give; see ``RealTimeStream``."""
         return RealTimeStream(self.step_model())
 
-    def calibrate(self, largest_friction_n: float, validation: Sequence[Recording]) -> None:
+    def calibrate(
+        self, train: Sequence[Recording], validation: Sequence[Recording], cylinder: Cylinder | None = None
+    ) -> None:
         """Set guard and bounds, the latter from the errors on recordings that the estimator did not learn from.
 
         Args:
-            largest_friction_n: Largest absolute label of training [N].
+            train: Labelled recordings of training, as measured, for the guard.
+            cylinder: Its areas; None: no force counts as unmodelled.
             validation: Labelled recordings of other sessions, their pressures as measured.
         """
         self._refuse_unfitted()
         assert self.training_range is not None
         assert self.sample_time_s is not None
-        self.guard = guard_from(self.training_range, largest_friction_n, self.sample_time_s, self.position_load)
+        largest_n = largest_friction_n(train)
+        self.guard = guard_from(self.training_range, largest_n, self.sample_time_s, self.position_load)
         # as the steps give it, against labels as late, because bounds go by the present regime of motion
         lagged = [recording.lagged(self.lag_samples) for recording in validation]
         estimates_n = [self._stepped(recording) for recording in validation]
@@ -240,6 +246,9 @@ class FrictionEstimator(ABC):
             self.guard.warm_up_samples,
             offsets=offsets,
         )
+        if cylinder is not None:
+            loaded = [self._loaded(each) for each in train]
+            self.guard = with_force_limits(self.guard, self.bounds, cylinder, loaded, self.channels)
 
     def save(self, folder: str | Path) -> None:
         """Write the estimator into ``folder``: JSON for parameters, ONNX for networks and forests, no pickle."""
@@ -349,6 +358,7 @@ class FrictionEstimator(ABC):
         assert self.sample_time_s is not None
         assert self.training_range is not None
         none = np.zeros(0)
+        guard = self.guard or guard_from(self.training_range, np.inf, self.sample_time_s, self.position_load)
         defaults: dict[str, Any] = {
             "feature_taps": np.zeros((0, len(self.channels), 1)),
             **dict.fromkeys(("feature_limits", "feature_mean", "feature_scale"), none),
@@ -363,7 +373,8 @@ class FrictionEstimator(ABC):
             **defaults | fields,
             sample_time_s=self.sample_time_s,
             velocity_taps=velocity_taps(self.sample_time_s, self.channels),
-            guard=self.guard or guard_from(self.training_range, np.inf, self.sample_time_s, self.position_load),
+            # without bounds nothing is known of what counts as sliding
+            guard=replace(guard, force_weights=()) if self.bounds is None else guard,
             bounds=self.bounds or unknown_bounds(self.sample_time_s),
             inputs=self.inputs,
             offset=self.offset,

@@ -30,7 +30,6 @@ from cylinder_friction.estimators.training_plan import (
     TrainingPlan,
 )
 from cylinder_friction.realtime.forest import Forest
-from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.realtime.lstm import Lstm, LstmState, LstmWeights
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.position_load import PositionLoad
@@ -149,7 +148,7 @@ class HybridEstimator(FrictionEstimator):
             self._set(replace(self._fitted(), forest=self._fit_forest(sequences, self.forest_plan)))
         self.guard = self.bounds = None
         if calibration or validation:
-            self.calibrate(largest_friction_n(train), calibration or validation)
+            self.calibrate(train, calibration or validation, self.cylinder)
         return self
 
     def without_forest(self) -> HybridEstimator:

@@ -15,6 +15,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.unmodelled_force import balance_weights
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals import causal
@@ -35,8 +36,7 @@ def force_balance_taps(cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMN
         ValueError: A raw pressure or the position is not among the inputs.
     """
     refuse_missing_inputs(inputs)
-    weights = {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": -cylinder.annulus_area_m2, "load_force_n": -1}
-    return np.array([[[float(weights.get(name, 0.0))] for name in inputs]])
+    return np.array(balance_weights(cylinder, inputs))[None, :, None]
 
 
 def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:

@@ -29,6 +29,9 @@ class Flag(IntFlag):
     OFFSET_UNKNOWN = 512
     """The offset of the sensors' zeros is no better known than stated: since the reset the cylinder has not yet slid in
     both directions. The estimate goes on, with bounds as wide as that."""
+    UNMODELLED_FORCE = 1024
+    """The force balance lies beyond its range in training, or did until the piston moves a while within it: an
+    external load, an end stop or a wrong pressure. The estimate goes on, and takes that force for friction."""
 
     @classmethod
     def names(cls, flags: int) -> tuple[str, ...]:

@@ -35,6 +35,13 @@ class Guard:
     freeze_force_n: float  # More than the piston can hold at rest [N]
     warm_up_samples: int  # Steps after a reset in which the estimate is not yet to be trusted
     recovery_samples: int  # The same after the last bad sample
+    # Range of the force balance (see ``realtime.unmodelled_force``): what one unit of each channel adds to it [N]; then
+    # lines over the sum of both pressures, constant [N] and slope [N/Pa]; nothing where it is not known
+    force_weights: tuple[float, ...] = ()
+    sliding_lower: tuple[float, ...] = ()  # Of the balance along the motion
+    sliding_upper: tuple[float, ...] = ()
+    largest_force: tuple[float, ...] = ()  # Of its size while the piston does not slide
+    clear_samples: int = 0  # Motion within the range of sliding for so long refutes an unmodelled force
 
 
 @dataclass(frozen=True)

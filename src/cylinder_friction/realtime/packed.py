@@ -13,6 +13,7 @@ from cylinder_friction.realtime.flags import invalid_flag
 from cylinder_friction.realtime.history import new_history
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.realtime.unmodelled_force import force_limits
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
@@ -27,9 +28,11 @@ FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP, SAMPL
 ACCEPT_LOWER, ACCEPT_UPPER, TRAINED_LOWER, TRAINED_UPPER = range(4)
 LOWER, UPPER, SPREAD = range(3)
 # Places in ``PackedModel.counts``.
-FREEZE_SAMPLES, WARM_UP, RECOVERY, REVERSAL, FEATURES, HEAD_COUNTS, SEEN_FROM, DEPTH, POSITION, HISTORY = range(10)
+FREEZE_SAMPLES, WARM_UP, RECOVERY, REVERSAL, FEATURES, HEAD_COUNTS, SEEN_FROM, DEPTH, POSITION, HISTORY, CLEAR = range(
+    11
+)
 # Places in ``PackedState.counters``; FROZEN is one per raw pressure.
-READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, FROZEN = range(8)
+READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, UNMODELLED, FROZEN = range(9)
 # Rows of ``PackedState.samples``.
 NOW, HELD, CONSTANT_FROM, INVALID = range(4)
 
@@ -65,6 +68,7 @@ class PackedModel:
     nodes: NDArray[np.int32]
     splits: Single  # The same memory as float32: column 3 is the threshold, or a leaf's value
     roots: NDArray[np.int32]  # Each tree's first node
+    forces: Array  # See ``unmodelled_force.force_limits``
     tracker: OffsetTracker  # Of the sensors' offset; without one no rows
     zeros: Array  # What one newton of offset adds to each output of the filters; none without a tracker
 
@@ -101,6 +105,7 @@ class PackedModel:
                     *(guard.freeze_samples, guard.warm_up_samples, guard.recovery_samples, bounds.reversal_samples),
                     *(model.feature_count, int(model.head_counts), seen_from, depth, model.position),
                     -1 if history is None else history.position_feature,
+                    guard.clear_samples,
                 ],
                 dtype=np.int64,
             ),
@@ -115,6 +120,7 @@ class PackedModel:
             nodes=packed_nodes,
             splits=packed_nodes.view(np.float32),
             roots=roots,
+            forces=force_limits(model),
             tracker=tracker,
             zeros=np.zeros(0) if model.offset is None else tracker.zero_of(taps.transpose(2, 0, 1)),
         )
@@ -125,7 +131,7 @@ class PackedModel:
             *(self.taps, self.scaling, self.history, self.limits, self.offsets, self.settings, self.counts),
             *(self.invalid_flags, self.pressures, self.load),
             *(self.input, self.recurrent, self.bias, self.head, self.head_bias),
-            *(self.nodes, self.splits, self.roots),
+            *(self.nodes, self.splits, self.roots, self.forces),
             *(*self.tracker.constants(), self.zeros),
         )
 

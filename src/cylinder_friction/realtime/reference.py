@@ -19,6 +19,7 @@ from cylinder_friction.realtime.lstm import Lstm, LstmState
 from cylinder_friction.realtime.model import Guard, StepModel
 from cylinder_friction.realtime.position_load import load_at
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
+from cylinder_friction.realtime.unmodelled_force import force_limits, unmodelled_force
 
 Single = NDArray[np.float32]
 
@@ -35,6 +36,7 @@ class GuardState:
     frozen: set[int] = field(default_factory=set)  # Places of the raw pressures that are frozen
     warming: int = 0  # Steps of warm-up left
     recovering: int = 0  # Steps of recovery left
+    unmodelled: int = 0  # Steps of motion left after which an unmodelled force no longer counts
 
 
 class ReferenceStream:
@@ -87,7 +89,8 @@ class ReferenceStream:
         regime = self._regime()
         flags |= self._offset_flag()
         further = self._further(regime)
-        self._learn_offset(channels, valid=not any(invalid) and not flags & Flag.FROZEN)
+        flags |= self._unmodelled_force(channels, regime)
+        self._learn_offset(channels, valid=not any(invalid) and not flags & (Flag.FROZEN | Flag.UNMODELLED_FORCE))
         bounds = self.model.bounds
         lower_n, upper_n = friction_n + further * bounds.lower_n[regime], friction_n + further * bounds.upper_n[regime]
         return Estimate(friction_n, lower_n, upper_n, int(flags))
@@ -190,6 +193,16 @@ class ReferenceStream:
         """Return the flag of an offset that has not been learned yet."""
         unknown = self.model.offset is not None and self._offset[EXTENDED] * self._offset[RETRACTED] == 0.0
         return Flag.OFFSET_UNKNOWN if unknown else Flag(0)
+
+    def _unmodelled_force(self, channels: Array, regime: int) -> Flag:
+        """Return the flag of a force balance beyond the range of training."""
+        limits, guard = force_limits(self.model), self._guard
+        if not limits.size:
+            return Flag(0)
+        found, guard.unmodelled = unmodelled_force(
+            limits, channels, regime, self._direction, guard.unmodelled, self.model.guard.clear_samples
+        )
+        return Flag.UNMODELLED_FORCE if found else Flag(0)
 
     def _further(self, regime: int) -> float:
         """Return how many times as far the bounds are as with a known offset."""

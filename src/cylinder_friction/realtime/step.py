@@ -15,13 +15,14 @@ from cylinder_friction.realtime.lstm import head_of, lstm_step
 from cylinder_friction.realtime.packed import Single, Whole
 from cylinder_friction.realtime.position_load import load_at
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
+from cylinder_friction.realtime.unmodelled_force import unmodelled_force
 
 Int = NDArray[np.int32]
 
-NOT_READY, WARMING, OUTSIDE, FROZEN, RECOVERING, OFFSET_UNKNOWN = (
-    int(flag)
-    for flag in (Flag.NOT_READY, Flag.WARMING, Flag.OUTSIDE, Flag.FROZEN, Flag.RECOVERING, Flag.OFFSET_UNKNOWN)
+NOT_READY, WARMING, OUTSIDE, FROZEN, RECOVERING = (
+    int(flag) for flag in (Flag.NOT_READY, Flag.WARMING, Flag.OUTSIDE, Flag.FROZEN, Flag.RECOVERING)
 )
+OFFSET_UNKNOWN, UNMODELLED_FORCE = int(Flag.OFFSET_UNKNOWN), int(Flag.UNMODELLED_FORCE)
 
 
 @numba.njit(cache=True)
@@ -44,6 +45,7 @@ def step(
     nodes: Int,
     splits: Single,
     roots: Int,
+    forces: Array,
     offset_weights: Array,
     offset_settings: Array,
     offset_friction: Array,
@@ -112,6 +114,13 @@ def step(
     )
     counters[at.DIRECTION] = direction
     counters[at.REVERSAL_LEFT] = left
+    unmodelled = False
+    if forces.shape[1] > 0:
+        unmodelled, counters[at.UNMODELLED] = unmodelled_force(
+            forces, samples[at.NOW], regime, direction, counters[at.UNMODELLED], counts[at.CLEAR]
+        )
+        if unmodelled:
+            flags |= UNMODELLED_FORCE
     further = 1.0
     if zeros.shape[0] > 0:
         if offset[EXTENDED] * offset[RETRACTED] == 0.0:
@@ -128,7 +137,7 @@ def step(
             counts[at.POSITION],
             outputs[outputs.shape[0] - 1],
             samples[at.NOW],
-            not bad,
+            not (bad or unmodelled),
         )
     lower_n = friction_n + further * offsets[at.LOWER, regime]
     return friction_n, lower_n, friction_n + further * offsets[at.UPPER, regime], flags

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from cylinder_friction.estimators.baselines import baselines
-from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER, artifacts, cylinder_from, flat
@@ -35,14 +34,15 @@ def run(params: Params) -> RunRecord:
     chosen = settings.hybrid.model_dump()
     paper = train_hybrid("baselines", params, settings, "paper", chosen, data)
     trees = forest_plan(chosen, settings.training)
+    cylinder = cylinder_from(params.cylinder)
     named: dict[str, FrictionEstimator] = dict(
-        baselines(cylinder_from(params.cylinder), data.inputs, trees, settings.seed, data.position_load)
+        baselines(cylinder, data.inputs, trees, settings.seed, data.position_load)
     )
     for estimator in tqdm(named.values(), desc="train baselines", unit="estimator", disable=None):
         estimator.fit(data.train).offset = data.tracker
     named["paper_lstm"] = paper.without_forest()
     for name in REAL_TIME:
-        named[name].calibrate(largest_friction_n(data.train), data.calibrating)
+        named[name].calibrate(data.train, data.calibrating, cylinder)
     with whole_folder(PAPER_HYBRID_FOLDER) as draft:
         write_hybrid(draft, paper, data, chosen)
     with whole_folder(BASELINES_FOLDER) as draft:

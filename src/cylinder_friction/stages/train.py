@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.realtime.guard import largest_friction_n
 from cylinder_friction.recordings.files import read_json, whole_folder
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import BEST_FILE, HYBRID_FOLDER, LSTM_FOLDER, artifacts, flat
@@ -28,7 +27,7 @@ def run(params: Params) -> RunRecord:
     design, chosen = chosen_hybrid(params.train)
     hybrid = train_hybrid("train", params, params.train, design, chosen, data)
     alone = hybrid.without_forest()
-    alone.calibrate(largest_friction_n(data.train), data.calibrating)
+    alone.calibrate(data.train, data.calibrating, alone.cylinder)
     with whole_folder(HYBRID_FOLDER) as draft:
         write_hybrid(draft, hybrid, data, chosen)
     with whole_folder(LSTM_FOLDER) as draft:

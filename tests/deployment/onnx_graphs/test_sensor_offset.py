@@ -80,12 +80,11 @@ def assert_equal(got: Outputs, expected: Outputs) -> None:
 
 @pytest.mark.parametrize("start", STARTS)
 def test_over_strokes_and_bad_samples_both_graphs_learn_what_the_reference_does(
-    learner: StepModel,
-    stepping: OnnxStepStream,
-    at_once: OnnxSequence,
+    smooth: tuple[StepModel, OnnxStepStream, OnnxSequence],
     offset_samples: np.ndarray,
     start: tuple[float, float | None],
 ) -> None:
+    learner, stepping, at_once = smooth
     expected = expected_of(learner, offset_samples, *start)
     assert_equal(rolled(stepping, offset_samples, *start), expected)
     assert_equal(together(at_once, offset_samples, *start), expected)

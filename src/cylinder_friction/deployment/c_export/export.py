@@ -23,12 +23,14 @@ from cylinder_friction.realtime.bounds import unknown_bounds
 from cylinder_friction.realtime.history import TOLERANCE_M, History
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OWN
+from cylinder_friction.realtime.unmodelled_force import force_limits
 from cylinder_friction.recordings.files import write_text
 
 Precision = Literal["double", "float"]
 Part = Literal["whole", "lstm", "base"]
 BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4}
 GUARD_OPERATIONS = 40
+FORCE_OPERATIONS = 10
 LIMIT_OPERATIONS = 3
 HISTORY_OPERATIONS = 60
 LOAD_OPERATIONS = 10
@@ -133,13 +135,14 @@ def part_of(model: StepModel | LugreModel, part: Part) -> StepModel | LugreModel
     if part == "base" and not np.any(model.base_taps):
         raise ValueError("the model corrects no force balance, so nothing is left without network and forest")
     network = model.network if part == "lstm" else None
+    wide = unknown_bounds(model.sample_time_s)
     return replace(
         model,
         network=network,
         forest=None,
         forest_sees="nothing",
         head_counts=network is not None,
-        bounds=unknown_bounds(model.sample_time_s),
+        bounds=replace(wide, standstill_m_s=model.bounds.standstill_m_s, creep_m_s=model.bounds.creep_m_s),
     )
 
 
@@ -164,7 +167,9 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         operations += 4 + (_feature_operations(step, bank) if learned else 0)
         operations += 0 if step.network is None else network_operations(step.network, head)
         operations += 0 if forest is None else forest.operations()
+    forces = force_limits(step)
     operations += 0 if step.position_load is None else LOAD_OPERATIONS
+    operations += 0 if not forces.size else FORCE_OPERATIONS + 2 * len(step.channels)
     operations += 0 if step.offset is None else offset_operations(bank, len(step.channels))
     smooth = None if history is None else bank.feature[history.position_feature]
     begins = {} if smooth is None else {"backlash_centre_m": smooth, "moved_from_m": smooth}
@@ -201,6 +206,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         "begins": {"backlash_centre_m": bank.feature[0]} if lugre is not None else begins,
         "lugre": None if lugre is None else lugre_values(lugre),
         "tracker": offset_values(step, bank),
+        "forces": forces,
     }
     return GeneratedC(
         header=render("estimator.h.j2", precision, **values),
@@ -266,6 +272,8 @@ def state_fields(
         StateField("uint32_t", "reversal_left", (), "steps left of a reversal or start"),
         StateField("int32_t", "direction", (), "-1, 0 or 1: sign of the velocity, 0 at standstill"),
     ]
+    if model.guard.force_weights:
+        fields.append(StateField("uint32_t", "unmodelled", (), "steps of motion until an unmodelled force is refuted"))
     if model.network is not None:
         shape = (model.network.layers, model.network.nodes)
         fields += [

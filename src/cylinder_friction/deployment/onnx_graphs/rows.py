@@ -14,7 +14,9 @@ FAR = 1e30  # Place from which everything has moved: keeps a frozen channel froz
 CHANGED_AT = "changed_at"
 """Position at which each pressure, and clock at which the position, last changed, shape ``(n, pressures + 1)``."""
 HAPPENED_AT = "happened_at"
-"""Clock of the last bad sample, of the last reversal or start of motion, and of the reset, shape ``(n, 3)``."""
+"""Clock of the last bad sample, and of the reset, shape ``(n, 2)``."""
+TURNED_AT = "turned_at"  # Clock of the last reversal or start of motion, shape ``(n, 1)``
+UNMODELLED = "unmodelled"  # Samples of motion since the last force beyond the range of training, shape ``(n, 1)``
 DIRECTION = "direction"  # Of motion, -1, 0 or 1, shape ``(n, 1)``
 
 
@@ -46,6 +48,9 @@ class Rows(Protocol):
 
     def latched(self, what: str, over: str, fresh: str) -> str:
         """Return whether ``over`` has held at any row since ``fresh`` last did, per column."""
+
+    def since(self, what: str, happens: str, counts: str) -> str:
+        """Return how many rows before, where ``counts`` held, came after the last where ``happens`` did, ``(n, 1)``."""
 
     def lasting(self, holds: str) -> str:
         """Return for how many rows, this one included, something has held, as numbers, per column of three."""

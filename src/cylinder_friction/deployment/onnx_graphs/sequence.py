@@ -5,13 +5,13 @@ import onnx
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs import sensor_offset as learning
-from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked, unchanging
+from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked, follow_motion, unchanging
 from cylinder_friction.deployment.onnx_graphs.description import OUTPUTS, described, input_text, outputs_of
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.history import history_rows
 from cylinder_friction.deployment.onnx_graphs.position_load import with_load
-from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, LONG_AGO, Rows
+from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, HAPPENED_AT, LONG_AGO, Rows
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
@@ -29,11 +29,11 @@ def sequence_graph(model: StepModel) -> onnx.ModelProto:
     validity = check_validity(graph, model, "samples")
     rows = SequenceRows(graph, model, validity)
     filtered(graph, model, rows)
-    constant = unchanging(graph, model, rows)
+    constant, unmodelled = unchanging(graph, model, rows), follow_motion(graph, model, rows)
     if model.offset is not None:
-        learn_offset(graph, model, model.offset, rows, constant)
+        learn_offset(graph, model, model.offset, rows, [constant, *unmodelled])
         learning.take_off(graph, model, model.offset)
-    flags, regime = checked(graph, model, rows, constant)
+    flags, regime = checked(graph, model, rows, constant, unmodelled)
     newtons = estimated(graph, model, rows, regime)
     graph.add("Pad", newtons, rows.padding, to="newtons")  # 0 before the first valid sample
     parts = {name: 1 for name in OUTPUTS if name != "flags"}
@@ -71,13 +71,13 @@ class SequenceRows:
 
     def latest(self, what: str, values: str, fresh: str) -> str:
         graph = self._graph
-        pressures = len(self._model.pressures)
+        begun = [LONG_AGO, 0.0] if what == HAPPENED_AT else [LONG_AGO]
+        begin = graph.constant([begun])
         if what == CHANGED_AT:  # as if the first sample had been there one step before it
-            begin = graph.add("Sub", values, graph.constant([[*[0.0] * pressures, 1.0]]), to=what + "_begin")
-        else:
-            begin = graph.constant([[LONG_AGO, LONG_AGO, 0.0]])
+            begun = [*[0.0] * len(self._model.pressures), 1.0]
+            begin = graph.add("Sub", values, graph.constant([begun]), to=what + "_begin")
         graph.add("Where", fresh, values, begin, to=what + "_values")
-        return self._filled(what, what + "_values", fresh, pressures + 1 if what == CHANGED_AT else 3)
+        return self._filled(what, what + "_values", fresh, len(begun))
 
     def latched(self, what: str, over: str, fresh: str) -> str:
         graph = self._graph
@@ -86,6 +86,12 @@ class SequenceRows:
         since = self._filled(what + "_over", "over_count", fresh, len(self._model.pressures) + 1)
         graph.add("Greater", "over_count", since, to="over_since")
         return graph.add("Or", over, "over_since", to="over_latched")
+
+    def since(self, what: str, happens: str, counts: str) -> str:
+        graph = self._graph
+        graph.cast(counts, what + "_counts", TensorProto.DOUBLE)
+        graph.add("CumSum", what + "_counts", graph.constant(0, np.int64), to=what + "_before", exclusive=1)
+        return graph.add("Sub", what + "_before", self.latest(what, what + "_before", happens), to=what)
 
     def lasting(self, holds: str) -> str:
         graph = self._graph
@@ -162,15 +168,16 @@ class SequenceRows:
         return graph.add("Transpose", name + "_columns", to=to or name + "_latest", perm=[1, 0])
 
 
-def learn_offset(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: Rows, constant: str) -> None:
+def learn_offset(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: Rows, doubts: list[str]) -> None:
     """Make ``offset_taken_n``, ``offset_variance``, ``offset_known`` of each row, and the columns of both outputs.
 
-    A row whose position has been constant for too long counts as invalid, whatever the force: it does not slide.
+    A row with any of ``doubts`` counts as invalid: its position has been constant for too long, whatever the force, and
+    so does not slide, or its force is not modelled.
     """
     given = "the sensors' offset in friction before the first sample and its standard uncertainty [N]; zeros: unknown"
     graph.takes("offset", TensorProto.DOUBLE, [1, learning.GIVEN], given)
-    graph.add("Not", constant, to="changing_enough")
-    graph.add("Concat", rows.accepted, "changing_enough", to="sound_each", axis=1)
+    certain = [graph.add("Not", doubt, to=doubt + "_not") for doubt in doubts]
+    graph.add("Concat", rows.accepted, *certain, to="sound_each", axis=1)
     graph.cast("sound_each", "sound_each_number", TensorProto.DOUBLE)
     graph.add("ReduceMin", "sound_each_number", to="sound_number", axes=[1])
     ends, _ = learning.block_ends(graph, tracker, rows, graph.cast("sound_number", "sound", TensorProto.BOOL))

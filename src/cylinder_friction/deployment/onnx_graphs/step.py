@@ -5,13 +5,22 @@ import onnx
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs import sensor_offset as learning
-from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked, unchanging
+from cylinder_friction.deployment.onnx_graphs.checks import Validity, check_validity, checked, follow_motion, unchanging
 from cylinder_friction.deployment.onnx_graphs.description import described, input_text, outputs_of
 from cylinder_friction.deployment.onnx_graphs.estimated import estimated, filtered, lags_of
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
 from cylinder_friction.deployment.onnx_graphs.history import STATE, begin_history, history_step
 from cylinder_friction.deployment.onnx_graphs.position_load import with_load
-from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, DIRECTION, FAR, HAPPENED_AT, LONG_AGO, Rows
+from cylinder_friction.deployment.onnx_graphs.rows import (
+    CHANGED_AT,
+    DIRECTION,
+    FAR,
+    HAPPENED_AT,
+    LONG_AGO,
+    TURNED_AT,
+    UNMODELLED,
+    Rows,
+)
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
@@ -31,7 +40,8 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
     if model.offset is not None:
         begin_offset(graph, model.offset)
         learning.take_off(graph, model, model.offset)
-    flags, regime = checked(graph, model, rows, unchanging(graph, model, rows))
+    unmodelled = follow_motion(graph, model, rows)
+    flags, regime = checked(graph, model, rows, unchanging(graph, model, rows), unmodelled)
     newtons = estimated(graph, model, rows, regime)
     graph.add("Where", "running", flags, validity.unready_flags, to="final_flags")
     graph.cast("final_flags", "flags", TensorProto.INT32)
@@ -49,7 +59,7 @@ def step_graph(model: StepModel) -> onnx.ModelProto:
         graph.gives("network_out", TensorProto.FLOAT, shape, "network of the next step")
         graph.add("Where", "running", "network_state", "network", to="network_out")
     if model.offset is not None:
-        learn_offset(graph, model, model.offset, rows)
+        learn_offset(graph, model, model.offset, rows, unmodelled)
     return graph.model("step", MEANING, described(model))
 
 
@@ -57,8 +67,8 @@ class StepRows:
     """One row, whose past lies in ``memory``.
 
     Memory, as doubles: the last samples (newest first, one number per channel each), ``CHANGED_AT``, ``HAPPENED_AT``,
-    direction, clock, the state of the history where the model has one, and 1 once a valid sample has come. While that
-    is 0, the rest means nothing.
+    ``TURNED_AT``, ``UNMODELLED`` where the model knows the range of the force balance, direction, clock, the state of
+    the history where the model has one, and 1 once a valid sample has come. While that is 0, the rest means nothing.
     """
 
     single = True
@@ -71,8 +81,9 @@ class StepRows:
         block_lags = 0 if model.offset is None else learning.block_taps(model, model.offset).shape[2]
         self.lags = max(lags_of(model), block_lags)
         channels, past = len(model.channels), (self.lags - 1) * len(model.channels)
-        lengths = {"past": past, "oldest": channels, CHANGED_AT: len(model.pressures) + 1, HAPPENED_AT: 3}
-        lengths |= {DIRECTION: 1, "clock": 1, "history": 0 if model.history is None else len(STATE), "ready": 1}
+        lengths = {"past": past, "oldest": channels, CHANGED_AT: len(model.pressures) + 1, HAPPENED_AT: 2, TURNED_AT: 1}
+        lengths |= {UNMODELLED: int(bool(model.guard.force_weights)), DIRECTION: 1, "clock": 1}
+        lengths |= {"history": 0 if model.history is None else len(STATE), "ready": 1}
         self._lengths = {name: length for name, length in lengths.items() if length}
         self.size = sum(lengths.values())
         self.accepted = validity.accepted
@@ -85,6 +96,13 @@ class StepRows:
     def latched(self, what: str, over: str, fresh: str) -> str:  # noqa: ARG002 - a change takes FAR back
         self._graph.add("Where", over, self._graph.constant(FAR), what, to=what + "_or_far")
         return over
+
+    def since(self, what: str, happens: str, counts: str) -> str:
+        graph = self._graph
+        graph.add("Where", happens, graph.constant(0.0), what + "_before", to=what)
+        graph.cast(counts, what + "_counts", TensorProto.DOUBLE)
+        graph.add("Add", what, what + "_counts", to=what + "_after")
+        return what
 
     def direction_before(self, direction: str) -> str:
         return direction + "_before"
@@ -102,7 +120,9 @@ class StepRows:
 
     def remember(self) -> None:
         """Make ``memory_out``."""
-        after = ["window", CHANGED_AT + "_or_far", HAPPENED_AT, DIRECTION, "clock"]
+        after = ["window", CHANGED_AT + "_or_far", HAPPENED_AT, TURNED_AT]
+        after += [UNMODELLED + "_after"] if UNMODELLED in self._lengths else []
+        after += [DIRECTION, "clock"]
         after += ["history_state_out"] if "history" in self._lengths else []
         self._graph.add("Concat", *after, "running_number", to="memory_out", axis=1)
 
@@ -116,10 +136,11 @@ class StepRows:
         graph.add("Gather", "memory", graph.indices(*range(inputs)), to="held", axis=1)
         graph.add("Where", validity.accepted, "sample", "held", to="clean")
         self.channels = with_load(graph, self._model, self.sample)
-        graph.add("Concat", self.channels, graph.constant([[0.0, LONG_AGO]]), to="beginnings", axis=1)
-        position, zero, never = self._model.position, channels, channels + 1
+        graph.add("Concat", self.channels, graph.constant([[0.0, LONG_AGO, FAR]]), to="beginnings", axis=1)
+        position, zero, never, far = self._model.position, channels, channels + 1, channels + 2
         begun = [*range(channels)] * self.lags
-        begun += [*[position] * len(self._model.pressures), zero, never, never, zero]
+        begun += [*[position] * len(self._model.pressures), zero, never, zero, never]
+        begun += [far] if UNMODELLED in self._lengths else []
         begun += [zero] * (self.size - len(begun))
         graph.add("Gather", "beginnings", graph.indices(*begun), to="memory_at_first", axis=1)
         graph.add("Where", "ready", "memory", "memory_at_first", to="memory_before")
@@ -165,9 +186,10 @@ def begin_offset(graph: Graph, tracker: OffsetTracker) -> None:
     graph.split("offset_before", OFFSET_STATE)
 
 
-def learn_offset(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: Rows) -> None:
+def learn_offset(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: Rows, unmodelled: list[str]) -> None:
     """Make ``offset_out``, ``offset_n`` and ``offset_uncertainty_n``: what the next step takes off."""
-    ends, sliding = learning.block_ends(graph, tracker, rows, graph.add("Not", "bad", to="sound"))
+    trouble = graph.add("Or", "bad", *unmodelled, to="bad_or_unmodelled") if unmodelled else "bad"
+    ends, sliding = learning.block_ends(graph, tracker, rows, graph.add("Not", trouble, to="sound"))
     walked = graph.add("Add", "offset_learned", graph.constant(learning.walk(tracker)), to="offset_walked")
     ended, going = Graph("block_"), Graph("between_")
     averages = learning.averaged(ended, model, tracker, rows.window, rows.lags, "averages")

@@ -1,0 +1,146 @@
+"""The range of the force balance in training: beyond it lies a force that the estimator does not know.
+
+That is an external load, an end stop, or a wrong pressure. While the piston slides, friction opposes the motion and
+grows with the pressures that press the seals on: along the motion, the balance lies between two lines over the sum of
+both pressures. In creep, at rest and just after a reversal a third line limits its size. The lines enclose the usable
+rows of training as measured, the sensors' zeros included, so that the flag does not depend on what is learned of them.
+Once found, an unmodelled force is taken to remain until the piston has moved for ``CLEAR_S`` with the balance between
+the first two lines: at rest nothing refutes it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numba
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.realtime.bounds import CREEP, SLIDING, causal_velocity, regimes_of
+from cylinder_friction.realtime.guard import TRAINED_MARGIN
+from cylinder_friction.realtime.model import Bounds, Guard, StepModel
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURE_1, PRESSURE_2, PRESSURES
+from cylinder_friction.recordings.recording import Recording
+
+CLEAR_S = 1.0
+ZERO_DEVIATIONS = 3.0
+"""The lines are widened by so many standard uncertainties of the sensors' stated zeros, and by ``TRAINED_MARGIN``
+of the largest force."""
+
+
+def balance_weights(cylinder: Cylinder, channels: Sequence[str]) -> tuple[float, ...]:
+    """Return what one unit of each channel adds to the force balance P1·A1 - P2·A2 - F_load [N]."""
+    weights = {PRESSURE_1: cylinder.piston_area_m2, PRESSURE_2: -cylinder.annulus_area_m2, LOAD_FORCE: -1.0}
+    return tuple(float(weights.get(name, 0.0)) for name in channels)
+
+
+def with_force_limits(
+    guard: Guard, bounds: Bounds, cylinder: Cylinder, recordings: Sequence[Recording], channels: Sequence[str]
+) -> Guard:
+    """Return a guard that knows the range of the force balance in the usable rows of training.
+
+    Without a raw pressure among the channels, or without usable rows, it is the same guard.
+
+    Args:
+        guard: What else a sample must be.
+        bounds: Which state what counts as sliding.
+        cylinder: Its areas.
+        recordings: Those of training, as measured.
+        channels: Columns of a sample, and a load that position decides.
+    """
+    weights = np.array(balance_weights(cylinder, channels))
+    used = recordings if set(PRESSURES) <= set(channels) else ()
+    parts = [np.empty((3, 0)), *(_usable_rows(each, bounds, weights, channels) for each in used)]
+    force_n, direction, pressure_pa = np.concatenate(parts, axis=1)
+    if not len(force_n):
+        return guard
+    size_n, slides = np.abs(force_n), direction != 0.0
+    along_n, pushed_pa = (direction * force_n)[slides], pressure_pa[slides]
+    margin_n = TRAINED_MARGIN * float(size_n.max()) + ZERO_DEVIATIONS * max(
+        _zero_n(each, weights, channels) for each in used
+    )
+    largest = _line_above(pressure_pa, size_n, margin_n)
+    upper, lower = (
+        _line_above(pushed_pa, sign * along_n, margin_n) if slides.any() else largest for sign in (1.0, -1.0)
+    )
+    return replace(
+        guard,
+        force_weights=tuple(weights.tolist()),
+        sliding_lower=(-lower[0], -lower[1]),
+        sliding_upper=upper,
+        largest_force=largest,
+        clear_samples=round(CLEAR_S / recordings[0].sample_time_s),
+    )
+
+
+def force_limits(model: StepModel) -> Array:
+    """Return what ``unmodelled_force`` goes by, shape ``(2, channels + 3)``; ``(2, 0)`` where the range is not known.
+
+    Weights of each channel in the force balance [N] and in the sum of the raw pressures [Pa]; then constant [N] and
+    slope [N/Pa] of the three lines: lower and upper one while sliding, largest size otherwise.
+    """
+    guard = model.guard
+    if not guard.force_weights:
+        return np.zeros((2, 0))
+    pressures = np.isin(np.arange(len(model.channels)), model.pressures).astype(np.float64)
+    lines = np.transpose([guard.sliding_lower, guard.sliding_upper, guard.largest_force])
+    return np.concatenate([[guard.force_weights, pressures], lines], axis=1)
+
+
+@numba.njit(cache=True)
+def unmodelled_force(
+    limits: Array, sample: Array, regime: int, direction: int, left: int, clear_samples: int
+) -> tuple[bool, int]:
+    """Return whether there is a force that is not modelled, and after how many samples of motion it no longer counts.
+
+    Args:
+        limits: See ``force_limits``; with some.
+        sample: One number per channel, invalid ones held.
+        regime: Of motion, see ``bounds.next_regime``.
+        direction: Of motion: -1 or 1; 0 at rest.
+        left: What this function returned at the sample before; 0 at the first.
+        clear_samples: So many samples of motion within the limits refute it.
+    """
+    force_n, pressure_pa = 0.0, 0.0
+    for channel in range(sample.shape[0]):
+        force_n += limits[0, channel] * sample[channel]
+        pressure_pa += limits[1, channel] * sample[channel]
+    lines, along_n = limits[:, sample.shape[0] :], direction * force_n
+    within = lines[0, 0] + lines[1, 0] * pressure_pa <= along_n and along_n <= lines[0, 1] + lines[1, 1] * pressure_pa
+    if not within if regime == SLIDING else abs(force_n) > lines[0, 2] + lines[1, 2] * pressure_pa:
+        return True, clear_samples
+    if left > 0 and within and regime in (CREEP, SLIDING):
+        return True, left - 1
+    return left > 0, left
+
+
+def _usable_rows(recording: Recording, bounds: Bounds, weights: Array, channels: Sequence[str]) -> Array:
+    """Return force balance [N], direction of sliding (0 otherwise) and sum of pressures [Pa], shape ``(3, n)``."""
+    slides = regimes_of(recording, bounds.standstill_m_s, bounds.creep_m_s) == SLIDING
+    direction = np.where(slides, np.sign(causal_velocity(recording)), 0.0)
+    pressure_pa = recording.samples(PRESSURES).sum(axis=1)
+    return np.stack([recording.samples(channels) @ weights, direction, pressure_pa])[:, recording.usable()]
+
+
+def _zero_n(recording: Recording, weights: Array, channels: Sequence[str]) -> float:
+    """Return the standard uncertainty that the sensors' stated zeros give the force balance [N]; 0 if not stated."""
+    stated = recording.metadata.uncertainty
+    return math.hypot(
+        *(weight * stated[name].zero for name, weight in zip(channels, weights, strict=True) if name in stated)
+    )
+
+
+def _line_above(pressure_pa: Array, force_n: Array, margin_n: float) -> tuple[float, float]:
+    """Return constant and slope of the line a margin above all forces whose mean distance from them is smallest."""
+    from scipy.optimize import minimize_scalar  # training alone waits for it
+
+    mean_pa, steepest = float(pressure_pa.mean()), float(np.abs(force_n).max() / max(pressure_pa.std(), 1.0))
+
+    def above(slope: float) -> float:
+        return float((force_n - slope * (pressure_pa - mean_pa)).max())
+
+    slope = float(
+        minimize_scalar(above, bounds=(-steepest, steepest), method="bounded", options={"xatol": 1e-4 * steepest}).x
+    )
+    return above(slope) - slope * mean_pa + margin_n, slope
