@@ -151,6 +151,16 @@ def test_what_is_found_in_single_samples_counts_for_the_file(tmp_path: Path, cyl
     assert whole.repairs[0] in parts.metadata.repairs
 
 
+def test_a_large_file_with_several_time_columns_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder
+) -> None:
+    lines = ["t;p1;t;p2;x", *(f"{row};1.5;{row};2.5;3.5" for row in range(3_000))]
+    (tmp_path / "scope.csv").write_text("\n".join([*lines, ""]))
+    monkeypatch.setattr("cylinder_friction.recordings.formats.delimited.MOST_INDIVISIBLE", 10_000)
+    with pytest.raises(RecordingError, match=r"its columns of one name \(t\) end at rows of their own"):
+        pieces_or_drafts(tmp_path / "scope.csv", recipe(cylinder), rows=1_000, folder=tmp_path / "parts")
+
+
 @pytest.mark.parametrize(("suffix", "rows"), [(".csv.gz", 5_000), (".parquet", 5_000), (".csv", 5_000)])
 def test_other_files_are_read_in_parts_too(tmp_path: Path, cylinder: Cylinder, suffix: str, rows: int) -> None:
     log = made_log(ROWS)

@@ -28,7 +28,7 @@ from cylinder_friction.recordings.checks.recording_checks import (
 )
 from cylinder_friction.recordings.checks.screening import Screen
 from cylinder_friction.recordings.conversion import Recipe, pieces_from, pieces_of, unread_clocks
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
+from cylinder_friction.recordings.formats.logged_table import MOST_INDIVISIBLE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, wanted_channels
@@ -47,8 +47,6 @@ CONTEXT_ROWS, CONTEXT_S = 8192, 1.0
 """Rows of its neighbours that a part sees on either side, and the time that they last at least."""
 UNDISTURBED_ROWS = 64
 """Around a border between two parts so many stamps to either side increase without a gap."""
-MOST_INDIVISIBLE = 256 * 10**6
-"""A log that cannot be cut into parts is read whole up to this size [bytes]."""
 SAME_STEP = 0.25
 """Where the sample time between two parts is off by more than this share, they become two recordings."""
 MOST_REPAIRS = 5

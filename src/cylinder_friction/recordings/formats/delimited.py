@@ -17,7 +17,13 @@ from cylinder_friction.recordings.formats.cells import MISSING, split_cells
 from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
 from cylinder_friction.recordings.formats.layout import Layout, find_layout
-from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
+from cylinder_friction.recordings.formats.logged_table import (
+    MOST_INDIVISIBLE,
+    PLACES,
+    ROWS_A_PLACE,
+    LoggedTable,
+    LongTable,
+)
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
@@ -57,7 +63,13 @@ def long_delimited(
     """
     text = open_text(source, options.encoding)
     lines, layout = _first_lines(text, options)
-    if repeated_names(layout.names):
+    if repeated := repeated_names(layout.names):
+        if source.size > MOST_INDIVISIBLE:
+            raise RecordingError(
+                f"is too large to be read whole ({source.size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} MB), "
+                f"and its columns of one name ({', '.join(sorted(repeated))}) end at rows of their own, so that it "
+                "cannot be read in parts; export it with one time column, or split it"
+            )
         return None
     below = lines[layout.first_row :]
     step = max(1, sum(map(len, below)) // len(below)) * rows

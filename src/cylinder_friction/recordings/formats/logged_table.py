@@ -35,6 +35,8 @@ class LongTable:
 
 
 PLACES, ROWS_A_PLACE = 32, 1024
+MOST_INDIVISIBLE = 256 * 10**6
+"""A text or Parquet file that cannot be read in parts is read whole up to this size [bytes]."""
 
 
 def named_columns(columns: Sequence[tuple[str, NDArray[Any]]], kind: Any = None) -> pd.DataFrame:
