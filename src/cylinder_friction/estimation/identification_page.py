@@ -9,7 +9,8 @@ import plotly.graph_objects as go
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimation.identified_model import IdentifiedModel, IdentifiedParameter, meaning
-from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve, StribeckPoint
+from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve
+from cylinder_friction.friction_models.identification.steady_points import StribeckPoint
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined

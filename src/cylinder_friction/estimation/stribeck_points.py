@@ -1,6 +1,5 @@
 """Points of the Stribeck curve with confidence intervals that know that the rows of one stroke are not independent."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
-    SteadySliding,
+    StribeckPoint,
     steady_sliding_by_speed,
 )
 from cylinder_friction.friction_models.parameters import STRIBECK_EXPONENT
@@ -25,19 +24,6 @@ LEAST_RISE = 0.05
 STEADY_VARIATION = 0.4
 """How much velocity may vary within ``STEADY_DURATION_S``, over its mean, for sliding to count as steady."""
 _AT_THE_LIMIT = 0.01
-
-
-@dataclass(frozen=True)
-class StribeckPoint(SteadyPoint):
-    """Friction of steady sliding at one speed in one direction, and how well it is known."""
-
-    strokes: int  # How many strokes its rows come from
-    half_width_n: float  # Half the width of the confidence interval of ``friction_n`` [N]; NaN for a single stroke
-
-    @property
-    def known_half_width_n(self) -> float | None:
-        """``half_width_n``, None where it is not known."""
-        return None if math.isnan(self.half_width_n) else self.half_width_n
 
 
 @dataclass(frozen=True)
@@ -102,27 +88,9 @@ def stribeck_points(
         confidence: Probability of each interval.
     """
     steady = [_steady(recording, slowest_m_s) for recording in recordings]
-    return tuple(_point(rows, confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s))
+    return tuple(rows.point_with_interval(confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s))
 
 
 def _steady(recording: Recording, slowest_m_s: float) -> Recording:
     rows = steady_rows(recording.column("velocity_m_s"), recording.sample_time_s, slowest_m_s, STEADY_VARIATION)
     return recording.with_columns(usable=recording.usable() & rows)
-
-
-def _point(rows: SteadySliding, confidence: float) -> StribeckPoint:
-    """Return the point of some rows.
-
-    What scatters is the median of a stroke, from stroke to stroke, with Student's t for their number; a stroke counts
-    by its rows. A single stroke shows no scatter, however many rows it has.
-    """
-    from scipy.special import stdtrit  # what only estimates need not wait for it
-
-    _, stroke, counts = np.unique(rows.stroke, return_inverse=True, return_counts=True)
-    half_width_n = math.nan
-    if len(counts) > 1:
-        medians = [np.median(rows.friction_n[stroke == number]) for number in range(len(counts))]
-        share = counts / counts.sum()
-        quantile = float(stdtrit(len(counts) - 1, 0.5 + 0.5 * confidence))
-        half_width_n = quantile * float(np.std(medians, ddof=1)) * float(np.linalg.norm(share))
-    return StribeckPoint(**vars(rows.point()), strokes=len(counts), half_width_n=half_width_n)

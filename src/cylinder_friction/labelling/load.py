@@ -118,7 +118,7 @@ class LoadIdentification:
         """Return the result in words."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
         return (
-            f"the load is {low_n:.4g} to {high_n:.4g} N between {from_m:.3g} and {to_m:.3g} m, from strokes "
+            f"the load is {low_n:.0f} to {high_n:.0f} N between {from_m:.3g} and {to_m:.3g} m, from strokes "
             f"({self.strokes_extend} out, {self.strokes_retract} in); Coulomb friction {self.coulomb_n:.4g} N "
             f"({self.coulomb_interval_n[0]:.4g} to {self.coulomb_interval_n[1]:.4g}), "
             f"{self.coulomb_extend_n:.4g} extending and {self.coulomb_retract_n:.4g} retracting"

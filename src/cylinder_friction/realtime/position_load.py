@@ -51,7 +51,7 @@ class PositionLoad:
     def in_words(self) -> str:
         """Return the load in one sentence, for whoever reads an exported model."""
         return (
-            f"a load of {self.load_n.min():.4g} to {self.load_n.max():.4g} N, which position decides between "
+            f"a load of {self.load_n.min():.0f} to {self.load_n.max():.0f} N, which position decides between "
             f"{self.first_m:.4g} and {self.last_m:.4g} m, known to {self.uncertainty_n.max():.3g} N (standard "
             "uncertainty), is taken off"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,6 +37,19 @@ class SteadyPoint:
 
 
 @dataclass(frozen=True)
+class StribeckPoint(SteadyPoint):
+    """Friction of steady sliding at one speed in one direction, and how well it is known."""
+
+    strokes: int  # How many strokes its rows come from
+    half_width_n: float  # Half the width of the confidence interval of ``friction_n`` [N]; NaN for a single stroke
+
+    @property
+    def known_half_width_n(self) -> float | None:
+        """``half_width_n``, None where it is not known."""
+        return None if math.isnan(self.half_width_n) else self.half_width_n
+
+
+@dataclass(frozen=True)
 class SteadySliding:
     """Rows of steady sliding at about one speed in one direction."""
 
@@ -48,6 +62,23 @@ class SteadySliding:
         """Return medians and quartiles."""
         lower_n, middle_n, upper_n = np.quantile(self.friction_n, [0.25, 0.5, 0.75]).tolist()
         return SteadyPoint(float(np.median(self.velocity_m_s)), middle_n, lower_n, upper_n, len(self.velocity_m_s))
+
+    def point_with_interval(self, confidence: float) -> StribeckPoint:
+        """Return the point, and how well it is known at this probability.
+
+        What scatters is the median of a stroke, from stroke to stroke, with Student's t for their number; a stroke
+        counts by its rows. A single stroke shows no scatter, however many rows it has.
+        """
+        from scipy.special import stdtrit  # what only estimates need not wait for it
+
+        _, stroke, counts = np.unique(self.stroke, return_inverse=True, return_counts=True)
+        half_width_n = math.nan
+        if len(counts) > 1:
+            medians = [np.median(self.friction_n[stroke == number]) for number in range(len(counts))]
+            share = counts / counts.sum()
+            quantile = float(stdtrit(len(counts) - 1, 0.5 + 0.5 * confidence))
+            half_width_n = quantile * float(np.std(medians, ddof=1)) * float(np.linalg.norm(share))
+        return StribeckPoint(**vars(self.point()), strokes=len(counts), half_width_n=half_width_n)
 
     def where(self, rows: Mask) -> SteadySliding:
         """Return some of the rows."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, StribeckPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.reporting.inspection.friction_view import FrictionView
 from cylinder_friction.reporting.inspection.sliding_friction import WAYS, MeanFriction
@@ -164,26 +164,23 @@ def _curve(figure: go.Figure, view: FrictionView, curve: StribeckCurve) -> None:
         figure.add_trace(line.update(line_dash=dash), row=1, col=2)
 
 
-def _points(figure: go.Figure, points: tuple[SteadyPoint, ...]) -> None:
-    """Add the steady points with their quartiles to both panels."""
+def _points(figure: go.Figure, points: tuple[StribeckPoint, ...]) -> None:
+    """Add the steady points with their intervals to both panels."""
     for way, colour, symbol in ((1.0, BLUE, "circle"), (-1.0, ORANGE, "square")):
         chosen = [point for point in points if point.velocity_m_s * way > 0.0]
         if not chosen:
             continue
         velocity = MM_PER_M * np.array([point.velocity_m_s for point in chosen])
         middle = np.array([point.friction_n for point in chosen])
-        upper = np.array([point.upper_quartile_n for point in chosen]) - middle
-        lower = middle - np.array([point.lower_quartile_n for point in chosen])
+        half_n = [point.known_half_width_n for point in chosen]
         rows = [point.rows for point in chosen]
-        name = "steady sliding (median, quartiles): " + ("extending" if way > 0.0 else "retracting")
-        for column, (x, y, above, below) in enumerate(
-            ((velocity, middle, upper, lower), (way * velocity, way * middle, *(upper, lower)[:: int(way)])), start=1
-        ):
+        name = "steady sliding (median, 95 % interval): " + ("extending" if way > 0.0 else "retracting")
+        for column, (x, y) in enumerate(((velocity, middle), (way * velocity, way * middle)), start=1):
             figure.add_trace(
                 go.Scatter(
                     x=np.float32(x),
                     y=np.float32(y),
-                    error_y={"type": "data", "symmetric": False, "array": above, "arrayminus": below, "thickness": 1.2},
+                    error_y={"type": "data", "array": half_n, "thickness": 1.2},
                     customdata=rows,
                     mode="markers",
                     name=name,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
+from cylinder_friction.friction_models.identification.steady_points import StribeckPoint, steady_sliding_by_speed
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.label import Labeller
@@ -39,6 +39,9 @@ PRESSURE_FORCE = "P1·A1 - P2·A2"
 MEASURED_FORCE = "drive force"
 
 
+CONFIDENCE = 0.95  # Probability of the intervals of steady sliding
+
+
 @dataclass(frozen=True)
 class FrictionView:
     """Friction of one recording."""
@@ -50,7 +53,7 @@ class FrictionView:
     friction_n: Array  # Shape ``(n,)`` [N], positive when it opposes positive velocity
     usable: NDArray[np.bool_]  # Rows away from end stops and from the recording's edges, shape ``(n,)``
     slowest_m_s: float  # Slower rows count as standstill [m/s]
-    points: tuple[SteadyPoint, ...]  # Steady sliding by speed and direction
+    points: tuple[StribeckPoint, ...]  # Steady sliding by speed and direction
     curve: StribeckCurve | None  # Fitted to them; None where they do not determine one, and ``no_curve`` states why
     # Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN where the piston
     # does not pass the same positions in both directions
@@ -116,7 +119,7 @@ def view_of_labelled(
     rest = standstill_rows(position_m, sample_time_s, max(support.before, support.after))
     at_rest_m_s = float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest)))
     slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, _noise_of_sensor(position_m, sample_time_s, method))
-    points = tuple(steady_points([labelled], slowest_m_s))
+    points = tuple(rows.point_with_interval(CONFIDENCE) for rows in steady_sliding_by_speed([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
     load_n, half_difference_n = up_and_down(position_m, signals.velocity_m_s, friction_n, usable, slowest_m_s)
     return FrictionView(

@@ -207,11 +207,13 @@ def stribeck_table(view: FrictionView) -> tuple[Table | None, str]:
     """Return the curve's parameters and what they come from; without a curve the points of steady sliding, if any."""
     points, curve = view.points, view.curve
     if curve is None:
-        head = ("velocity [mm/s]", f"{view.friction_name} [N]", "lower quartile [N]", "upper quartile [N]", "rows")
+        head = ("velocity [mm/s]", f"{view.friction_name} [N]", "± [N] (95 %)", "strokes", "rows")
         table = [
             (
                 f"{MM_PER_M * point.velocity_m_s:.3g}",
-                *(four_digits(value) for value in (point.friction_n, point.lower_quartile_n, point.upper_quartile_n)),
+                four_digits(point.friction_n),
+                "–" if point.known_half_width_n is None else four_digits(point.known_half_width_n),
+                str(point.strokes),
                 str(point.rows),
             )
             for point in points
