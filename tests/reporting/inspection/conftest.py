@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import re
-import zlib
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +14,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingMetadata,
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
 from cylinder_friction.signals.methods import filters_by_method
+from packed_pages import unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -60,12 +58,6 @@ def write_page_of(
     panes, making = made_panes(subjects, labeller, filters)
     write_page(path, panes, making, list(offsets))
     return unpacked(path.read_text(encoding="utf-8"))
-
-
-def unpacked(page: str) -> str:
-    """Return a page with the panes as a browser shows them once they are chosen."""
-    packed = re.compile('<script type="text/plain">([^<]+)</script>')
-    return packed.sub(lambda found: zlib.decompress(base64.b64decode(found[1])).decode(), page)
 
 
 def stated(recording: Recording, zero_pa: float = 5000.0) -> Recording:

@@ -14,8 +14,9 @@ from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.reporting.inspection.subject import Inspected
+from packed_pages import unpacked
 
-from .conftest import made_panes, made_strokes, stated, unpacked, write_page_of
+from .conftest import made_panes, made_strokes, stated, write_page_of
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -112,6 +112,9 @@ class Panes:
             friction = sliding_friction(view)
             zero_n = zero_uncertainty_n(view.labelled, cylinder)
             subject = subject.found(friction_finding(view, friction, zero_n, self.plan))
+            if self.labeller.load == "position":
+                words = view.assumed[0].partition("Load: ")[2].partition(". A1 =")[0]
+                subject = replace(subject, findings=[*subject.findings, Finding("load", "ok", words)])
         if subject.outcome == "refused":
             friction = {}
         elif recording.sample_time_s not in self.costs:
