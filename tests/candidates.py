@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 from mlflow import MlflowClient
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.gate import Candidate
+from cylinder_friction.run_record import RunRecord
+from cylinder_friction.tracking.gate import Candidate, Registered
+from cylinder_friction.tracking.log_run import log_run
+from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.versions import origin_of
 
@@ -20,10 +23,13 @@ if TYPE_CHECKING:
 NAME = "friction-estimator"
 
 
+_MEASURED: dict[str, dict[str, float]] = {}  # What a model of that hash would be measured to have
+
+
 def candidate_in(root: Path, errors: dict[str, float] | None = None) -> Candidate:
     processed = [f"data/processed/{role}" for role in ("train", "validation", "test")]
     origin = origin_of(root, "data/raw/rig", processed)
-    return Candidate(
+    candidate = Candidate(
         NAME,
         "models/hybrid",
         hash_of(root / "models/hybrid"),
@@ -31,7 +37,30 @@ def candidate_in(root: Path, errors: dict[str, float] | None = None) -> Candidat
         origin.data["data/processed/test"],
         origin,
         {"pressure_1_pa": [1e6, 1.1e6], "pressure_2_pa": [9e5, 9e5], "position_m": [0.12, 0.121]},
+        tolerance_percent=0.1,
     )
+    _MEASURED[candidate.model_key] = candidate.errors_percent
+    return candidate
+
+
+def measured(folder: Path) -> dict[str, float]:
+    """Return the errors that the model in ``folder`` had as a candidate."""
+    return _MEASURED[hash_of(folder)]
+
+
+def registered_in(root: Path, errors: dict[str, float] | None = None) -> Registered:
+    """Register the model that lies there as the stage does: its file, its record and its run included."""
+    candidate = candidate_in(root, errors)
+    registered = register(candidate, root, measured)
+    (root / REGISTERED_FILE).write_text(json.dumps(registered.to_dict()), encoding="utf-8")
+    record = RunRecord(
+        "register",
+        metrics={f"condition_{name}.label_percent": value for name, value in candidate.errors_percent.items()},
+        tags={"gate_reason": registered.reason, "candidate_key": candidate.key()},
+    )
+    (root / "reports/runs/register.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
+    log_run(record, root)
+    return registered
 
 
 def other_model(root: Path) -> None:
@@ -49,10 +78,6 @@ def record_model(root: Path) -> None:
     content = json.loads(path.read_text(encoding="utf-8"))
     content["artifacts"] = {"models/hybrid": hash_of(root / "models/hybrid")}
     path.write_text(json.dumps(content), encoding="utf-8")
-
-
-def never(folder: Path) -> dict[str, float]:
-    raise AssertionError(f"{folder} was measured again without need")
 
 
 def versions(root: Path) -> list[ModelVersion]:

@@ -17,6 +17,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.import_graph import code_key
 from cylinder_friction.labelling.sensor_offset import fit_offset_model
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
@@ -230,7 +231,14 @@ def _write_run_records(root: Path) -> None:
         ),
     )
     (root / "reports/runs").mkdir()
+    stages = root / "src/cylinder_friction/stages"
+    stages.mkdir(parents=True)
+    for stage in ("record", "search", "train"):
+        (stages / f"{stage}.py").write_text(f"NAME = {stage!r}\n", encoding="utf-8")
     for record in records:
+        if (stages / f"{record.name}.py").is_file():
+            code = code_key(f"cylinder_friction.stages.{record.name}", source=root / "src")
+            record = replace(record, code=code)
         (root / f"reports/runs/{record.name}.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
 
 

@@ -15,11 +15,11 @@ _BY_NAME = re.compile(rf"({'|'.join(PACKAGES)})(\.\w+)+")
 _LONGEST_PATH = 100
 
 
-def code_key(*modules: str) -> str:
+def code_key(*modules: str, source: Path = SOURCE) -> str:
     """Return a SHA-256 over every file that decides what ``modules`` do, for the key of a result that they computed."""
     digest = hashlib.sha256()
-    for path in used_files(*modules):
-        digest.update(path.relative_to(SOURCE).as_posix().encode() + b"\0")
+    for path in used_files(*modules, source=source):
+        digest.update(path.relative_to(source).as_posix().encode() + b"\0")
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 

@@ -39,6 +39,7 @@ class RunRecord:
         artifacts: Files and folders to log, relative to the repository root, each with the hash of its bytes.
         datasets: Recordings it used: a role (train, validation, test) to a hash of all their bytes.
         children: Runs below it, for example the trials of a search.
+        code: Hash of the code that ran, of the stage's module and all that it imports; empty where it is not known.
         experiment: Which of the project's MLflow experiments it lies in, empty for the main one; children lie with
             their parent in any case.
     """
@@ -52,11 +53,12 @@ class RunRecord:
     datasets: dict[str, str] = field(default_factory=dict)
     children: tuple[RunRecord, ...] = ()
     experiment: str = ""
+    code: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of its file. The main experiment is not written down: older files have no such key."""
+        """Return the content of its file. What is empty in the last two is not written down: older files lack them."""
         content = {**asdict(self), "children": [child.to_dict() for child in self.children]}
-        return content if self.experiment else {key: value for key, value in content.items() if key != "experiment"}
+        return {key: value for key, value in content.items() if value or key not in ("experiment", "code")}
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:

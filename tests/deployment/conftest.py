@@ -34,8 +34,9 @@ def champion_root(
         "md5",
         origin_of(root, "data/raw/rig", ["data/processed/test"]),
         {name: first.column(name)[:5].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
+        tolerance_percent=0.1,
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        register(candidate, root, 0.1, lambda folder: {})
+        register(candidate, root, lambda folder: {})
     return root

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from cylinder_friction.deployment.serve import CHAMPION, curl, free_port, run_server, served_model
+from cylinder_friction.deployment.serve import curl, free_port, run_server, served_model
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.model_folder import example_rows
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow
 
+CHAMPION = "models:/friction-estimator@champion"
 GOOD = {"pressure_1_pa": 1.2e6, "pressure_2_pa": 9.1e5, "position_m": 0.12}
 JSON = "application/json"
 
@@ -204,8 +205,8 @@ def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     folder = champion_root / ".cylinder-friction"
     of_others = set(folder.glob("models-*.log"))
-    code = "import pathlib; from cylinder_friction.deployment.serve import CHAMPION, run_server as run; "
-    code += "run(CHAMPION, pathlib.Path())"
+    code = "import pathlib; from cylinder_friction.deployment.serve import run_server as run; "
+    code += f"run({CHAMPION!r}, pathlib.Path())"
     served = subprocess.Popen([sys.executable, "-c", code], cwd=champion_root, stderr=subprocess.DEVNULL)
     assert comes_true(lambda: bool(set(folder.glob("models-*.log")) - of_others), 120.0), "MLflow was not started"
     (log,) = set(folder.glob("models-*.log")) - of_others

@@ -110,6 +110,6 @@ def test_after_kill_9_in_stage_after_stage_a_repro_ends_as_if_nothing_had_been(
     for result in [result for results in RESULTS.values() for result in results]:
         assert hash_of(folder / result) == hash_of(finished_pipeline / result), result
     client = mlflow.MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
-    versions = client.search_model_versions("name='friction-estimator'")
+    versions = client.search_model_versions("name='friction-estimator-smoke'")
     assert len(versions) == 1
-    assert client.get_model_version_by_alias("friction-estimator", "champion").version == versions[0].version
+    assert client.get_model_version_by_alias("friction-estimator-smoke", "champion").version == versions[0].version

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 CHROMIUM = Path("/usr/bin/chromium")
-MODEL = "friction-estimator"
+MODEL = "friction-estimator-smoke"
 PATIENCE_MS = 30_000
 
 pytestmark = [

@@ -34,7 +34,8 @@ RUN_IN_A_FINISHED_PIPELINE = {
     "dvc metrics diff": "",
     "dvc plots show": "index.html",
     "cylinder-friction track": "0 runs logged",
-    "cylinder-friction lineage models:/friction-estimator@champion": "git commit",
+    "cylinder-friction rollback --to 1": "friction-estimator-smoke version 1 is the champion already",
+    "cylinder-friction lineage": "links hold",
 }
 RUN_ELSEWHERE = {
     "make test": "is what runs this",

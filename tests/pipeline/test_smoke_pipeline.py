@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.slow]
 
+MODEL = "friction-estimator-smoke"
 TIMED = {"reports/timings.json", "reports/report.html", "reports/runs/compare.json"}
 
 
@@ -87,10 +88,10 @@ def test_every_stage_has_its_run_and_every_trial_its_child_run(finished_pipeline
 
 
 def test_the_champion_is_registered_with_its_way_back(finished_pipeline: Path) -> None:
-    version = client_of(finished_pipeline).get_model_version_by_alias("friction-estimator", "champion")
+    version = client_of(finished_pipeline).get_model_version_by_alias(MODEL, "champion")
     head = run(finished_pipeline, "git", "rev-parse", "HEAD").stdout.strip()
     assert version.tags["git_commit"] == head
-    shown = run_here(finished_pipeline, "cylinder-friction", "lineage", "models:/friction-estimator@champion")
+    shown = run_here(finished_pipeline, "cylinder-friction", "lineage")
     assert head[:12] in shown.stdout
     assert "links hold" in shown.stdout
 
@@ -100,7 +101,7 @@ def test_lineage_says_which_link_is_broken(finished_pipeline: Path, tmp_path: Pa
     shutil.rmtree(folder / ".dvc/cache")
     recording = next((folder / "data/raw/rig").glob("*.csv"))
     recording.write_text(recording.read_text().replace("1", "2"))
-    done = run_here(folder, "cylinder-friction", "lineage", "models:/friction-estimator@champion", check=False)
+    done = run_here(folder, "cylinder-friction", "lineage", check=False)
     assert done.returncode == 1
     broken = [line for line in done.stdout.splitlines() if line.strip().startswith("BROKEN")]
     assert any("data raw/rig" in line for line in broken), done.stdout
@@ -112,6 +113,7 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
 ) -> None:
     source = copy_of(finished_pipeline, tmp_path / "source")
     run(source, "dvc", "remote", "add", "--default", "shelf", str(tmp_path / "shelf"))
+    shutil.copy(PROJECT / "benchmark/dvc.lock", source / "benchmark")  # of results that nobody has pushed
     commit(source, "finished")
     run(source, "dvc", "push")
     clone = tmp_path / "clone"
@@ -120,9 +122,12 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     for _ in range(2):
         run_here(clone, "cylinder-friction", "track")
         assert len(runs_of(clone)) == len(runs_of(finished_pipeline))
-        versions = client_of(clone).search_model_versions("name='friction-estimator'")
+        versions = client_of(clone).search_model_versions(f"name='{MODEL}'")
         assert len(versions) == 1
-    assert client_of(clone).get_model_version_by_alias("friction-estimator", "champion").version == versions[0].version
+    assert versions[0].aliases == [], "only register and a person promote"
+    shown = run_here(clone, "cylinder-friction", "rollback", "--to", versions[0].version)
+    assert shown.stdout == f"{MODEL}: champion was none, is version {versions[0].version}\n"
+    assert "links hold" in run_here(clone, "cylinder-friction", "lineage").stdout
 
 
 def test_metrics_are_declared(finished_pipeline: Path) -> None:

@@ -47,7 +47,7 @@ for at in sys.argv[1:]:
     if not child:
         os.chdir(at)
         setattr(MlflowClient, at, die)
-        register.run(SimpleNamespace(register_=settings))
+        register.run(SimpleNamespace(register_=settings, registered_name="friction-estimator"))
         os._exit(0)
     assert os.waitpid(child, 0)[1] == signal.SIGKILL, at
 """
@@ -55,7 +55,7 @@ for at in sys.argv[1:]:
 
 def parameters(**changes: Any) -> Params:
     settings = RegisterParams(**{"model_name": NAME, "candidate": "hybrid", "tolerance_percent": 0.1, **changes})
-    return SimpleNamespace(register_=settings)  # type: ignore[return-value]
+    return SimpleNamespace(register_=settings, registered_name=settings.model_name)  # type: ignore[return-value]
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
 
 import pytest
 from hypothesis import given
@@ -21,6 +20,7 @@ CANDIDATE = Candidate(
     "cd" * 16,
     Origin({"data/raw/rig": "ef.dir"}, "data/raw/rig", {"train": {"layers": 2}}),
     {"pressure_1_pa": [1e6], "pressure_2_pa": [9e5], "position_m": [0.12]},
+    tolerance_percent=0.1,
 )
 ERROR = st.floats(0.0, 1e3)
 FIGURES = st.dictionaries(st.sampled_from(["1", "2", "3", "4"]), ERROR, min_size=1)
@@ -30,10 +30,11 @@ FIGURES = st.dictionaries(st.sampled_from(["1", "2", "3", "4"]), ERROR, min_size
     ("candidate", "incumbent", "promote", "reason"),
     [
         ({"1": 3.0}, None, True, "there is no incumbent"),
-        ({"1": 3.0, "2": 3.0}, {"1": 4.0, "2": 3.0}, True, "better overall and in no condition worse"),
+        ({"1": 3.0, "2": 3.0}, {"1": 4.0, "2": 3.0}, True, "%; worse in no condition"),
         ({"1": 1.0, "2": 3.2}, {"1": 4.0, "2": 3.0}, False, "worse in condition 2: 3.200 % against 3.000 %"),
         ({"1": 1.0, "2": 3.2}, {"1": 4.0, "2": 3.0}, False, "although better overall, mean error 2.100 %"),
-        ({"1": 1.0, "2": 3.1}, {"1": 4.0, "2": 3.0}, True, "promoted"),
+        ({"1": 1.0, "2": 3.1}, {"1": 4.0, "2": 3.0}, True, "; worse in condition 2 by 0.100 percentage points, within"),
+        ({"1": 1.0, "2": 3.1}, {"1": 4.0, "2": 3.0}, True, "within the tolerance of 0.15"),
         ({"1": 4.0, "2": 4.0}, {"1": 4.0, "2": 4.0}, False, "not better overall"),
         ({"1": 5.0, "2": 4.0}, {"1": 4.0, "2": 4.0}, False, "not better overall"),
         ({"1": math.nan}, {"1": 4.0}, False, "the candidate's error in condition 1 is nan"),
@@ -89,5 +90,5 @@ def test_one_impossible_figure_refuses_whatever_the_rest(
 
 @pytest.mark.parametrize("incumbent", [None, Incumbent("12" * 32, {"1": 2.5, "2": 1.5})])
 def test_a_registration_comes_back_from_its_file(incumbent: Incumbent | None) -> None:
-    registered = Registered(CANDIDATE, "champion", True, "promoted: better", 0.1, incumbent)
-    assert Registered.from_dict(json.loads(json.dumps(asdict(registered)))) == registered
+    registered = Registered(CANDIDATE, "champion", True, "promoted: better", incumbent)
+    assert Registered.from_dict(json.loads(json.dumps(registered.to_dict()))) == registered

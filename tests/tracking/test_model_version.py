@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from candidates import candidate_in, never, other_model, record_model
+from candidates import candidate_in, measured, other_model, record_model
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.repository import TrackingError
@@ -24,7 +24,7 @@ __all__ = ["learning_hybrid", "offset_samples"]
 
 
 def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> None:
-    register(candidate_in(pipeline), pipeline, 0.1, never)
+    register(candidate_in(pipeline), pipeline, measured)
     (description,) = pipeline.glob("mlartifacts/models/*/artifacts/MLmodel")
     files = [path for path in description.parent.rglob("*") if path.is_file()]
     assert {path.name for path in files} >= {
@@ -48,7 +48,7 @@ def test_a_logged_model_that_learns_the_sensors_offset_gives_what_its_step_does(
 ) -> None:
     learning_hybrid.save(pipeline / "models/hybrid")
     record_model(pipeline)
-    register(candidate_in(pipeline), pipeline, 0.1, never)
+    register(candidate_in(pipeline), pipeline, measured)
     (description,) = pipeline.glob("mlartifacts/models/*/artifacts/MLmodel")
     loaded = mlflow.pyfunc.load_model(str(description.parent))
     samples = offset_samples[10:800]
@@ -65,4 +65,4 @@ def test_a_model_that_is_not_the_measured_one_is_refused(pipeline: Path) -> None
     candidate = candidate_in(pipeline)
     other_model(pipeline)
     with pytest.raises(TrackingError, match=r"models/hybrid: its content hash is .*… was measured; run `dvc checkout`"):
-        register(candidate, pipeline, 0.1, never)
+        register(candidate, pipeline, measured)

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import getpass
+import math
+import shutil
+from contextlib import nullcontext
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from mlflow import MlflowClient
 
-from candidates import candidate_in, champion, never, other_model, versions
-from cylinder_friction.recordings.files import hash_of
+from candidates import NAME, candidate_in, champion, measured, other_model, record_model, versions
+from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.tracking import model_version, registry
-from cylinder_friction.tracking.registry import register
-from cylinder_friction.tracking.store import tracking_uri
+from cylinder_friction.tracking.gate import Incumbent, Registered
+from cylinder_friction.tracking.model_version import ensure_version
+from cylinder_friction.tracking.registry import register, rollback
+from cylinder_friction.tracking.repository import LineageError, TrackingError
+from cylinder_friction.tracking.store import open_store, tracking_uri
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +28,7 @@ if TYPE_CHECKING:
 
 def test_the_first_candidate_is_promoted_and_tagged_with_the_way_back(pipeline: Path) -> None:
     candidate = candidate_in(pipeline)
-    registered = register(candidate, pipeline, 0.1, never)
+    registered = register(candidate, pipeline, measured)
     assert registered.promote
     (version,) = versions(pipeline)
     assert champion(pipeline) == str(version.version)
@@ -31,56 +39,183 @@ def test_the_first_candidate_is_promoted_and_tagged_with_the_way_back(pipeline: 
     assert tags["data_raw_md5"] == candidate.origin.data["data/raw/rig"]
     assert tags["data_processed_train_md5"] == candidate.origin.data["data/processed/train"]
     assert tags["params_sha256"] == candidate.origin.params_sha256
-    assert (tags["gate_decision"], tags["promoted_from"], tags["promoted_to"]) == ("promoted", "none", "version 1")
+    assert (tags["gate_decision"], tags["promoted_from"]) == ("promoted", "none")
+    assert tags["promoted_by"] == getpass.getuser()
     run = MlflowClient(tracking_uri(pipeline)).get_run(version.run_id or "")
     assert run.info.run_name == "train"
     assert f"models:/{run.outputs.model_outputs[0].model_id}" == version.source
 
 
 def test_the_same_model_is_registered_once_and_decided_once(pipeline: Path) -> None:
-    first = register(candidate_in(pipeline), pipeline, 0.1, never)
-    assert register(candidate_in(pipeline), pipeline, 0.1, never) == first
+    first = register(candidate_in(pipeline), pipeline, measured)
+    assert register(candidate_in(pipeline), pipeline, measured) == first
     assert len(versions(pipeline)) == 1
 
 
 def test_a_refused_candidate_is_a_version_that_says_why(pipeline: Path) -> None:
-    register(candidate_in(pipeline), pipeline, 0.1, never)
+    register(candidate_in(pipeline), pipeline, measured)
     other_model(pipeline)
-    refused = register(candidate_in(pipeline, {"1": 1.0, "2": 2.5}), pipeline, 0.1, never)
+    refused = register(candidate_in(pipeline, {"1": 1.0, "2": 2.5}), pipeline, measured)
     assert not refused.promote
     first, second = versions(pipeline)
     assert champion(pipeline) == str(first.version)
     assert second.tags["gate_decision"] == "refused"
     assert "worse in condition 2: 2.500 % against 2.000 %" in second.tags["gate_reason"]
     assert second.description == second.tags["gate_reason"]
-    assert "promoted_to" not in second.tags
+    assert "promoted_from" not in second.tags
 
 
 def test_a_better_one_takes_the_place_and_says_from_whom(pipeline: Path) -> None:
     old = candidate_in(pipeline)
-    register(old, pipeline, 0.1, never)
+    register(old, pipeline, measured)
     other_model(pipeline)
-    better = register(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline, 0.1, never)
+    better = register(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline, measured)
     assert better.incumbent is not None
     assert better.incumbent.model_key == old.model_key
     _, second = versions(pipeline)
     assert champion(pipeline) == str(second.version)
-    assert (second.tags["promoted_from"], second.tags["promoted_to"]) == ("version 1", "version 2")
+    assert second.tags["promoted_from"] == "version 1"
 
 
-def test_an_incumbent_measured_on_other_recordings_is_measured_again(pipeline: Path) -> None:
-    register(candidate_in(pipeline), pipeline, 0.1, never)
+def test_the_incumbents_figures_are_measured_whatever_its_tags_say(pipeline: Path) -> None:
+    first = register(candidate_in(pipeline), pipeline, measured).candidate
+    client = MlflowClient(tracking_uri(pipeline))
+    client.set_model_version_tag(NAME, "1", "gate_errors_percent", '{"1": 9.0, "2": 9.0}')
     other_model(pipeline)
-    seen: list[str] = []
+    refused = register(candidate_in(pipeline, {"1": 3.0, "2": 3.0}), pipeline, measured)
+    assert not refused.promote
+    assert refused.incumbent == Incumbent(first.model_key, {"1": 2.0, "2": 2.0})
 
-    def measured(folder: Path) -> dict[str, float]:
-        seen.append(hash_of(folder))
-        return {"1": 0.5, "2": 0.5}
 
-    candidate = replace(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), test_data_md5="other")
-    refused = register(candidate, pipeline, 0.1, measured)
-    assert not refused.promote, "on the present recordings the incumbent is the better one"
-    assert seen == [versions(pipeline)[0].tags["model_key"]], "the incumbent's own files were measured"
+@pytest.mark.parametrize("incumbent", [False, True])
+def test_a_candidate_without_a_figure_is_refused_and_its_file_is_written(pipeline: Path, incumbent: bool) -> None:
+    if incumbent:
+        register(candidate_in(pipeline), pipeline, measured)
+        other_model(pipeline)
+    refused = register(candidate_in(pipeline, {"1": 1.0, "2": math.nan}), pipeline, measured)
+    assert not refused.promote
+    assert refused.reason.startswith("refused: the candidate's error in condition 2 is nan")
+    write_json(pipeline / "registered.json", refused.to_dict())
+    again = Registered.from_dict(read_json(pipeline / "registered.json"))
+    assert again.to_dict() == refused.to_dict()
+    assert math.isnan(again.candidate.errors_percent["2"])
+
+
+def test_a_rollback_is_recorded_and_lasts_until_a_better_candidate(pipeline: Path) -> None:
+    register(candidate_in(pipeline), pipeline, measured)
+    other_model(pipeline)
+    second = candidate_in(pipeline, {"1": 1.0, "2": 1.0})
+    register(second, pipeline, measured)
+    assert rollback(pipeline, NAME) == "friction-estimator: champion was version 2, is version 1"
+    withdrawn = versions(pipeline)[1].tags["rolled_back"]
+    assert withdrawn.startswith(f"to version 1 by {getpass.getuser()} at 20")
+    whole = MlflowClient(tracking_uri(pipeline)).get_registered_model(NAME).tags["rolled_back"]
+    assert whole == withdrawn.replace("to", "version 2 to", 1)
+    register(second, pipeline, measured)
+    assert champion(pipeline) == "1", "it is decided already"
+    again = register(replace(second, tolerance_percent=0.2), pipeline, measured)
+    assert (again.promote, champion(pipeline)) == (False, "1")
+    assert "was rolled back; `cylinder-friction rollback --to` promotes it" in again.reason
+    other_model(pipeline)
+    assert not register(candidate_in(pipeline, {"1": 3.0, "2": 3.0}), pipeline, measured).promote
+    assert champion(pipeline) == "1"
+    other_model(pipeline)
+    assert register(candidate_in(pipeline, {"1": 1.5, "2": 1.5}), pipeline, measured).promote
+    assert champion(pipeline) == "5"
+    assert rollback(pipeline, NAME).endswith("champion was version 5, is version 1")
+
+
+def test_a_rollback_goes_to_any_version_and_back(pipeline: Path) -> None:
+    for errors in (3.0, 2.0, 1.0):
+        register(candidate_in(pipeline, {"1": errors, "2": errors}), pipeline, measured)
+        other_model(pipeline)
+    rollback(pipeline, NAME)
+    assert rollback(pipeline, NAME).endswith("is version 1")
+    with pytest.raises(
+        LineageError, match="no previous champion is known; name one of its versions with --to: 1, 2, 3"
+    ):
+        rollback(pipeline, NAME)
+    assert rollback(pipeline, NAME, 3).endswith("champion was version 1, is version 3")
+    assert rollback(pipeline, NAME, 3) == "friction-estimator version 3 is the champion already"
+    assert "rolled_back" not in versions(pipeline)[2].tags
+    assert rollback(pipeline, NAME).endswith("champion was version 3, is version 1")
+
+
+@pytest.mark.parametrize(
+    ("name", "to", "message"),
+    [
+        ("other", None, "other: the registry at .* has no version of it; expected a registered model"),
+        (NAME, 7, "friction-estimator: there is no version 7; name one of its versions with --to: 1"),
+    ],
+)
+def test_a_rollback_to_nothing_is_refused(pipeline: Path, name: str, to: int | None, message: str) -> None:
+    register(candidate_in(pipeline), pipeline, measured)
+    with pytest.raises(LineageError, match=message):
+        rollback(pipeline, name, to)
+
+
+def test_a_version_waits_for_an_earlier_one_and_then_goes_by_its_outcome(
+    pipeline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register(candidate_in(pipeline, {"1": 9.0, "2": 9.0}), pipeline, measured)
+    other_model(pipeline)
+    slower = tmp_path / "slower"
+    shutil.copytree(pipeline, slower)
+    better = candidate_in(pipeline, {"1": 1.0, "2": 1.0})
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", tracking_uri(pipeline))
+    other_model(slower)
+    worse = candidate_in(slower, {"1": 2.0, "2": 2.0})
+    reached, waiting = Event(), Event()
+    results: list[Registered] = []
+    warnings: list[str] = []
+    monkeypatch.setattr(registry._log, "warning", lambda text, *values: (warnings.append(text % values), waiting.set()))
+
+    def measured_late(folder: Path) -> dict[str, float]:
+        reached.set()
+        assert waiting.wait(60.0), "the other one did not wait"
+        return measured(folder)
+
+    first = Thread(target=lambda: results.append(register(better, pipeline, measured_late)))
+    first.start()
+    assert reached.wait(60.0)
+    refused = register(worse, slower, measured)
+    first.join()
+    assert results[0].promote
+    assert not refused.promote
+    assert "not better overall, mean error 2.000 % against the incumbent's 1.000 %" in refused.reason
+    assert warnings == ["friction-estimator version 3 waits for version 2: it is being decided"]
+    assert champion(pipeline) == "2"
+
+
+def test_a_version_whose_machine_stopped_holds_nobody_up_for_ever_and_does_not_promote_afterwards(
+    pipeline: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow, kept = candidate_in(pipeline, {"1": 2.0, "2": 2.0}), pipeline / "kept"
+    shutil.copytree(pipeline / "models/hybrid", kept)
+    original = registry._write_decision
+
+    def overtaken(*arguments: Any) -> None:
+        monkeypatch.setattr(registry, "_write_decision", original)
+        original(*arguments)
+        other_model(pipeline)
+        with open_store(pipeline) as store:
+            version = ensure_version(store, candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline)
+            registry._wait_for_earlier(store, version, 0.0)
+
+    monkeypatch.setattr(registry, "_write_decision", overtaken)
+    monkeypatch.setattr("cylinder_friction.tracking.store._locked", lambda _: nullcontext())
+    with pytest.raises(
+        TrackingError, match="another machine went on without it, and nothing was promoted; run `dvc rep"
+    ):
+        register(slow, pipeline, measured)
+    assert versions(pipeline)[0].tags["gate_decision"] == "abandoned"
+    register(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline, measured)
+    assert champion(pipeline) == "2"
+    shutil.rmtree(pipeline / "models/hybrid")
+    shutil.move(kept, pipeline / "models/hybrid")
+    record_model(pipeline)
+    assert "not better overall" in register(slow, pipeline, measured).reason, "it may ask again"
+    assert [one.tags["gate_decision"] for one in versions(pipeline)] == ["abandoned", "promoted", "refused"]
 
 
 @pytest.mark.parametrize(
@@ -88,8 +223,8 @@ def test_an_incumbent_measured_on_other_recordings_is_measured_again(pipeline: P
     [
         "save_model_folder",
         "_write_decision",
-        "_promote",
-        "_version_of",
+        "_write_promotion",
+        "set_registered_model_alias",
         "create_model_version",
         "finalize_logged_model",
     ],
@@ -104,8 +239,8 @@ def test_a_kill_at_any_moment_changes_nothing_in_the_end(
     with monkeypatch.context() as patch:
         patch.setattr(place, at, killed)
         with pytest.raises(KeyboardInterrupt):
-            register(candidate_in(pipeline), pipeline, 0.1, never)
-    registered = register(candidate_in(pipeline), pipeline, 0.1, never)
+            register(candidate_in(pipeline), pipeline, measured)
+    registered = register(candidate_in(pipeline), pipeline, measured)
     assert registered.reason.startswith("promoted: there is no incumbent")
     (version,) = versions(pipeline)
     assert champion(pipeline) == str(version.version)

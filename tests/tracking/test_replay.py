@@ -2,82 +2,71 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import pytest
 from mlflow import MlflowClient
 
-from candidates import candidate_in, champion, never, other_model, record_model, versions
-from cylinder_friction.tracking.registry import REGISTERED_FILE, register
+from candidates import NAME, champion, other_model, registered_in, versions
+from cylinder_friction.tracking.registry import rollback
 from cylinder_friction.tracking.replay import replay
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
-    from cylinder_friction.tracking.gate import Registered
+
+NOT_CHAMPION = "(not champion; `cylinder-friction rollback friction-estimator --to 1` makes it champion)"
 
 
 @pytest.fixture
 def registered_pipeline(pipeline: Path) -> Path:
-    write_registered(pipeline, lambda: register(candidate_in(pipeline), pipeline, 0.1, never))
+    registered_in(pipeline)
     return pipeline
 
 
-def write_registered(root: Path, decide: Callable[[], Registered]) -> None:
-    (root / REGISTERED_FILE).write_text(json.dumps(asdict(decide())), encoding="utf-8")
-
-
-def test_a_replay_fills_an_empty_store_and_never_twice(
+def test_a_replay_fills_an_empty_store_once_and_promotes_nothing(
     registered_pipeline: Path, empty_store: Path, tmp_path: Path
 ) -> None:
     root = tmp_path / "clone"
     shutil.copytree(registered_pipeline, root, ignore=shutil.ignore_patterns("mlflow.db*", "mlartifacts"))
     shutil.copy(empty_store, root / "mlflow.db")
     first = replay(root)
-    assert first.logged == ("record", "search", "train", "compare")
+    assert first.logged == ("record", "search", "train", "compare", "register")
     assert (first.present, first.problems) == ((), ())
-    assert first.version == "friction-estimator version 1 (champion)"
+    assert first.version == f"friction-estimator version 1 {NOT_CHAMPION}"
+    assert rollback(root, NAME, 1) == "friction-estimator: champion was none, is version 1"
     again = replay(root)
-    assert (again.logged, again.present) == ((), ("record", "search", "train", "compare"))
+    assert (again.logged, again.present) == ((), ("record", "search", "train", "compare", "register"))
     assert (
-        again.summary() == "0 runs logged, 4 already there\nregistered model: friction-estimator version 1 (champion)"
+        again.summary() == "0 runs logged, 5 already there\nregistered model: friction-estimator version 1 (champion)"
     )
     assert len(versions(root)) == 1
+    assert versions(root)[0].tags["gate_decision"] == "promoted", "the decision is recorded as it was made"
     client = MlflowClient(tracking_uri(root))
     experiment = client.get_experiment_by_name("cylinder-friction")
     assert experiment is not None
-    assert len(client.search_runs([experiment.experiment_id])) == 4 + 3, "three trials below the search"
+    assert len(client.search_runs([experiment.experiment_id])) == 5 + 3, "three trials below the search"
 
 
-def test_a_replay_leaves_a_newer_champion_in_its_place(registered_pipeline: Path) -> None:
+def test_a_replay_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:
     root = registered_pipeline
-    saved = (root / REGISTERED_FILE).read_text(encoding="utf-8")
-    shutil.copytree(root / "models/hybrid", root / "kept")
     other_model(root)
-    register(candidate_in(root, {"1": 1.0, "2": 1.0}), root, 0.1, never)
-    shutil.rmtree(root / "models/hybrid")
-    shutil.move(root / "kept", root / "models/hybrid")
-    record_model(root)
-    (root / REGISTERED_FILE).write_text(saved, encoding="utf-8")
-    assert replay(root).version == "friction-estimator version 1 (not champion)"
-    assert champion(root) == "2"
-
-
-def test_a_replay_keeps_a_refusal(pipeline: Path, empty_store: Path, tmp_path: Path) -> None:
-    register(candidate_in(pipeline), pipeline, 0.1, never)
-    other_model(pipeline)
-    write_registered(pipeline, lambda: register(candidate_in(pipeline, {"1": 9.0, "2": 9.0}), pipeline, 0.1, never))
-    root = tmp_path / "clone"
-    shutil.copytree(pipeline, root, ignore=shutil.ignore_patterns("mlflow.db*", "mlartifacts"))
-    shutil.copy(empty_store, root / "mlflow.db")
-    assert replay(root).version == "friction-estimator version 1 (not champion)"
-    assert versions(root)[0].tags["gate_decision"] == "refused"
+    registered_in(root, {"1": 1.0, "2": 1.0})
+    client = MlflowClient(tracking_uri(root))
+    client.set_registered_model_alias(NAME, "champion", "1")
+    assert replay(root).version == f"friction-estimator version 2 {NOT_CHAMPION.replace('--to 1', '--to 2')}"
+    assert champion(root) == "1"
+    client.delete_registered_model_alias(NAME, "champion")
+    replay(root)
+    assert client.get_registered_model(NAME).aliases == {}
+    client.delete_model_version(NAME, "2")
+    assert (
+        replay(root).version == "friction-estimator has no version of models/hybrid: it was removed from the registry"
+    )
+    assert [one.version for one in versions(root)] == [1]
 
 
 def test_a_replay_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> None:

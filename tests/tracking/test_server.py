@@ -13,13 +13,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from candidates import registered_in
 from cylinder_friction.deployment.serve import free_port
-from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.lineage import lineage
-from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.replay import replay
-from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,20 +59,11 @@ def _wait(url: str, process: subprocess.Popen[bytes]) -> None:
 
 
 def test_runs_registry_and_lineage_work_over_http(server: str, pipeline: Path) -> None:
-    candidate = Candidate(
-        "friction-estimator",
-        "models/hybrid",
-        hash_of(pipeline / "models/hybrid"),
-        {"1": 2.0},
-        "md5",
-        origin_of(pipeline, "data/raw/rig", ["data/processed/train", "data/processed/test"]),
-        {"pressure_1_pa": [1e6, 1e6], "pressure_2_pa": [9e5, 9e5], "position_m": [0.1, 0.1]},
-    )
     assert replay(pipeline).logged == ("record", "search", "train", "compare")
     assert replay(pipeline).present == ("record", "search", "train", "compare")
-    first = register(candidate, pipeline, 0.1, lambda folder: {})
+    first = registered_in(pipeline)
     assert first.promote
-    assert register(candidate, pipeline, 0.1, lambda folder: {}) == first
+    assert registered_in(pipeline) == first
     found = lineage("models:/friction-estimator@champion", pipeline)
     assert found.holds, found.text()
     assert not (pipeline / "mlartifacts").exists(), "nothing goes to the local store"

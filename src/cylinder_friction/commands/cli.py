@@ -19,6 +19,7 @@ COMMANDS = {
     "summary": "print the comparison table and where things lie",
     "readme": "put the latest table and picture into README.md",
     "lineage": "print and check the way back from a model to its data",
+    "rollback": "make the previous champion the champion again, or any version with --to",
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
     "golden": "the trajectories that every real-time runtime must meet",

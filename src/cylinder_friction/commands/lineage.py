@@ -3,14 +3,16 @@
 import argparse
 from pathlib import Path
 
+from cylinder_friction.params.checking import load_params
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("model", help="for example models:/friction-estimator@champion")
+    parser.add_argument("model", nargs="?", help="models:/NAME@champion or models:/NAME/VERSION; default: the champion")
 
 
 def run(options: argparse.Namespace) -> int:
     from cylinder_friction.tracking.lineage import lineage
 
-    report = lineage(options.model, Path.cwd())
+    report = lineage(options.model or f"models:/{load_params().registered_name}@champion", Path.cwd())
     print(report.text())
     return 0 if report.holds else 1

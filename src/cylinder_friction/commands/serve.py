@@ -3,12 +3,13 @@
 import argparse
 from pathlib import Path
 
-from cylinder_friction.deployment.serve import CHAMPION, run_server
+from cylinder_friction.deployment.serve import run_server
+from cylinder_friction.params.checking import load_params
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", default=CHAMPION)
+    parser.add_argument("--model", help="models:/NAME@champion or models:/NAME/VERSION; default: the champion")
 
 
 def run(options: argparse.Namespace) -> int:
-    return run_server(options.model, Path.cwd())
+    return run_server(options.model or f"models:/{load_params().registered_name}@champion", Path.cwd())

@@ -17,7 +17,6 @@ from typing import Any
 
 from cylinder_friction.tracking.repository import TrackingError
 
-CHAMPION = "models:/friction-estimator@champion"
 _HOST = "127.0.0.1"
 _START_TIMEOUT_S = 120.0
 _WITHOUT_JOBS = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
@@ -69,8 +68,10 @@ def served_model(model: str, root: Path) -> Iterator[str]:
 @contextmanager
 def served_ui(root: Path) -> Iterator[str]:
     """Yield the URL of the MLflow UI on a free port, once it is ready."""
-    from cylinder_friction.tracking.store import artifact_folder, tracking_uri
+    from cylinder_friction.tracking.store import artifact_folder, open_store, tracking_uri
 
+    with open_store(root, create=False):  # the UI would make an empty one
+        pass
     uri = tracking_uri(root)
     if uri.startswith(("http://", "https://")):  # a tracking server brings its own
         yield uri
@@ -86,7 +87,7 @@ def runs_page(url: str, root: Path) -> str:
     """Return the address of the pipeline's runs within the UI at ``url``."""
     from cylinder_friction.tracking.store import open_store
 
-    with open_store(root) as store:
+    with open_store(root, create=False) as store:
         return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,6 +29,8 @@ from cylinder_friction.params.learning import (
 )
 from cylinder_friction.params.section import Section
 
+REFERENCE_CYLINDER = "Bosch H160CA 63x28"
+"""Cylinder of the simulated rig as shipped, whose models need no name of their own."""
 PARAMS_FILE = Path("params.yaml")
 Kind = TypeVar("Kind", bound=Section)
 
@@ -52,6 +55,13 @@ class Params(Section):
     lugre: LugreParams
     compare: CompareParams
     register_: RegisterParams = Field(alias="register")
+
+    @property
+    def registered_name(self) -> str:
+        """Name in the registry: ``register.model_name``, with the cylinder's behind it if that is another one."""
+        name = self.cylinder.name
+        suffix = "" if name == REFERENCE_CYLINDER else "-" + re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+        return self.register_.model_name + suffix
 
     @model_validator(mode="after")
     def _end_stop_margin_leaves_room(self) -> Params:

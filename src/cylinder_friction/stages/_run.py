@@ -1,8 +1,10 @@
 """How a stage is run: check the whole configuration, do the work, write down what was done, log it to MLflow."""
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
+from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.checking import Params, ParamsError, load_params
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.run_record import STAGES
@@ -23,9 +25,10 @@ def run_stage(name: str) -> None:
     params: Params = load_params()
     if name in ("search", "train", "baselines"):
         _refuse_unknown_condition(params.lugre.condition)
-    root = Path.cwd()
+    root, module = Path.cwd(), f"cylinder_friction.stages.{name}"
+    code = code_key(module)
     with sampled_resources(name, root):
-        record = importlib.import_module(f"cylinder_friction.stages.{name}").run(params)
+        record = replace(importlib.import_module(module).run(params), code=code)
     write_json(RUNS_FOLDER / f"{name}.json", record.to_dict())
     track_or_warn(record, root)
 

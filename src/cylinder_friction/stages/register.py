@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -56,25 +56,33 @@ def run(params: Params) -> RunRecord:
     reference, errors_percent = _reported_errors(settings.candidate)
     origin = origin_of(Path(), ingested["source"], [path.as_posix() for path in PROCESSED_FOLDERS.values()])
     candidate = Candidate(
-        model_name=settings.model_name,
+        model_name=params.registered_name,
         folder=folder.as_posix(),
         model_key=hash_of(folder),
         errors_percent=errors_percent,
         test_data_md5=origin.data[test_folder.as_posix()],
         origin=origin,
         example=_example(test_folder, read_json(folder / DESCRIPTION_FILE)["input"]),
+        tolerance_percent=settings.tolerance_percent,
         reference=reference,
     )
-    registered = register(
-        candidate, Path(), settings.tolerance_percent, partial(measured_errors, reference, ingested["truth"])
-    )
-    write_json(REGISTERED_FILE, asdict(registered))
+    registered = register(candidate, Path(), partial(measured_errors, reference, ingested["truth"]))
+    write_json(REGISTERED_FILE, registered.to_dict())
     return RunRecord(
         name="register",
         params=flat(settings),
-        metrics={f"condition_{name}.{reference}_percent": value for name, value in errors_percent.items()}
+        metrics={
+            f"condition_{name}.{reference}_percent": value
+            for name, value in errors_percent.items()
+            if math.isfinite(value)
+        }
         | {"promoted": float(registered.promote)},
-        tags={"gate_reason": registered.reason, "model_key": candidate.model_key, **origin.tags()},
+        tags={
+            "gate_reason": registered.reason,
+            "model_key": candidate.model_key,
+            "candidate_key": candidate.key(),
+            **origin.tags(),
+        },
         artifacts=artifacts(REGISTERED_FILE, METRICS_FILE),
         datasets={"test": candidate.test_data_md5},
     )
@@ -112,7 +120,7 @@ def _reported_errors(candidate: str) -> tuple[Reference, dict[str, float]]:
     """Return the candidate's error by condition from the comparison's report, and what it is measured against.
 
     That is true friction where it is known in every condition: an estimator that is nearer to friction is not refused
-    for reproducing less of the label's noise.
+    for reproducing less of the label's noise. An error that the report lacks is NaN, which the gate refuses.
     """
     report = read_json(METRICS_FILE)
     if candidate not in report:
@@ -121,7 +129,9 @@ def _reported_errors(candidate: str) -> tuple[Reference, dict[str, float]]:
         )
     conditions = report[candidate]
     reference: Reference = "truth" if all("truth_percent" in each for each in conditions.values()) else "label"
-    return reference, {name: numbers[f"{reference}_percent"] for name, numbers in sorted(conditions.items())}
+    return reference, {
+        name: numbers.get(f"{reference}_percent", math.nan) for name, numbers in sorted(conditions.items())
+    }
 
 
 def _example(folder: Path, inputs: Sequence[str]) -> dict[str, list[float]]:

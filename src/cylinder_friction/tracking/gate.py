@@ -1,8 +1,10 @@
 """The promotion gate: may a candidate take the incumbent's place? A pure function of their figures, and its record."""
 
+import hashlib
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, Self
 
 from cylinder_friction.tracking.versions import Origin
@@ -21,7 +23,21 @@ class Candidate:
     test_data_md5: str  # Hash of these recordings
     origin: Origin  # What it was made from
     example: dict[str, list[float]]  # A few rows of raw samples, by column
+    tolerance_percent: float  # Of the gate: how many percentage points worse in one condition count as not worse
     reference: Literal["label", "truth"] = "label"  # What its errors are measured against
+
+    def gate(self) -> dict[str, str]:
+        """Return the tags that state what the gate is asked."""
+        return {
+            "gate_errors_percent": json.dumps(self.errors_percent, sort_keys=True),
+            "gate_test_data_md5": self.test_data_md5,
+            "gate_reference": self.reference,
+            "gate_tolerance_percent": str(self.tolerance_percent),
+        }
+
+    def key(self) -> str:
+        """Return the hash by which a candidate is recognised: of the model and of what the gate is asked."""
+        return hashlib.sha256(json.dumps([self.model_key, self.gate()], sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -40,14 +56,24 @@ class Registered:
     alias: str
     promote: bool
     reason: str
-    tolerance_percent: float
     incumbent: Incumbent | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of its file; an error that is no number is null there."""
+        content = asdict(self)
+        for part in filter(None, (content["candidate"], content["incumbent"])):
+            figures = part["errors_percent"]
+            part["errors_percent"] = {key: value if math.isfinite(value) else None for key, value in figures.items()}
+        return content
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
         stored = content["candidate"]
-        candidate = Candidate(**{**stored, "origin": Origin(**stored["origin"])})
-        incumbent = None if content["incumbent"] is None else Incumbent(**content["incumbent"])
+        origin = Origin(**stored["origin"])
+        candidate = Candidate(**{**stored, "errors_percent": _numbers(stored["errors_percent"]), "origin": origin})
+        incumbent = content["incumbent"]
+        if incumbent is not None:
+            incumbent = Incumbent(incumbent["model_key"], _numbers(incumbent["errors_percent"]))
         return cls(**{**content, "candidate": candidate, "incumbent": incumbent})
 
 
@@ -99,7 +125,17 @@ def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None
             f"refused: worse in {'; '.join(worse)} (tolerance {tolerance_percent:g} percentage points), "
             f"although better overall, {means}",
         )
-    return Decision(True, f"promoted: better overall and in no condition worse, {means}")
+    tolerated = "".join(
+        f"; worse in condition {condition} by {candidate[condition] - incumbent[condition]:.3f} percentage points, "
+        f"within the tolerance of {tolerance_percent:g}"
+        for condition in sorted(candidate)
+        if candidate[condition] > incumbent[condition]
+    )
+    return Decision(True, f"promoted: better overall, {means}{tolerated or '; worse in no condition'}")
+
+
+def _numbers(figures: Mapping[str, float | None]) -> Errors:
+    return {name: math.nan if value is None else value for name, value in figures.items()}
 
 
 def _unusable(who: str, errors: Mapping[str, float]) -> str | None:

@@ -4,6 +4,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.tracking.gate import Decision, decide
 from cylinder_friction.tracking.model_folder import (
     ESTIMATOR_ARTIFACT,
     LINEAGE_ARTIFACT,
@@ -19,7 +21,9 @@ from cylinder_friction.tracking.model_folder import (
     download_model,
     version_of,
 )
-from cylinder_friction.tracking.repository import TrackingError, git, repository_root
+from cylinder_friction.tracking.model_version import CANDIDATE_KEY, CONTENT_KEY, DECISION, MODEL_KEY, tags_of
+from cylinder_friction.tracking.registry import REFUSED_ROLLED_BACK
+from cylinder_friction.tracking.repository import TrackingError, code_at, git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction.tracking.versions import (
     LOCK_FILE,
@@ -69,15 +73,17 @@ def lineage(uri: str, root: Path) -> Lineage:
         TrackingError: The registry cannot be reached.
     """
     root = repository_root(root)
-    with open_store(root) as store, tempfile.TemporaryDirectory() as scratch:
+    with open_store(root, create=False) as store, tempfile.TemporaryDirectory() as scratch:
         version = version_of(store, uri)
         folder = _download(store, version, Path(scratch))
         origin = _origin(folder)
         links = [
             _run_link(store, version),
             _commit_link(root, version),
-            _model_link(folder, version),
+            _code_link(root, origin),
+            *_model_links(store, folder, version),
             _tags_link(origin, version),
+            _gate_link(store, version),
             *_data_links(root, origin),
             _params_link(root, origin),
         ]
@@ -113,6 +119,8 @@ def _run_link(store: Store, version: ModelVersion) -> Link:
 
 def _commit_link(root: Path, version: ModelVersion) -> Link:
     sha = version.tags.get("git_commit", "unknown")
+    if sha == "unknown":
+        return Link("git commit", False, "the code that ran is in no commit of this repository")
     if git(root, "cat-file", "-e", f"{sha}^{{commit}}") is None:
         return Link("git commit", False, f"{sha}: not in this repository; fetch the branch that holds it")
     subject = git(root, "show", "-s", "--format=%s", sha)
@@ -121,32 +129,68 @@ def _commit_link(root: Path, version: ModelVersion) -> Link:
     return Link("git commit", True, f"{sha[:12]} {subject}")
 
 
-def _model_link(folder: Path | None, version: ModelVersion) -> Link:
-    key = version.tags.get("model_key", "unknown")
-    if folder is None:
-        return Link("model", False, f"its artifacts at {version.source} cannot be read")
-    found = hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
-    if found != key:
+def _code_link(root: Path, origin: dict[str, Any]) -> Link:
+    """The commit must hold the code that each stage ran with, by its hash."""
+    codes, sha = origin.get("code", {}), origin.get("sha", "unknown")
+    unknown = [stage for stage, code in codes.items() if not code]
+    if not codes or unknown:
         return Link(
-            "model", False, f"the registered files' hash is {found[:12]}…, but the version was made of {key[:12]}…"
+            "code", False, f"{', '.join(unknown) or 'no stage'}: no hash of the code that ran; run `dvc repro -f`"
         )
-    return Link("model", True, f"content {key[:12]}…")
+    other = [stage for stage, code in codes.items() if code_at(root, sha, stage) != code]
+    if other:
+        return Link("code", False, f"what {', '.join(other)} ran is not the code in commit {sha[:12]}")
+    return Link("code", True, f"of {', '.join(codes)} is that of the commit")
+
+
+def _model_links(store: Store, folder: Path | None, version: ModelVersion) -> Iterator[Link]:
+    if folder is None:
+        yield Link("model", False, f"its artifacts at {version.source} cannot be read")
+        return
+    logged = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
+    whole, estimator = hash_of(folder), hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
+    for name, key, found in (("model", MODEL_KEY, estimator), ("model's files", CONTENT_KEY, whole)):
+        expected = {version.tags.get(key, "unknown"), logged.tags.get(key, "unknown")}
+        if expected == {found}:
+            yield Link(name, True, f"content {found[:12]}…")
+        else:
+            stated = ", ".join(f"{each[:12]}…" for each in sorted(expected))
+            yield Link(name, False, f"their hash is {found[:12]}…, but the version was made of {stated}")
 
 
 def _tags_link(origin: dict[str, Any], version: ModelVersion) -> Link:
     """The tags that a browser shows and the file inside the model must agree."""
-    if not origin:
+    if "gate" not in origin:
         return Link("tags", False, "there is no lineage.json to compare them with")
-    expected = {
-        "git_commit": origin["sha"],
-        "data_raw_md5": origin["data"][origin["raw"]],
-        "params_sha256": params_hash(origin["params"]),
-        "model_key": origin["model_key"],
-    }
-    differing = [key for key, value in expected.items() if version.tags.get(key) != value]
+    differing = [key for key, value in tags_of(origin).items() if version.tags.get(key) != value]
     if differing:
         return Link("tags", False, f"{', '.join(differing)} differ from the lineage.json inside the model")
     return Link("tags", True, "agree with the lineage.json inside the model")
+
+
+def _gate_link(store: Store, version: ModelVersion) -> Link:
+    """The figures must lead to the decision that is stated, and be those of the run of ``register``."""
+    tags = version.tags
+    try:
+        errors, incumbent = json.loads(tags["gate_errors_percent"]), json.loads(tags["gate_incumbent"])
+        figures = None if incumbent is None else incumbent["errors_percent"]
+        decision = decide(errors, figures, float(tags["gate_tolerance_percent"]))
+        stated = Decision(tags[DECISION] == "promoted", tags["gate_reason"])
+    except (KeyError, ValueError) as error:
+        return Link("gate", False, f"it left no decision that can be checked ({type(error).__name__}: {error})")
+    if decision != stated and stated.reason != REFUSED_ROLLED_BACK:
+        return Link("gate", False, f"its figures lead to {decision.reason!r}, but it states {stated.reason!r}")
+    query = f"attributes.run_name = 'register' and tags.{CANDIDATE_KEY} = '{tags.get(CANDIDATE_KEY)}'"
+    runs = store.client.search_runs([store.experiment_id], query)
+    measured = {
+        f"condition_{name}.{tags['gate_reference']}_percent": value for name, value in errors.items() if isfinite(value)
+    }
+    if any(
+        {**run.data.metrics, **measured} == run.data.metrics and run.data.tags.get("gate_reason") == stated.reason
+        for run in runs
+    ):
+        return Link("gate", True, stated.reason)
+    return Link("gate", False, f"no run of register in {store.uri} has its figures; run `cylinder-friction track`")
 
 
 def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[Link]:
@@ -160,7 +204,9 @@ def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[Link]:
         yield Link(name, locked is not None, f"{md5} {f'in {locked}' if locked else f'in no commit of {LOCK_FILE}'}")
         lies = where_data_lies(root, path, md5)
         name = f"data {path.removeprefix('data/')}"
-        yield Link(name, lies is not None, lies or "neither on disk nor whole in DVC's cache; run `dvc pull`")
+        yield Link(
+            name, lies is not None, lies or "neither on disk nor whole in DVC's cache, nor on a remote; run `dvc pull`"
+        )
 
 
 def _params_link(root: Path, origin: dict[str, Any]) -> Link:

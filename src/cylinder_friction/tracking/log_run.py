@@ -80,7 +80,9 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
     _refuse_changed_artifacts(record, root)
     for half_written in _runs_of(store, record):
         _delete_with_children(store, half_written)
-    return _write_run(store, record, root, commit_of(root), store.experiment(record.experiment), parent=None)
+    return _write_run(
+        store, record, root, commit_of(root, record.name, record.code), store.experiment(record.experiment), parent=None
+    )
 
 
 def _runs_of(store: Store, record: RunRecord) -> list[Run]:

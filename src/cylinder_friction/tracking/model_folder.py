@@ -128,7 +128,7 @@ def estimator_folder(uri: str, root: Path, scratch: Path) -> Path:
     Raises:
         TrackingError: The registry cannot be reached or has no such model.
     """
-    with open_store(root) as store:
+    with open_store(root, create=False) as store:
         return artifact_path(download_model(store, version_of(store, uri), scratch), ESTIMATOR_ARTIFACT)
 
 
@@ -138,7 +138,7 @@ def example_rows(uri: str, root: Path) -> dict[str, Any]:
     Raises:
         TrackingError: The registry cannot be reached or has no such model.
     """
-    with open_store(root) as store, tempfile.TemporaryDirectory() as scratch:
+    with open_store(root, create=False) as store, tempfile.TemporaryDirectory() as scratch:
         folder = download_model(store, version_of(store, uri), Path(scratch))
         content = json.loads((folder / "input_example.json").read_text(encoding="utf-8"))
     return {"columns": content["columns"], "data": content["data"]}

@@ -1,43 +1,58 @@
 """A candidate becomes a version of the registered model, once, whatever moment a kill comes at."""
 
-import json
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
-from mlflow.entities import LoggedModelOutput
+from mlflow.entities import LoggedModel, LoggedModelOutput
 from mlflow.entities.logged_model_status import LoggedModelStatus
 from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 
-from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.recordings.files import hash_of, read_json
+from cylinder_friction.run_record import STAGES, RunRecord
 from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.model_folder import save_model_folder
-from cylinder_friction.tracking.repository import TrackingError, commit_of
+from cylinder_friction.tracking.repository import Commit, TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
+from cylinder_friction.tracking.versions import Origin
 
 MODEL_KEY = "model_key"
-"""Tag of a version and of its logged model: the hash of the candidate's folder, by which it is recognised."""
+"""Tag of a version and of its logged model: the hash of the candidate's folder."""
+CANDIDATE_KEY = "candidate_key"
+"""Tag of both by which a candidate is recognised."""
+CONTENT_KEY = "content_sha256"
+"""Tag of both: the hash of all files of the logged model."""
+DECISION = "gate_decision"
+"""Tag of a version, written last: while a version lacks it, versions after it wait."""
+ABANDONED = "abandoned"
+"""Decision on a version whose machine stopped before it was decided; the candidate may ask again."""
 
 TRAINING_STAGES = ("train", "baselines")  # The stages that make what can be registered
+_BEFORE_TRAINING = STAGES[: STAGES.index("train")]
 
 
-def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersion:
+def ensure_version(
+    store: Store, candidate: Candidate, root: Path, decision: Mapping[str, str] | None = None
+) -> ModelVersion:
     """Return the candidate's version of the registered model; logs the model and makes the version where they lack.
+
+    ``decision`` are tags of a version that is made: of one that is already decided.
 
     Raises:
         TrackingError: The candidate's folder is not the one that was measured, or the registry lost the version.
     """
     _refuse_changed_model(candidate, root)
-    found = _version_of(store, candidate)
+    found = find_version(store, candidate)
     if found is not None:
         return found
-    model_id, run_id = _ensure_logged_model(store, candidate, root)
+    model = _ensure_logged_model(store, candidate, root)
     try:
         store.client.create_registered_model(
             candidate.model_name,
@@ -46,49 +61,67 @@ def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersi
     except MlflowException as error:
         if error.error_code != "RESOURCE_ALREADY_EXISTS":
             raise
-    store.client.create_model_version(
+    made = store.client.create_model_version(
         candidate.model_name,
-        source=f"models:/{model_id}",
-        run_id=run_id,
-        model_id=model_id,
-        tags={MODEL_KEY: candidate.model_key, **commit_of(root).tags(), **candidate.origin.tags()},
+        source=f"models:/{model.model_id}",
+        run_id=model.source_run_id,
+        model_id=model.model_id,
+        tags={**model.tags, **(decision or {})},
     )
-    made = _version_of(store, candidate)
-    if made is None:
+    first = find_version(store, candidate)
+    if first is None:
         raise TrackingError(f"{candidate.model_name}: the registry at {store.uri} took a version but does not show it")
-    return made
+    if first.version != made.version:  # another machine has made the same one just before
+        store.client.delete_model_version(made.name, made.version)
+    return first
 
 
-def _version_of(store: Store, candidate: Candidate) -> ModelVersion | None:
-    query = f"name = '{candidate.model_name}' and tags.`{MODEL_KEY}` = '{candidate.model_key}'"
-    versions = sorted(store.client.search_model_versions(query), key=lambda version: int(version.version))
-    return store.client.get_model_version(candidate.model_name, versions[0].version) if versions else None
+def find_version(store: Store, candidate: Candidate) -> ModelVersion | None:
+    """Return the candidate's version, the first where there are several."""
+    query = f"name = '{candidate.model_name}' and tags.`{CANDIDATE_KEY}` = '{candidate.key()}'"
+    found = [one for one in store.client.search_model_versions(query) if one.tags.get(DECISION) != ABANDONED]
+    return min(found, key=lambda version: int(version.version), default=None)
 
 
-def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> tuple[str, str]:
-    """Return the ids of the logged model and of the run that made it; logs both where they are not there whole."""
-    run_id = log_in(store, _training_record(candidate, root), root)
-    query = f"tags.`{MODEL_KEY}` = '{candidate.model_key}'"
+def tags_of(lineage: Mapping[str, Any]) -> dict[str, str]:
+    """Return the tags of a version that follow from the ``lineage.json`` inside its model."""
+    origin = Origin(lineage["data"], lineage["raw"], lineage["params"])
+    commit = Commit(lineage["sha"], dirty=lineage["dirty"])
+    return {
+        **{key: lineage[key] for key in (MODEL_KEY, CANDIDATE_KEY)},
+        **lineage["gate"],
+        **commit.tags(),
+        **origin.tags(),
+    }
+
+
+def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> LoggedModel:
+    """Return the logged model; logs it and the run that made it where they are not there whole."""
+    record = _training_record(candidate, root)
+    run_id = log_in(store, record, root)
+    query = f"tags.`{CANDIDATE_KEY}` = '{candidate.key()}'"
     for model in store.client.search_logged_models([store.experiment_id], filter_string=query):
         if model.status == LoggedModelStatus.READY and model.source_run_id == run_id:
-            return str(model.model_id), run_id
+            return model
         store.client.delete_logged_model(model.model_id)
     model = store.client.create_logged_model(
         store.experiment_id,
         name=Path(candidate.folder).name,
         source_run_id=run_id,
-        tags={MODEL_KEY: candidate.model_key},
+        tags={CANDIDATE_KEY: candidate.key()},
         params={"candidate": candidate.folder},
         model_type="friction estimator",
     )
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "model"
-        origin = candidate.origin
         lineage = {
             MODEL_KEY: candidate.model_key,
-            **asdict(commit_of(root)),
-            **asdict(origin),
-            "params_sha256": origin.params_sha256,
+            CANDIDATE_KEY: candidate.key(),
+            "gate": candidate.gate(),
+            "code": _code(root, record),
+            **asdict(commit_of(root, record.name, record.code)),
+            **asdict(candidate.origin),
+            "params_sha256": candidate.origin.params_sha256,
         }
         mlflow_model = Model(
             artifact_path=model.artifact_location, model_uuid=model.model_id, run_id=run_id, model_id=model.model_id
@@ -96,10 +129,18 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> tupl
         save_model_folder(folder, root / candidate.folder, lineage, pd.DataFrame(candidate.example), mlflow_model)
         for cache in folder.rglob("__pycache__"):
             shutil.rmtree(cache)
+        tags = {**tags_of(lineage), CONTENT_KEY: hash_of(folder)}
+        store.client.set_logged_model_tags(model.model_id, tags)
         store.client.log_model_artifacts(model.model_id, str(folder))
     store.client.log_outputs(run_id, [LoggedModelOutput(model.model_id, step=0)])
-    store.client.finalize_logged_model(model.model_id, LoggedModelStatus.READY)
-    return str(model.model_id), run_id
+    return store.client.finalize_logged_model(model.model_id, LoggedModelStatus.READY)
+
+
+def _code(root: Path, trained: RunRecord) -> dict[str, str]:
+    """Return the hash of the code of each stage that made the model, from the records of their runs."""
+    paths = {stage: root / f"reports/runs/{stage}.json" for stage in _BEFORE_TRAINING}
+    before = {stage: RunRecord.from_dict(read_json(path)) for stage, path in paths.items() if path.is_file()}
+    return {stage: record.code for stage, record in {**before, trained.name: trained}.items()}
 
 
 def _training_record(candidate: Candidate, root: Path) -> RunRecord:
@@ -107,7 +148,7 @@ def _training_record(candidate: Candidate, root: Path) -> RunRecord:
     for stage in TRAINING_STAGES:
         path = root / f"reports/runs/{stage}.json"
         if path.is_file():
-            record = RunRecord.from_dict(json.loads(path.read_text(encoding="utf-8")))
+            record = RunRecord.from_dict(read_json(path))
             if candidate.folder in record.artifacts:
                 return record
     return RunRecord(name="train", artifacts={candidate.folder: candidate.model_key})

@@ -1,8 +1,11 @@
 """The model registry: a candidate becomes a version once, and the champion only if the gate lets it."""
 
+import getpass
 import json
+import logging
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,83 +15,172 @@ from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.gate import Candidate, Decision, Errors, Incumbent, Registered, decide
 from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, artifact_path, download_model
-from cylinder_friction.tracking.model_version import MODEL_KEY, ensure_version
+from cylinder_friction.tracking.model_version import ABANDONED, DECISION, MODEL_KEY, ensure_version, find_version
+from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
 ALIAS = "champion"
 REGISTERED_FILE = "models/registered.json"
-
-_TEST_DATA = "gate_test_data_md5"
-_REFERENCE = "gate_reference"
-_ERRORS = "gate_errors_percent"
 _INCUMBENT = "gate_incumbent"
 _REASON = "gate_reason"
-_DECISION = "gate_decision"
+_ROLLED_BACK = "rolled_back"
+_PROMOTED_FROM = "promoted_from"
+_PATIENCE_S = 120.0
+_POLL_S = 0.5
+REFUSED_ROLLED_BACK = (
+    "refused: this model was champion and was rolled back; `cylinder-friction rollback --to` promotes it"
+)
+
+_log = logging.getLogger(__name__)
 
 
 def register(
-    candidate: Candidate, root: Path, tolerance_percent: float, measure_again: Callable[[Path], Errors]
+    candidate: Candidate, root: Path, measure: Callable[[Path], Errors], patience_s: float = _PATIENCE_S
 ) -> Registered:
     """Make the candidate a version of the registered model and, if the gate lets it, the champion.
 
     A refused candidate becomes a version too, without the alias: the registry then shows what was tried and why it
-    was refused. Whatever moment a kill comes at, calling it again ends in the same state: a model is recognised by
-    its content, a half-logged one is deleted, and the alias moves last, in one step.
+    was refused. Whatever moment a kill comes at, calling it again ends in the same state: a candidate is recognised
+    by its content, a half-logged one is deleted, and the alias moves in one step. A candidate is decided once, and a
+    model that a person rolled back is not promoted again.
+
+    Machines that share a server decide one after the other, in the order of their version numbers, which the server
+    gives out once each: a version waits until all before it are decided.
 
     Args:
         candidate: The trained estimator.
         root: The repository's root.
-        tolerance_percent: Of the gate.
-        measure_again: Returns the errors of the estimator saved in a folder on the present held-out recordings;
-            called only where the champion was measured on other ones, or against another reference.
+        measure: Returns the errors of the estimator saved in a folder on the present held-out recordings: the
+            champion's figures are measured, not taken from what the registry says of it.
+        patience_s: How long to wait for an earlier version, whose machine may have stopped, before going on without it.
 
     Raises:
-        TrackingError: The registry cannot be reached, or the candidate's folder is not the one that was measured.
+        TrackingError: The registry cannot be reached, the candidate's folder is not the one that was measured, or
+            another machine went on without this one.
     """
     with open_store(root) as store:
+        champion = champion_of(store, candidate.model_name)
+        if champion is not None and champion.tags.get(MODEL_KEY) == candidate.model_key and DECISION in champion.tags:
+            return _decided_before(candidate, champion)
         version = ensure_version(store, candidate, root)
-        champion = _champion(store, candidate.model_name)
-        if _same(champion, version) and _DECISION in version.tags:
-            return _decided_before(candidate, version, tolerance_percent)
-        incumbent = _incumbent(store, champion, candidate, measure_again)
-        decision = decide(
-            candidate.errors_percent, None if incumbent is None else incumbent.errors_percent, tolerance_percent
-        )
-        result = Registered(candidate, ALIAS, decision.promote, decision.reason, tolerance_percent, incumbent)
-        _write_decision(store, version, result)
+        if DECISION in version.tags:
+            return _decided_before(candidate, version)
+        _wait_for_earlier(store, version, patience_s)
+        return _decide(store, version, candidate, measure)
+
+
+def _wait_for_earlier(store: Store, version: ModelVersion, patience_s: float) -> None:
+    deadline, told = time.monotonic() + patience_s, False
+    while True:
+        versions = _versions(store, version.name)
+        earlier = [n for n, each in versions.items() if n < int(version.version) and DECISION not in each.tags]
+        if not earlier:
+            return
+        if not told:
+            _log.warning("%s version %s waits for version %d: it is being decided", *_named(version), min(earlier))
+            told = True
+        if time.monotonic() > deadline:
+            for number in earlier:
+                _tag(store, versions[number], {DECISION: ABANDONED})
+        time.sleep(_POLL_S)
+
+
+def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: Callable[[Path], Errors]) -> Registered:
+    while True:
+        champion = champion_of(store, version.name)
+        if _same(champion, version):  # a kill came just after the alias had moved
+            break
+        incumbent = _incumbent(store, champion, measure)
+        figures = None if incumbent is None else incumbent.errors_percent
+        decision = decide(candidate.errors_percent, figures, candidate.tolerance_percent)
+        if any(
+            _ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) == candidate.model_key
+            for each in _versions(store, version.name).values()
+        ):
+            decision = Decision(False, REFUSED_ROLLED_BACK)
+        _write_decision(store, version, Registered(candidate, ALIAS, decision.promote, decision.reason, incumbent))
+        if _number(champion_of(store, version.name)) != _number(champion):
+            continue  # a person moved the alias meanwhile
+        if DECISION in store.client.get_model_version(*_named(version)).tags:
+            raise TrackingError(
+                f"{version.name} version {version.version}: its decision took so long that another machine went on "
+                "without it, and nothing was promoted; run `dvc repro` again"
+            )
         if decision.promote:
-            _promote(store, version, champion)
-        return result
+            _write_promotion(store, version, champion)
+            store.client.set_registered_model_alias(version.name, ALIAS, version.version)
+        break
+    _tag(store, version, {DECISION: "promoted" if _same(champion_of(store, version.name), version) else "refused"})
+    return _decided_before(candidate, store.client.get_model_version(*_named(version)))
 
 
-def register_again(root: Path) -> str | None:
-    """Bring the store in use to the state of ``models/registered.json``; return it in words, None without the file.
+def rollback(root: Path, name: str, to: int | None = None) -> str:
+    """Make the previous champion, or the version ``to``, the champion; return in words what was done.
 
-    The decision stands as it was made. The alias goes to the version only where it was promoted and nobody else has
-    taken the place since.
+    It lasts: the version that is left is tagged, and the gate does not promote it again.
 
     Raises:
-        TrackingError: The store cannot be reached, or the model's folder is missing or not the registered one.
+        LineageError: There is no such model or version, or no previous champion.
+        TrackingError: The registry cannot be reached.
     """
-    path = root / REGISTERED_FILE
-    if not path.is_file():
-        return None
-    registered = Registered.from_dict(json.loads(path.read_text(encoding="utf-8")))
+    with open_store(root, create=False) as store:
+        versions, champion = _versions(store, name), champion_of(store, name)
+        if not versions:
+            raise LineageError(f"{name}: the registry at {store.uri} has no version of it; expected a registered model")
+        number = _previous(versions, champion) if to is None else to
+        if number not in versions:
+            there = ", ".join(str(each) for each in sorted(versions))
+            what = "no previous champion is known" if to is None else f"there is no version {to}"
+            raise LineageError(f"{name}: {what}; name one of its versions with --to: {there}")
+        target = versions[number]
+        if _same(champion, target):
+            return f"{name} version {number} is the champion already"
+        before = _words(champion)
+        by = f"by {getpass.getuser()} at {_now()}"
+        store.client.set_registered_model_tag(name, _ROLLED_BACK, f"{before} to version {number} {by}")
+        if champion is not None and number < int(champion.version):
+            _tag(store, champion, {_ROLLED_BACK: f"to version {number} {by}"})
+        if _ROLLED_BACK in target.tags:
+            store.client.delete_model_version_tag(name, target.version, _ROLLED_BACK)
+        if number > _number(champion):
+            _write_promotion(store, target, champion)
+        store.client.set_registered_model_alias(name, ALIAS, target.version)
+    return f"{name}: champion was {before}, is version {number}"
+
+
+def _previous(versions: Mapping[int, ModelVersion], champion: ModelVersion | None) -> int:
+    """Return the number of the champion before; 0 where nothing states it."""
+    number, seen = _number(champion), set[int]()
+    while number not in seen:
+        seen.add(number)
+        tags = versions[number].tags if number in versions else {}
+        before = tags.get(_PROMOTED_FROM, "none").removeprefix("version ")
+        number = int(before) if before.isdigit() else 0
+        if number in versions and _ROLLED_BACK not in versions[number].tags:
+            return number
+    return 0
+
+
+def recorded_version(store: Store, registered: Registered, root: Path, *, make: bool) -> str:
+    """Return in words which version a registration came to; ``make`` it where it is not there, but never champion.
+
+    Raises:
+        TrackingError: The model's folder is missing or not the registered one.
+    """
     candidate = registered.candidate
-    with open_store(root) as store:
-        version = ensure_version(store, candidate, root)
-        if _DECISION not in version.tags:
-            _write_decision(store, version, registered)
-        champion = _champion(store, candidate.model_name)
-        beaten = None if registered.incumbent is None else registered.incumbent.model_key
-        if registered.promote and (champion is None or champion.tags.get(MODEL_KEY) == beaten):
-            _promote(store, version, champion)
-            champion = version
-        role = f"{ALIAS}" if _same(champion, version) else f"not {ALIAS}"
-    return f"{candidate.model_name} version {version.version} ({role})"
+    found = find_version(store, candidate)
+    if make and found is None:
+        found = ensure_version(store, candidate, root, {DECISION: "promoted" if registered.promote else "refused"})
+        _write_decision(store, found, registered)
+    if found is None:
+        return f"{candidate.model_name} has no version of {candidate.folder}: it was removed from the registry"
+    command = f"`cylinder-friction rollback {found.name} --to {found.version}` makes it {ALIAS}"
+    role = ALIAS if _same(champion_of(store, found.name), found) else f"not {ALIAS}; {command}"
+    return f"{found.name} version {found.version} ({role})"
 
 
-def _champion(store: Store, model_name: str) -> ModelVersion | None:
+def champion_of(store: Store, model_name: str) -> ModelVersion | None:
+    """Return the version in use, if there is one."""
     try:
         return store.client.get_model_version_by_alias(model_name, ALIAS)
     except MlflowException as error:
@@ -97,55 +189,59 @@ def _champion(store: Store, model_name: str) -> ModelVersion | None:
         raise
 
 
+def _versions(store: Store, name: str) -> dict[int, ModelVersion]:
+    return {int(each.version): each for each in store.client.search_model_versions(f"name = '{name}'")}
+
+
+def _number(version: ModelVersion | None) -> int:
+    return 0 if version is None else int(version.version)
+
+
 def _same(champion: ModelVersion | None, version: ModelVersion) -> bool:
-    return champion is not None and str(champion.version) == str(version.version)
+    return _number(champion) == int(version.version)
 
 
-def _incumbent(
-    store: Store, champion: ModelVersion | None, candidate: Candidate, measure_again: Callable[[Path], Errors]
-) -> Incumbent | None:
-    """Return the champion's figures: its own where they were measured alike, else measured anew."""
+def _incumbent(store: Store, champion: ModelVersion | None, measure: Callable[[Path], Errors]) -> Incumbent | None:
+    """Return the champion's figures on the present recordings."""
     if champion is None:
         return None
-    key = champion.tags.get(MODEL_KEY, "unknown")
-    measured = (champion.tags.get(_TEST_DATA), champion.tags.get(_REFERENCE, "label"))
-    if measured == (candidate.test_data_md5, candidate.reference):
-        return Incumbent(key, json.loads(champion.tags[_ERRORS]))
     with tempfile.TemporaryDirectory() as scratch:
         folder = download_model(store, champion, Path(scratch))
-        return Incumbent(key, measure_again(artifact_path(folder, ESTIMATOR_ARTIFACT)))
+        return Incumbent(champion.tags.get(MODEL_KEY, "unknown"), measure(artifact_path(folder, ESTIMATOR_ARTIFACT)))
 
 
-def _decided_before(candidate: Candidate, version: ModelVersion, tolerance_percent: float) -> Registered:
-    """The candidate is the champion already: the decision that made it so stands."""
+def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered:
+    """Return the decision that stands in the registry."""
     stored = json.loads(version.tags[_INCUMBENT])
-    decision = Decision(version.tags[_DECISION] == "promoted", version.tags[_REASON])
     incumbent = None if stored is None else Incumbent(**stored)
-    return Registered(candidate, ALIAS, decision.promote, decision.reason, tolerance_percent, incumbent)
+    return Registered(candidate, ALIAS, version.tags[DECISION] == "promoted", version.tags[_REASON], incumbent)
 
 
 def _write_decision(store: Store, version: ModelVersion, registered: Registered) -> None:
-    tags = {
-        _ERRORS: json.dumps(registered.candidate.errors_percent, sort_keys=True),
-        _TEST_DATA: registered.candidate.test_data_md5,
-        _REFERENCE: registered.candidate.reference,
-        "gate_tolerance_percent": str(registered.tolerance_percent),
-        _INCUMBENT: json.dumps(None if registered.incumbent is None else asdict(registered.incumbent)),
-        _REASON: registered.reason,
-        _DECISION: "promoted" if registered.promote else "refused",
-    }
-    for key, value in tags.items():  # the decision itself last: where it stands, the rest stands
-        store.client.set_model_version_tag(version.name, version.version, key, value)
+    """Write on what grounds the gate decided."""
+    incumbent = None if registered.incumbent is None else asdict(registered.incumbent)
+    _tag(store, version, {_INCUMBENT: json.dumps(incumbent), _REASON: registered.reason})
     store.client.update_model_version(version.name, version.version, registered.reason)
 
 
-def _promote(store: Store, version: ModelVersion, champion: ModelVersion | None) -> None:
-    """Move the alias, last and in one step; tags record it, since MLflow keeps no history of aliases."""
-    tags = {
-        "promoted_from": "none" if champion is None else f"version {champion.version}",
-        "promoted_to": f"version {version.version}",
-        "promoted_at": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
+def _write_promotion(store: Store, version: ModelVersion, before: ModelVersion | None) -> None:
+    """Write down what MLflow keeps no history of."""
+    tags = {_PROMOTED_FROM: _words(before), "promoted_at": _now(), "promoted_by": getpass.getuser()}
+    _tag(store, version, tags)
+
+
+def _words(version: ModelVersion | None) -> str:
+    return "none" if version is None else f"version {version.version}"
+
+
+def _named(version: ModelVersion) -> tuple[str, str]:
+    return version.name, str(version.version)
+
+
+def _tag(store: Store, version: ModelVersion, tags: Mapping[str, str]) -> None:
     for key, value in tags.items():
         store.client.set_model_version_tag(version.name, version.version, key, value)
-    store.client.set_registered_model_alias(version.name, ALIAS, version.version)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -1,14 +1,15 @@
 """Runs again from files: whatever store is in use, ``track`` fills it from what the pipeline wrote."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from cylinder_friction.recordings.files import read_json
 from cylinder_friction.run_record import STAGES, RunRecord
+from cylinder_friction.tracking.gate import Registered
 from cylinder_friction.tracking.log_run import find_run, log_in
-from cylinder_friction.tracking.registry import register_again
+from cylinder_friction.tracking.registry import REGISTERED_FILE, recorded_version
 from cylinder_friction.tracking.repository import TrackingError
-from cylinder_friction.tracking.store import open_store
+from cylinder_friction.tracking.store import Store, open_store
 
 RUNS_FOLDER = "reports/runs"
 
@@ -29,7 +30,10 @@ class Replayed:
 
 
 def replay(root: Path) -> Replayed:
-    """Log every ``reports/runs/<stage>.json`` that the store lacks and makes sure the registered model is there.
+    """Log every ``reports/runs/<stage>.json`` that the store lacks.
+
+    With the run of ``register`` goes the version that it made, but never the champion's alias: only ``register`` and
+    ``rollback`` move it. Where that run is there already, the registry stays as it is.
 
     Raises:
         TrackingError: The store cannot be reached, or there is nothing to log.
@@ -40,21 +44,25 @@ def replay(root: Path) -> Replayed:
     logged: list[str] = []
     present: list[str] = []
     problems: list[str] = []
+    version: str | None = None
     with open_store(root) as store:
         for path in paths:
             try:
-                record = RunRecord.from_dict(json.loads(path.read_text(encoding="utf-8")))
-                (present if find_run(store, record) else logged).append(record.name)
+                record = RunRecord.from_dict(read_json(path))
+                known = find_run(store, record) is not None
+                if record.name == "register":
+                    version = _version(store, root, make=not known)
+                (present if known else logged).append(record.name)
                 log_in(store, record, root)
             except (TrackingError, ValueError, TypeError) as error:
                 logged = [name for name in logged if name != path.stem]
                 problems.append(f"{path.name}: {error}")
-    try:
-        version = register_again(root)
-    except TrackingError as error:
-        version = None
-        problems.append(str(error))
     return Replayed(tuple(logged), tuple(present), tuple(problems), version)
+
+
+def _version(store: Store, root: Path, *, make: bool) -> str | None:
+    path = root / REGISTERED_FILE
+    return recorded_version(store, Registered.from_dict(read_json(path)), root, make=make) if path.is_file() else None
 
 
 def _place(path: Path) -> tuple[int, str]:

@@ -1,8 +1,14 @@
 """Where the repository lies and which commit it is at, and the errors of tracking."""
 
+import io
 import subprocess
+import tarfile
+import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+
+from cylinder_friction.import_graph import SOURCE, code_key
 
 
 class TrackingError(RuntimeError):
@@ -18,6 +24,7 @@ RESULT_SHAPING_PATHS = (":/src", "conf", "params.yaml", "dvc.yaml", ":/pyproject
 
 ``dvc.lock`` is written by every run and does not describe the code."""
 
+_COMMITS_SEARCHED = 50
 _DVC_TEMPORARY = (".dvc", "tmp", "exps")
 
 
@@ -60,10 +67,40 @@ def git(root: Path, *arguments: str) -> str | None:
     return done.stdout.strip() if done.returncode == 0 else None
 
 
-def commit_of(root: Path) -> Commit:
-    """Return the commit that ``root`` is at; ``unknown`` and dirty where there is none."""
+def commit_of(root: Path, stage: str = "", code: str = "") -> Commit:
+    """Return the commit that has the code a stage ran with: the present one, or the newest other one that has it.
+
+    Without ``code``, the hash of a stage's code, it is the commit that ``root`` is at. It is ``unknown`` and dirty
+    where there is none.
+    """
     sha = git(root, "rev-parse", "HEAD")
     if sha is None:
         return Commit("unknown", dirty=True)
     changes = git(root, "status", "--porcelain", "--", *RESULT_SHAPING_PATHS)
-    return Commit(sha, dirty=changes != "")
+    if not code or code == _stage_code(stage, SOURCE) or code_at(root, sha, stage) == code:
+        return Commit(sha, dirty=changes != "")
+    for other in (
+        git(root, "log", "--all", f"--max-count={_COMMITS_SEARCHED}", "--format=%H", "--", "src") or ""
+    ).split():
+        if code_at(root, other, stage) == code:
+            return Commit(other, dirty=False)
+    return Commit("unknown", dirty=True)
+
+
+@cache
+def code_at(root: Path, sha: str, stage: str) -> str | None:
+    """Return the hash of a stage's code in a commit; None where the commit does not hold it."""
+    command = ["git", "-C", str(root), "archive", "--format=tar", sha, "src"]
+    done = subprocess.run(command, capture_output=True, timeout=60, check=False)  # noqa: S603
+    if done.returncode != 0:
+        return None
+    with tempfile.TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
+        archive.extractall(folder, filter="data")
+        return _stage_code(stage, Path(folder) / "src")
+
+
+def _stage_code(stage: str, source: Path) -> str | None:
+    try:
+        return code_key(f"cylinder_friction.stages.{stage}", source=source)
+    except ModuleNotFoundError:
+        return None

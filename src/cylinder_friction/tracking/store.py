@@ -4,8 +4,9 @@ import fcntl
 import logging
 import os
 import socket
+import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -13,6 +14,7 @@ from urllib.parse import urlsplit
 import mlflow
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
+from mlflow.store.db.db_types import DATABASE_ENGINES
 
 from cylinder_friction.tracking.repository import TrackingError, repository_root
 
@@ -20,6 +22,16 @@ EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"  # What belongs to this machine and is neither versioned nor shared
 _NOTE = "One run per stage of the pipeline; the trials of the search lie below its run."
 _CONNECT_TIMEOUT_S = 3.0
+_LOCK_TIMEOUT_S = 30.0
+_LONGEST_REASON = 200
+_SERVERS = ("http", "https")
+_LOCATIONS = (
+    ("experiments", "artifact_location"),
+    ("runs", "artifact_uri"),
+    ("logged_models", "artifact_location"),
+    ("model_versions", "storage_location"),
+)
+"""Where MLflow's database holds absolute addresses of artifacts."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +55,11 @@ def experiment_name(part: str = "") -> str:
 
 def tracking_uri(root: Path) -> str:
     """Return ``MLFLOW_TRACKING_URI`` where it is set, else SQLite at the repository's root by absolute path."""
-    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{repository_root(root) / 'mlflow.db'}"
+    return os.environ.get("MLFLOW_TRACKING_URI") or _own_uri(repository_root(root))
+
+
+def _own_uri(root: Path) -> str:
+    return f"sqlite:///{root / 'mlflow.db'}"
 
 
 def artifact_folder(root: Path) -> Path:
@@ -52,22 +68,36 @@ def artifact_folder(root: Path) -> Path:
 
 
 @contextmanager
-def open_store(root: Path) -> Iterator[Store]:
-    """Yield the store, made if it is not there yet; other processes of this repository wait until the block ends.
+def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
+    """Yield the store; other processes of this repository wait until the block ends.
 
-    The lock makes "look whether it is there, else log it" one step, and a killed process gives it back.
+    The lock makes "look whether it is there, else log it" one step, and a killed process gives it back. Artifacts of
+    the repository's own store are those of the repository as it lies now, also after it was moved or copied.
+
+    Args:
+        root: Anywhere in the repository.
+        create: Whether a store that is not there yet is made.
 
     Raises:
-        TrackingError: The server does not respond.
+        TrackingError: There is no store, the server does not respond, or MLflow cannot open it.
     """
-    uri = tracking_uri(root)
-    _refuse_silent_server(uri)
-    with _locked(repository_root(root) / LOCAL_FOLDER / "tracking.lock"), _default_for_mlflow(uri):
+    uri, root = tracking_uri(root), repository_root(root)
+    _refuse_what_is_no_store(uri, create=create)
+    with _locked(root / LOCAL_FOLDER / "tracking.lock"), _default_for_mlflow(uri):
         _quiet()
-        client = MlflowClient(tracking_uri=uri, registry_uri=uri)
-        experiment_id = _experiment(client, uri, root, EXPERIMENT)
+        if uri == _own_uri(root):
+            _follow_a_move(root)
+        try:
+            client = MlflowClient(tracking_uri=uri, registry_uri=uri)
+            experiment_id = _experiment(client, uri, root, EXPERIMENT)
+        except Exception as error:  # whatever the server, the driver of its database or a file answers
+            reason = " ".join(str(error).split())[:_LONGEST_REASON]
+            raise TrackingError(
+                f"{uri} is no MLflow store that can be opened ({reason}); correct MLFLOW_TRACKING_URI, or unset it to "
+                "use the repository's own store"
+            ) from error
         _quiet()  # creating the schema sets its own levels
-        yield Store(uri, repository_root(root), client, experiment_id)
+        yield Store(uri, root, client, experiment_id)
 
 
 def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:
@@ -90,10 +120,42 @@ def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:
         return str(found.experiment_id)
 
 
-def _refuse_silent_server(uri: str) -> None:
-    """MLflow retries for minutes; one short connection shows whether it listens."""
+def _follow_a_move(root: Path) -> None:
+    """Let the repository's own store name the artifacts beside it: MLflow writes down where they lay at first."""
+    path, here = root / "mlflow.db", artifact_folder(root).as_uri()
+    if not path.is_file():
+        return
+    with closing(sqlite3.connect(path, timeout=_LOCK_TIMEOUT_S)) as database, database:
+        try:
+            found = database.execute(
+                "SELECT artifact_location FROM experiments WHERE name = ?", (EXPERIMENT,)
+            ).fetchone()
+        except sqlite3.DatabaseError:
+            return  # it has no tables yet, or is no database, which MLflow will say
+        if found is None or found[0] == here:
+            return
+        for table, column in _LOCATIONS:
+            database.execute(
+                f"UPDATE {table} SET {column} = ? || substr({column}, ?) WHERE substr({column}, 1, ?) = ?",  # noqa: S608
+                (here, len(found[0]) + 1, len(found[0]) + 1, f"{found[0]}/"),
+            )
+        database.execute("UPDATE experiments SET artifact_location = ? WHERE artifact_location = ?", (here, found[0]))
+
+
+def _refuse_what_is_no_store(uri: str, *, create: bool) -> None:
+    """MLflow makes a database wherever it is told to, and retries for minutes where no server listens."""
     parts = urlsplit(uri)
-    if parts.scheme not in ("http", "https"):
+    if parts.scheme == "sqlite" and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
+        raise TrackingError(
+            f"{uri}: there is no such store; run `make reproduce`, or `cylinder-friction track` where the results came "
+            "from DVC, in the project's folder"
+        )
+    if parts.scheme.partition("+")[0] not in (*_SERVERS, *DATABASE_ENGINES):
+        raise TrackingError(
+            f"MLFLOW_TRACKING_URI is {uri}, but expected http://, https:// or a database ({', '.join(DATABASE_ENGINES)}"
+            "); correct it, or unset it to use the repository's own store"
+        )
+    if parts.scheme not in _SERVERS:
         return
     port = parts.port or (443 if parts.scheme == "https" else 80)
     try:

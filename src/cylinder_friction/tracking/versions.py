@@ -98,15 +98,41 @@ def dvc_hash(path: Path) -> str:
 
 
 def where_data_lies(root: Path, path: str, md5: str) -> str | None:
-    """Return where data of this very content lies, every byte of it read and hashed; None where it lies nowhere."""
+    """Return where data of this very content lies; None where it lies nowhere.
+
+    On disk and in DVC's cache every byte is read and hashed; a remote, which keeps files by their hash, is asked
+    whether it has them.
+    """
     place = root / path
     if place.exists() and dvc_hash(place) == md5:
         return f"on disk at {path}"
     try:
-        cache = Repo(str(root)).cache.local
+        repo = Repo(str(root))
     except NotDvcRepoError:
         return None
-    return f"in DVC's cache at {Path(cache.path)}" if _whole_in_cache(cache, md5) else None
+    cache = repo.cache.local
+    if _whole_in_cache(cache, md5):
+        return f"in DVC's cache at {Path(cache.path)}"
+    for name in repo.config["remote"]:
+        remote = repo.cloud.get_remote_odb(name)
+        if _all_on_remote(remote, md5):
+            return f"on DVC's remote {name!r}"
+    return None
+
+
+def _all_on_remote(remote: HashFileDB, md5: str) -> bool:
+    """Return whether a remote has every file of the data; of a folder it reads the list, which is hashed."""
+    try:
+        if not remote.exists(md5):
+            return False
+        if not md5.endswith(".dir"):
+            return True
+        tree = Tree.load(remote, HashInfo("md5", md5))
+    except (OSError, ObjectFormatError):
+        return False
+    tree.digest()
+    wanted = {file.value for _, _, file in tree}
+    return tree.hash_info.value == md5 and wanted <= set(remote.oids_exist(wanted))
 
 
 def _whole_in_cache(cache: HashFileDB, md5: str) -> bool:

@@ -1,0 +1,17 @@
+"""The command ``rollback``: make the previous champion the champion again, or any version."""
+
+import argparse
+from pathlib import Path
+
+from cylinder_friction.params.checking import load_params
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("model_name", nargs="?", help="name in the registry; default: that of params.yaml")
+    parser.add_argument("--to", metavar="VERSION", type=int, help="number of the version; default: the champion before")
+
+
+def run(options: argparse.Namespace) -> None:
+    from cylinder_friction.tracking.registry import rollback
+
+    print(rollback(Path.cwd(), options.model_name or load_params().registered_name, options.to))
