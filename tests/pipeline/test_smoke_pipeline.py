@@ -125,7 +125,7 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
         versions = client_of(clone).search_model_versions(f"name='{MODEL}'")
         assert len(versions) == 1
     assert versions[0].aliases == [], "only register and a person promote"
-    shown = run_here(clone, "cylinder-friction", "rollback", "--to", versions[0].version)
+    shown = run_here(clone, "cylinder-friction", "rollback", "--to", str(versions[0].version))
     assert shown.stdout == f"{MODEL}: champion was none, is version {versions[0].version}\n"
     assert "links hold" in run_here(clone, "cylinder-friction", "lineage").stdout
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING
 
+import mlflow
 import pytest
 import yaml
 from mlflow import MlflowClient
@@ -57,6 +58,13 @@ def test_the_whole_way_back_holds_and_is_printed(registered: Path) -> None:
     assert [line.split()[1] for line in lines[1:6]] == ["run", "git", "code", "model", "model's"]
     assert any("dvc.lock raw/rig" in line and ".dir in the working tree" in line for line in lines)
     assert lines[-1] == f"all {len(found.links)} links hold"
+
+
+def test_a_model_that_was_served_is_unchanged(registered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", tracking_uri(registered))
+    mlflow.pyfunc.load_model(URI)
+    assert logged(registered, "registered_model_meta").is_file()
+    assert lineage(URI, registered).holds
 
 
 def test_a_version_is_found_by_its_number_too(registered: Path) -> None:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.tracking.repository import commit_of, repository_root
+from candidates import other_model, registered_in
+from cylinder_friction.commands.cli import main
+from cylinder_friction.tracking.lineage import lineage
+from cylinder_friction.tracking.repository import TrackingError, commit_of, repository_root
 from cylinder_friction.tracking.store import EXPERIMENT, open_store, tracking_uri
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Callable
 
 WRITERS = """
 import os, sys
@@ -46,6 +53,72 @@ def test_the_default_is_sqlite_at_the_root_by_absolute_path(root: Path, monkeypa
 def test_the_variable_has_the_last_word(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://tracking:5000")
     assert tracking_uri(root) == "http://tracking:5000"
+
+
+@pytest.mark.parametrize("how", [shutil.move, shutil.copytree])
+def test_a_repository_that_was_moved_or_copied_reads_its_own_artifacts(
+    pipeline: Path, tmp_path: Path, how: Callable[[Path, Path], object]
+) -> None:
+    registered_in(pipeline)
+    there = tmp_path / "elsewhere"
+    how(pipeline, there)
+    for path in pipeline.glob("mlartifacts/**/*.onnx"):
+        path.write_bytes(b"of the original")
+    found = lineage("models:/friction-estimator@champion", there)
+    assert found.holds, found.text()
+    with open_store(there) as store:
+        run = store.client.get_run(found.links[0].found.split()[1])
+        version = store.client.get_model_version("friction-estimator", "1")
+        locations = [run.info.artifact_uri, store.client.get_model_version_download_uri(version.name, "1")]
+        locations.append(store.client.get_experiment(store.experiment_id).artifact_location)
+    assert all(location.startswith(f"file://{there}/mlartifacts") for location in locations), locations
+    other_model(there)
+    assert registered_in(there, {"1": 1.0, "2": 1.0}).promote, "new artifacts go to the new place"
+    assert len(list(there.glob("mlartifacts/models/*"))) == 2
+
+
+COMMANDS = ("serve", "lineage", "rollback", "ui")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_only_reads_makes_no_store(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(Path(__file__).parents[2] / "params.yaml", tmp_path)
+    assert main([command]) == 1
+    error = capsys.readouterr().err
+    assert "mlflow.db: there is no such store; run `make reproduce`, or `cylinder-friction track`" in error
+    assert error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("uri", "message"),
+    [
+        ("databricks", "MLFLOW_TRACKING_URI is databricks, but expected http://, https:// or a database (postgresql"),
+        ("ftp://host/x", "MLFLOW_TRACKING_URI is ftp://host/x, but expected http://"),
+        ("./mlruns", "MLFLOW_TRACKING_URI is ./mlruns, but expected http://"),
+        ("postgresql+nodriver://localhost/x", "is no MLflow store that can be opened ("),
+        ("server", "is no MLflow store that can be opened ("),
+        ("file", "is no MLflow store that can be opened ("),
+    ],
+)
+def test_a_wrong_store_is_refused_in_a_sentence(
+    uri: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "text.db").write_text("no database " * 100, encoding="utf-8")
+    with ThreadingHTTPServer(("127.0.0.1", 0), SimpleHTTPRequestHandler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        places = {"server": f"http://127.0.0.1:{server.server_port}", "file": f"sqlite:///{tmp_path / 'text.db'}"}
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", places.get(uri, uri))
+        with pytest.raises(TrackingError) as refused, open_store(tmp_path, create=False):
+            pass
+        server.shutdown()
+    assert message in str(refused.value)
+    assert "unset it to use the repository's own store" in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 def test_an_experiment_in_dvcs_throw_away_folder_writes_to_the_real_repository(root: Path) -> None:

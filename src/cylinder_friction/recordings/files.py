@@ -47,10 +47,10 @@ def read_json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def hash_of(path: Path) -> str:
+def hash_of(path: Path, ignored: str = "") -> str:
     """Return the SHA-256 of a file's bytes, or of a folder's relative names and their files' hashes.
 
-    Python's bytecode caches inside a folder do not count.
+    Inside a folder, Python's bytecode caches do not count, nor does a file with the name ``ignored``.
 
     Raises:
         FileNotFoundError: There is neither a file nor a folder of that name.
@@ -59,6 +59,7 @@ def hash_of(path: Path) -> str:
         with path.open("rb", buffering=0) as file:  # in pieces: a recording need not fit into memory
             return hashlib.file_digest(file, "sha256").hexdigest()
     digest = hashlib.sha256()
-    for inner in sorted(inner for inner in path.rglob("*") if inner.is_file() and "__pycache__" not in inner.parts):
+    files = (inner for inner in path.rglob("*") if inner.is_file() and not {"__pycache__", ignored} & {*inner.parts})
+    for inner in sorted(files):
         digest.update(f"{inner.relative_to(path).as_posix()}\0{hash_of(inner)}\n".encode())
     return digest.hexdigest()

@@ -21,7 +21,14 @@ from cylinder_friction.tracking.model_folder import (
     download_model,
     version_of,
 )
-from cylinder_friction.tracking.model_version import CANDIDATE_KEY, CONTENT_KEY, DECISION, MODEL_KEY, tags_of
+from cylinder_friction.tracking.model_version import (
+    CANDIDATE_KEY,
+    CONTENT_KEY,
+    DECISION,
+    MODEL_KEY,
+    WRITTEN_ON_LOADING,
+    tags_of,
+)
 from cylinder_friction.tracking.registry import REFUSED_ROLLED_BACK
 from cylinder_friction.tracking.repository import TrackingError, code_at, git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
@@ -148,7 +155,7 @@ def _model_links(store: Store, folder: Path | None, version: ModelVersion) -> It
         yield Link("model", False, f"its artifacts at {version.source} cannot be read")
         return
     logged = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
-    whole, estimator = hash_of(folder), hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
+    whole, estimator = hash_of(folder, WRITTEN_ON_LOADING), hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
     for name, key, found in (("model", MODEL_KEY, estimator), ("model's files", CONTENT_KEY, whole)):
         expected = {version.tags.get(key, "unknown"), logged.tags.get(key, "unknown")}
         if expected == {found}:

@@ -29,6 +29,8 @@ CANDIDATE_KEY = "candidate_key"
 """Tag of both by which a candidate is recognised."""
 CONTENT_KEY = "content_sha256"
 """Tag of both: the hash of all files of the logged model."""
+WRITTEN_ON_LOADING = "registered_model_meta"
+"""File that MLflow adds to a model in a local store when it is loaded by its registered name; it counts for nothing."""
 DECISION = "gate_decision"
 """Tag of a version, written last: while a version lacks it, versions after it wait."""
 ABANDONED = "abandoned"
@@ -129,7 +131,7 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> Logg
         save_model_folder(folder, root / candidate.folder, lineage, pd.DataFrame(candidate.example), mlflow_model)
         for cache in folder.rglob("__pycache__"):
             shutil.rmtree(cache)
-        tags = {**tags_of(lineage), CONTENT_KEY: hash_of(folder)}
+        tags = {**tags_of(lineage), CONTENT_KEY: hash_of(folder, WRITTEN_ON_LOADING)}
         store.client.set_logged_model_tags(model.model_id, tags)
         store.client.log_model_artifacts(model.model_id, str(folder))
     store.client.log_outputs(run_id, [LoggedModelOutput(model.model_id, step=0)])

@@ -51,7 +51,7 @@ def register(
         candidate: The trained estimator.
         root: The repository's root.
         measure: Returns the errors of the estimator saved in a folder on the present held-out recordings: the
-            champion's figures are measured, not taken from what the registry says of it.
+            champion's figures are measured, not read from the registry.
         patience_s: How long to wait for an earlier version, whose machine may have stopped, before going on without it.
 
     Raises:
@@ -70,15 +70,15 @@ def register(
 
 
 def _wait_for_earlier(store: Store, version: ModelVersion, patience_s: float) -> None:
-    deadline, told = time.monotonic() + patience_s, False
+    deadline, warned = time.monotonic() + patience_s, False
     while True:
         versions = _versions(store, version.name)
         earlier = [n for n, each in versions.items() if n < int(version.version) and DECISION not in each.tags]
         if not earlier:
             return
-        if not told:
+        if not warned:
             _log.warning("%s version %s waits for version %d: it is being decided", *_named(version), min(earlier))
-            told = True
+            warned = True
         if time.monotonic() > deadline:
             for number in earlier:
                 _tag(store, versions[number], {DECISION: ABANDONED})

@@ -90,7 +90,7 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
         try:
             client = MlflowClient(tracking_uri=uri, registry_uri=uri)
             experiment_id = _experiment(client, uri, root, EXPERIMENT)
-        except Exception as error:  # whatever the server, the driver of its database or a file answers
+        except Exception as error:  # of the server, of its database's driver, of a file
             reason = " ".join(str(error).split())[:_LONGEST_REASON]
             raise TrackingError(
                 f"{uri} is no MLflow store that can be opened ({reason}); correct MLFLOW_TRACKING_URI, or unset it to "
@@ -131,7 +131,7 @@ def _follow_a_move(root: Path) -> None:
                 "SELECT artifact_location FROM experiments WHERE name = ?", (EXPERIMENT,)
             ).fetchone()
         except sqlite3.DatabaseError:
-            return  # it has no tables yet, or is no database, which MLflow will say
+            return  # it has no tables yet, or is no database, which MLflow refuses
         if found is None or found[0] == here:
             return
         for table, column in _LOCATIONS:
@@ -143,7 +143,7 @@ def _follow_a_move(root: Path) -> None:
 
 
 def _refuse_what_is_no_store(uri: str, *, create: bool) -> None:
-    """MLflow makes a database wherever it is told to, and retries for minutes where no server listens."""
+    """MLflow makes a database at whatever path it gets, and retries for minutes where no server listens."""
     parts = urlsplit(uri)
     if parts.scheme == "sqlite" and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
         raise TrackingError(
