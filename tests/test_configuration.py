@@ -46,6 +46,14 @@ def test_every_recipe_composes_and_is_accepted(recipe: str, composed: dict[str, 
     assert compose_params(CONF, [f"experiment={recipe}"]) != composed
 
 
+def test_recipes_and_cylinders_register_under_names_of_their_own(content: dict[str, Any]) -> None:
+    recipes = [compose_params(CONF, [f"experiment={recipe}"]) for recipe in RECIPES]
+    content["cylinder"]["name"] = "Parker 80x45 / left"
+    names = [check_params(each, "conf").registered_name for each in (compose_params(CONF), *recipes, content)]
+    suffixes = ["", *(f"-{recipe}" for recipe in RECIPES), "-parker_80x45_left"]
+    assert names == [f"friction-estimator{suffix}" for suffix in suffixes]
+
+
 @pytest.mark.parametrize("choice", CHOICES)
 def test_every_choice_of_every_group_is_accepted(choice: str) -> None:
     compose_params(CONF, [choice])

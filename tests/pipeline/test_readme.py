@@ -10,6 +10,7 @@ import subprocess
 import time
 from typing import TYPE_CHECKING
 
+import psutil
 import pytest
 
 from pipeline_workspace import MAKE, PROJECT, copy_of, environment, run, run_here
@@ -89,6 +90,10 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
             line = process.stdout.readline()
             assert line or process.poll() is None, printed
             printed += line
+        if target == "ui":
+            commands = [" ".join(one.cmdline()) for one in psutil.Process(process.pid).children(recursive=True)]
+            assert any("uvicorn" in command for command in commands)
+            assert not [command for command in commands if "mlflow.server.jobs" in command]
         if target == "serve":
             while "}'" not in printed:
                 printed += process.stdout.readline()
