@@ -103,7 +103,7 @@ def version_of(store: Store, uri: str) -> ModelVersion:
     except MlflowException as error:
         raise LineageError(
             f"{uri}: the registry at {store.uri} has no such version ({error.message}); run `dvc repro`, or "
-            "`cylinder-friction track` where the results came from DVC"
+            "`cylinder-friction track` where the results came from DVC, and `cylinder-friction rollback --to VERSION`"
         ) from error
 
 
