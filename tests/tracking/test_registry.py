@@ -111,7 +111,7 @@ def test_a_rollback_is_recorded_and_lasts_until_a_better_candidate(pipeline: Pat
     assert withdrawn.startswith(f"to version 1 by {getpass.getuser()} at 20")
     whole = MlflowClient(tracking_uri(pipeline)).get_registered_model(NAME).tags["rolled_back"]
     assert whole == withdrawn.replace("to", "version 2 to", 1)
-    register(second, pipeline, measured)
+    assert register(second, pipeline, measured).reason == registry.REFUSED_ROLLED_BACK
     assert champion(pipeline) == "1", "it is decided already"
     again = register(replace(second, tolerance_percent=0.2), pipeline, measured)
     assert (again.promote, champion(pipeline)) == (False, "1")

@@ -6,7 +6,7 @@ import logging
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -64,7 +64,9 @@ def register(
             return _decided_before(candidate, champion)
         version = ensure_version(store, candidate, root)
         if DECISION in version.tags:
-            return _decided_before(candidate, version)
+            decided = _decided_before(candidate, version)
+            rolled_back = _ROLLED_BACK in version.tags
+            return replace(decided, promote=False, reason=REFUSED_ROLLED_BACK) if rolled_back else decided
         _wait_for_earlier(store, version, patience_s)
         return _decide(store, version, candidate, measure)
 
