@@ -10,6 +10,7 @@ test session from a cold start.
 from __future__ import annotations
 
 import copy
+import warnings
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -122,7 +123,9 @@ def _prepared(
 def labelled_sessions(sessions: Sequence[ServoSession], plan: SessionPlan) -> list[Recording]:
     """Return the recordings with the product's default label; a vertical rig's load is identified by position."""
     load: LoadMode = "none" if plan.mounting == "horizontal" else "position"
-    return label([each.recording for each in sessions], CYLINDER, load=load)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "filter windows are in samples")  # this rig is logged at 250 Hz
+        return label([each.recording for each in sessions], CYLINDER, load=load)
 
 
 def scored(name: str, recording: Recording, estimate_n: Array, session: ServoSession) -> Score:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cylinder_friction.labelling.label import label
 from friction_benchmark.servo_rig.dynamics import TICK_S
+from friction_benchmark.servo_rig.evaluation import labelled_sessions
 from friction_benchmark.servo_rig.parameters import BAR, CYLINDER, GREATEST_OFFSET_PA, Drive, Seals, Sensors
 from friction_benchmark.servo_rig.references import HIGHEST_M, LOWEST_M
 from friction_benchmark.servo_rig.sessions import (
@@ -57,7 +57,7 @@ def test_every_condition_is_recorded_at_250_hz_in_the_ranges_of_its_sensors(sess
 
 
 def test_labels_meet_true_friction_but_for_the_zeros(sessions: list[ServoSession]) -> None:
-    for each, labelled in zip(sessions, label([one.recording for one in sessions], CYLINDER), strict=True):
+    for each, labelled in zip(sessions, labelled_sessions(sessions, SHORT), strict=True):
         usable = labelled.usable()
         error_n = (labelled.column("friction_n") - each.true_friction_n)[usable]
         most_n = GREATEST_OFFSET_PA * (CYLINDER.piston_area_m2 + CYLINDER.annulus_area_m2)
