@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from contracts.runtimes import Runtime, all_runtimes, run
 from contracts.tolerances import TOLERANCES_N
+from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.scoring_model import ScoringError, ServedGraph, score
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.realtime.flags import Flag
@@ -74,6 +77,22 @@ def test_it_takes_the_load_off_and_learns_the_sensors_offset(runtime: Runtime, c
     newtons, flags = run(runtime.open(case.model, tmp_path), case.expected.samples)
     np.testing.assert_array_equal(flags, case.expected.flags)
     np.testing.assert_allclose(newtons, case.expected.newtons, rtol=0.0, atol=TOLERANCES_N[runtime.name])
+
+
+def test_the_served_model_takes_the_load_off_too(case: Case) -> None:
+    samples = case.expected.samples[:2500]
+    rows = pd.DataFrame(samples, columns=list(case.model.inputs))
+    graph = ServedGraph(sequence_graph(case.model).SerializeToString())
+    scored = score(graph, rows)
+    np.testing.assert_array_equal(scored["flags"], case.expected.flags[:2500])
+    newtons = scored[["friction_n", "lower_n", "upper_n"]]
+    np.testing.assert_allclose(newtons, case.expected.newtons[:2500], rtol=0.0, atol=TOLERANCES_N["onnx_sequence"])
+    if LOAD_FORCE in case.model.inputs:
+        with pytest.raises(ScoringError, match="column 'load_force_n' is missing"):
+            score(graph, rows.drop(columns=LOAD_FORCE))
+    else:
+        with pytest.raises(ScoringError, match=r"this model knows: a load of .* which position decides"):
+            score(graph, rows.assign(load_force_n=100.0))
 
 
 def test_the_reference_learns_it(case: Case) -> None:
