@@ -19,18 +19,19 @@ if TYPE_CHECKING:
     from cylinder_friction.friction_models.parameters import ModelParameters
 
 CURVE = {"coulomb_n": 240.0, "static_n": 360.0, "stribeck_velocity_m_s": 8e-3, "stribeck_exponent": 1.5}
+PLAIN_LUGRE = LugreParameters(
+    **CURVE,
+    viscous_n_s_m=1500.0,
+    bristle_stiffness_n_m=5e6,
+    bristle_damping_n_s_m=4000.0,
+    damping_velocity_m_s=8e-3,
+)
 ODD: dict[str, ModelParameters] = {
     "stribeck": CoulombStribeckParameters(
         **CURVE, viscous_n_s_m=1500.0, regularising_velocity_m_s=5e-4, standstill_share=0.6
     ),
     "dahl": DahlParameters(240.0, 1500.0, 5e6),
-    "lugre": LugreParameters(
-        **CURVE,
-        viscous_n_s_m=1500.0,
-        bristle_stiffness_n_m=5e6,
-        bristle_damping_n_s_m=4000.0,
-        damping_velocity_m_s=8e-3,
-    ),
+    "lugre": PLAIN_LUGRE,
     "film_lugre": FilmLugreParameters(
         **CURVE,
         viscous_n_s_m=1500.0,
@@ -95,10 +96,7 @@ def lugre_to_find(mass_kg: float, slope_n_pa: float = 0.0) -> LugreParameters:
     """Return LuGre with a direction, its bristles damped by half of critically on this mass."""
     damping = bristle_damping(0.5, 2e6, mass_kg, 1500.0)
     return LugreParameters(
-        coulomb_n=240.0,
-        static_n=360.0,
-        stribeck_velocity_m_s=8e-3,
-        stribeck_exponent=1.5,
+        **CURVE,
         viscous_n_s_m=1500.0,
         bristle_stiffness_n_m=2e6,
         bristle_damping_n_s_m=damping,

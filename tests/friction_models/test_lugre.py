@@ -9,18 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from cylinder_friction.friction_models.lugre import LugreParameters
+from friction_samples import PLAIN_LUGRE as PLAIN
 from friction_samples import new_bristle, simulate
 
-PLAIN = LugreParameters(
-    coulomb_n=240.0,
-    static_n=360.0,
-    stribeck_velocity_m_s=8e-3,
-    stribeck_exponent=1.5,
-    viscous_n_s_m=1500.0,
-    bristle_stiffness_n_m=5e6,
-    bristle_damping_n_s_m=4000.0,
-    damping_velocity_m_s=8e-3,
-)
 DIRECTED = replace(PLAIN, retract_ratio=1.2, pressure_slope_n_pa=4e-5)
 velocities = st.lists(st.floats(-0.3, 0.3), min_size=1, max_size=60)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+from performance_scripts import performance_script
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "../shared/data"
@@ -19,16 +20,12 @@ here = pytest.mark.skipif(not (DATA / "friction-damper").is_dir(), reason="the p
 @pytest.fixture(scope="module")
 def hysteresis() -> Any:
     """What the benchmark prints; tests call the same functions."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "performance"))
-        return importlib.import_module("measured_hysteresis")
+    return performance_script("measured_hysteresis")
 
 
 @pytest.fixture(scope="module")
 def loops() -> Any:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "performance"))
-        return importlib.import_module("hysteresis_loops")
+    return performance_script("hysteresis_loops")
 
 
 def test_a_loop_of_known_shape_gives_its_turns_work_and_stiffness(loops: Any) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+
+from performance_scripts import performance_script
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "../shared/data"
@@ -19,9 +20,7 @@ pytestmark = pytest.mark.skipif(not (DATA / "crane").is_dir(), reason="the crane
 @pytest.fixture(scope="module")
 def scope_export() -> Any:
     """What the command prints; tests call the same functions."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "performance"))
-        return importlib.import_module("scope_export")
+    return performance_script("scope_export")
 
 
 @pytest.mark.parametrize("run", ["JibSineTest", "Dual2SineTest"])

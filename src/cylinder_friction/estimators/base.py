@@ -23,7 +23,7 @@ from cylinder_friction.realtime.bounds import (
 )
 from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
-from cylinder_friction.realtime.position_load import PositionLoad
+from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
 from cylinder_friction.realtime.unmodelled_force import with_force_limits
@@ -85,7 +85,7 @@ class FrictionEstimator(ABC):
     @property
     def channels(self) -> tuple[str, ...]:
         """What filters take: the inputs, and a load that position decides."""
-        return self.inputs if self.position_load is None else (*self.inputs, LOAD_FORCE)
+        return channel_names(self.inputs, self.position_load)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -160,7 +160,7 @@ class FrictionEstimator(ABC):
         other = copy.copy(self)
         other.position_load = load
         if self.guard is not None:
-            trained = self.training_range.widened().within(POSITION, load.first_m, load.last_m)
+            trained = self.training_range.trusted(load)
             other.guard = replace(self.guard, trained_lower=trained.lower, trained_upper=trained.upper)
         return other
 

@@ -55,12 +55,15 @@ class TrainingRange:
             tuple(upper + more for upper, more in zip(self.upper, slack, strict=True)),
         )
 
-    def within(self, column: str, lower: float, upper: float) -> Self:
-        """Return the range with that of one column cut to ``lower`` and ``upper``."""
-        place = self.columns.index(column)
-        lowest, highest = list(self.lower), list(self.upper)
-        lowest[place], highest[place] = max(lowest[place], lower), min(highest[place], upper)
-        return type(self)(self.columns, tuple(lowest), tuple(highest))
+    def trusted(self, load: PositionLoad | None) -> Self:
+        """Return the range with its margin, cut to the positions where a load that position decides is known."""
+        wide = self.widened()
+        if load is None:
+            return wide
+        place = wide.columns.index(POSITION)
+        lowest, highest = list(wide.lower), list(wide.upper)
+        lowest[place], highest[place] = max(lowest[place], load.first_m), min(highest[place], load.last_m)
+        return type(self)(wide.columns, tuple(lowest), tuple(highest))
 
     def holds(self, samples: Array) -> NDArray[np.bool_]:
         """Return which rows of ``samples``, shape ``(n, columns)``, lie in the range, widened by the margin.
@@ -83,9 +86,7 @@ def guard_from(
         sample_time_s: Between two samples [s].
         load: Decided by position: positions where it is not known count as outside the training range.
     """
-    accept, trained = training_range.widened(ACCEPT_SPANS), training_range.widened()
-    if load is not None:
-        trained = trained.within(POSITION, load.first_m, load.last_m)
+    accept, trained = training_range.widened(ACCEPT_SPANS), training_range.trusted(load)
     return Guard(
         accept_lower=accept.lower,
         accept_upper=accept.upper,

@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.realtime.position_load import PositionLoad
+from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
@@ -120,7 +120,7 @@ class StepModel:
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """What the filters take: the inputs, and a load that position decides."""
-        return self.inputs if self.position_load is None else (*self.inputs, LOAD_FORCE)
+        return channel_names(self.inputs, self.position_load)
 
     @cached_property
     def position(self) -> int:

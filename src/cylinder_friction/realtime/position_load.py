@@ -9,6 +9,7 @@ import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.columns import LOAD_FORCE
 
 FIRST, PER_METRE, TABLE = range(3)
 """In what a step takes: the first position [m], places of the table a metre, then the loads [N]."""
@@ -69,6 +70,11 @@ class PositionLoad:
         """Return what ``to_dict`` gave."""
         first_m, last_m = content["range_m"]
         return cls(first_m, last_m, np.array(content["load_n"]), np.array(content["standard_uncertainty_n"]))
+
+
+def channel_names(inputs: tuple[str, ...], load: PositionLoad | None) -> tuple[str, ...]:
+    """Return what filters take: the inputs, and a load that position decides."""
+    return inputs if load is None else (*inputs, LOAD_FORCE)
 
 
 @numba.njit(cache=True)

@@ -45,6 +45,8 @@ class ReferenceStream:
     def __init__(self, model: StepModel) -> None:
         self.model = model
         self._network = None if model.network is None else Lstm(model.network)
+        self._load = None if model.position_load is None else model.position_load.packed()
+        self._force_limits = force_limits(model)
         self._lags = max(taps.shape[-1] for taps in (model.feature_taps, model.base_taps, model.velocity_taps))
         self.reset()
 
@@ -106,8 +108,9 @@ class ReferenceStream:
 
     def _channels(self, sample: Array) -> Array:
         """Return the sample with the load that position decides, where the model has one."""
-        load = self.model.position_load
-        return sample if load is None else np.append(sample, load_at(load.packed(), float(sample[self.model.position])))
+        if self._load is None:
+            return sample
+        return np.append(sample, load_at(self._load, float(sample[self.model.position])))
 
     def _outside(self, now: Array) -> bool:
         guard = self.model.guard
@@ -196,7 +199,7 @@ class ReferenceStream:
 
     def _unmodelled_force(self, channels: Array, regime: int) -> Flag:
         """Return the flag of a force balance beyond the range of training."""
-        limits, guard = force_limits(self.model), self._guard
+        limits, guard = self._force_limits, self._guard
         if not limits.size:
             return Flag(0)
         found, guard.unmodelled = unmodelled_force(

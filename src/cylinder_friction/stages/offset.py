@@ -12,6 +12,7 @@ from cylinder_friction.labelling.label import with_common_load
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan, fit_offset_model, zero_uncertainty_n
+from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording
@@ -63,8 +64,8 @@ def run(params: Params) -> RunRecord:
     sessions: list[dict[str, Any]] = []
     tracker: OffsetTracker | None = None
     if not reason:
-        channels = inputs if load is None else (*inputs, LOAD_FORCE)
-        recordings, sessions, tracker = _corrected(recordings, cylinder, plan_from(settings), channels)
+        plan, channels = plan_from(settings), channel_names(inputs, load)
+        recordings, sessions, tracker = _corrected(recordings, cylinder, plan, channels)
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:
             for recording in recordings[role]:

@@ -10,7 +10,7 @@ from tqdm import tqdm
 from cylinder_friction.estimators.front_end import feature_count
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
-from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.run_record import RunRecord
@@ -63,7 +63,7 @@ def run(params: Params) -> RunRecord:
         finished.append(trial)
         bar.update(len(finished) * epochs - bar.n)
 
-    channels = data.inputs if data.position_load is None else (*data.inputs, LOAD_FORCE)
+    channels = channel_names(data.inputs, data.position_load)
     plan = SearchPlan(settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds)
     space = SearchSpace(**{key: tuple(value) for key, value in settings.space.model_dump().items()})
     trials = run_search(space, plan, lambda values: _cost(settings, values, channels), objective, journal, after_trial)

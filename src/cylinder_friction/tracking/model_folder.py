@@ -16,11 +16,12 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
-from cylinder_friction.deployment.onnx_graphs.export import export_onnx
+from cylinder_friction.deployment.onnx_graphs.export import SEQUENCE_FILE
+from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.estimators.base import DESCRIPTION_FILE
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.columns import LOAD_FORCE
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.files import read_json, write_bytes
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
@@ -69,7 +70,8 @@ def save_model_folder(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MLflow's pyfunc warns of its own type hints when imported
         pyfunc = import_module("mlflow.pyfunc")
-    graph = export_onnx(load_estimator(estimator), path.with_name("graph")).sequence
+    graph = path.with_name(SEQUENCE_FILE)
+    write_bytes(graph, sequence_graph(load_estimator(estimator).step_model()).SerializeToString(deterministic=True))
     pyfunc.save_model(
         path=str(path),
         python_model=str(SCORING_CODE),

@@ -1,6 +1,6 @@
 """Friction of one recording as the inspection shows it: filtered, balanced, and gathered into a Stribeck curve."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ PRESSURE_FORCE = "P1·A1 - P2·A2"
 MEASURED_FORCE = "drive force"
 
 
-CONFIDENCE = 0.95  # Probability of the intervals of steady sliding
+CONFIDENCE = 0.95  # Probability of the intervals of friction
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,7 @@ class FrictionView:
     half_difference_n: float  # Half the difference there: friction whatever the load is [N]
     no_curve: str  # Why there is no curve
     assumed: tuple[str, ...]  # What the force balance takes for granted, one sentence each
+    load: str = ""  # The load that was taken off, in words
 
     @property
     def carries_load(self) -> bool:
@@ -95,7 +96,8 @@ def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter
     load = "none" if labeller.load == "none" else "measured"
     if identified is not None and identified.load is not None:
         load = f"{identified.load.sentence()}. A constant difference between the directions counts as load"
-    return view_of_labelled(labelled, signals_of(smooth), labeller.cylinder, method, _assumed(labelled, labeller, load))
+    assumed = _assumed(labelled, labeller, load)
+    return replace(view_of_labelled(labelled, signals_of(smooth), labeller.cylinder, method, assumed), load=load)
 
 
 def view_of_labelled(

@@ -113,8 +113,7 @@ class Panes:
             zero_n = zero_uncertainty_n(view.labelled, cylinder)
             subject = subject.found(friction_finding(view, friction, zero_n, self.plan))
             if self.labeller.load == "position":
-                words = view.assumed[0].partition("Load: ")[2].partition(". A1 =")[0]
-                subject = replace(subject, findings=[*subject.findings, Finding("load", "ok", words)])
+                subject = replace(subject, findings=[*subject.findings, Finding("load", "ok", view.load)])
         if subject.outcome == "refused":
             friction = {}
         elif recording.sample_time_s not in self.costs:

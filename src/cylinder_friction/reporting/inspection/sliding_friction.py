@@ -10,11 +10,10 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.labelling.sensor_offset import OffsetPlan
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
-from cylinder_friction.reporting.inspection.friction_view import FrictionView
+from cylinder_friction.reporting.inspection.friction_view import CONFIDENCE, FrictionView
 from cylinder_friction.reporting.inspection.sensor_offsets import too_uneven
 from cylinder_friction.reporting.page import four_digits
 
-CONFIDENCE = 0.95
 WAYS = {"extending": 1.0, "retracting": -1.0}
 
 
