@@ -11,8 +11,7 @@ import pytest
 
 from contracts.runtimes import Runtime, all_runtimes, run
 from contracts.tolerances import TOLERANCES_N
-from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
-from cylinder_friction.deployment.scoring_model import ScoringError, ServedGraph, score
+from cylinder_friction.deployment.scoring import ScoringError
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.realtime.flags import Flag
@@ -21,6 +20,7 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURE_1, SAMPLE_
 from cylinder_friction.recordings.recording import SensorUncertainty
 from cylinder_friction.testing.golden import Trajectory, trace
 from learned_offset import SPREAD_N, made_tracker
+from served_rows import score, served
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -82,7 +82,7 @@ def test_it_takes_the_load_off_and_learns_the_sensors_offset(runtime: Runtime, c
 def test_the_served_model_takes_the_load_off_too(case: Case) -> None:
     samples = case.expected.samples[:2500]
     rows = pd.DataFrame(samples, columns=list(case.model.inputs))
-    graph = ServedGraph(sequence_graph(case.model).SerializeToString())
+    graph = served(case.model)
     scored = score(graph, rows)
     np.testing.assert_array_equal(scored["flags"], case.expected.flags[:2500])
     newtons = scored[["friction_n", "lower_n", "upper_n"]]

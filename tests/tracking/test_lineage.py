@@ -170,7 +170,8 @@ def model_swapped(root: Path) -> None:
 
 HISTORY = "git commit"
 TAMPERING: dict[str, tuple[Callable[[Path], None], set[str]]] = {
-    "scoring code": (in_file("scoring_model.py", "import", "import os\nimport"), {"model's files"}),
+    "scoring code": (in_file("scoring.py", "import", "import os\nimport"), {"model's files"}),
+    "MLflow's side of it": (in_file("scoring_model.py", "import", "import os\nimport"), {"model's files"}),
     "MLmodel": (in_file("MLmodel", "python_function", "python_function "), {"model's files"}),
     "requirements.txt": (in_file("requirements.txt", "mlflow", "evil\nmlflow"), {"model's files"}),
     "signature's example": (in_file("input_example.json", "0", "1"), {"model's files"}),

@@ -28,6 +28,7 @@ def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> 
     (description,) = pipeline.glob("mlartifacts/models/*/artifacts/MLmodel")
     files = [path for path in description.parent.rglob("*") if path.is_file()]
     assert {path.name for path in files} >= {
+        "scoring.py",
         "scoring_model.py",
         "sequence.onnx",
         "network.onnx",

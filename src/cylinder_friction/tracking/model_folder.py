@@ -25,10 +25,13 @@ from cylinder_friction.recordings.files import read_json, write_bytes
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
-SCORING_CODE = Path(__file__).parents[1] / "deployment/scoring_model.py"
+MODEL_CODE = Path(__file__).parents[1] / "deployment/scoring_model.py"
+SCORING_CODE = Path(__file__).parents[1] / "deployment/scoring.py"
 ESTIMATOR_ARTIFACT = "estimator"
 LINEAGE_ARTIFACT = "lineage"
-GRAPH_ARTIFACT = "graph"  # The name that the served model's code asks for
+# The names that the served model's code asks for
+GRAPH_ARTIFACT = "graph"
+SCORING_ARTIFACT = "scoring"
 LINEAGE_FILE = "lineage.json"
 REQUIREMENTS = ("mlflow", "numpy", "onnxruntime", "pandas")
 """All that the served model needs; the estimator's own files are beside its graph for this project's commands."""
@@ -74,9 +77,10 @@ def save_model_folder(
     write_bytes(graph, sequence_graph(load_estimator(estimator).step_model()).SerializeToString(deterministic=True))
     pyfunc.save_model(
         path=str(path),
-        python_model=str(SCORING_CODE),
+        python_model=str(MODEL_CODE),
         artifacts={
             GRAPH_ARTIFACT: str(graph),
+            SCORING_ARTIFACT: str(SCORING_CODE),
             ESTIMATOR_ARTIFACT: str(estimator),
             LINEAGE_ARTIFACT: str(lineage_path),
         },
