@@ -1,0 +1,129 @@
+"""Which model is in service: a file names it, and the server exchanges models while it runs."""
+
+import logging
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cylinder_friction.deployment.scoring_model import ServedGraph
+from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.serving.settings import ServingError
+
+GRAPH_FILE = "artifacts/sequence.onnx"
+GOLDEN_FILE = "artifacts/golden.json"
+TOLERANCE_N = 0.1
+"""How far a graph may be from its golden trajectory: other machines round single precision otherwise."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ServedModel:
+    """A version of a registered model, and the folder that holds it."""
+
+    folder: Path
+    name: str
+    version: str
+
+
+def write_current(path: Path, model: ServedModel) -> None:
+    """Make a model the one in service: workers that watch ``path`` exchange theirs within two seconds."""
+    write_json(path, asdict(model) | {"folder": str(model.folder)})
+
+
+def read_current(path: Path) -> ServedModel:
+    """Return the model that ``path`` names.
+
+    Raises:
+        ServingError: The file is not there, or not as ``write_current`` writes it.
+    """
+    try:
+        content = read_json(path)
+        return ServedModel(Path(content["folder"]), str(content["name"]), str(content["version"]))
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ServingError(f"{path}: names no model ({type(error).__name__}: {error})") from error
+
+
+@dataclass(frozen=True)
+class ModelInService:
+    """A model whose graph is open; ``golden_difference_n`` [N] is None where no trajectory lies in its folder."""
+
+    model: ServedModel
+    graph: ServedGraph
+    golden_difference_n: float | None
+
+
+def open_model(model: ServedModel) -> ModelInService:
+    """Open a model's graph and run it on the golden trajectory in its folder.
+
+    Raises:
+        ServingError: The graph is not there or cannot be run, or its outputs are not the recorded ones.
+    """
+    try:
+        graph = ServedGraph(model.folder / GRAPH_FILE)
+        return ModelInService(model, graph, _golden_difference_n(model, graph))
+    except ServingError:
+        raise
+    except Exception as error:  # ONNX Runtime raises many kinds
+        raise ServingError(f"{model.name} version {model.version}: its graph cannot be run ({error})") from error
+
+
+def _golden_difference_n(model: ServedModel, graph: ServedGraph) -> float | None:
+    path = model.folder / GOLDEN_FILE
+    if not path.is_file():
+        return None
+    golden = read_json(path)
+    numbers, flags = graph.run(np.array(golden["samples"], dtype=np.float64))
+    difference_n = float(np.abs(numbers[:, :3] - np.array(golden["newtons"])).max())
+    changed = int((flags != np.array(golden["flags"])).sum())
+    if changed or not difference_n <= TOLERANCE_N:
+        raise ServingError(
+            f"{model.name} version {model.version}: on its golden trajectory it is {difference_n:.3g} N from what was "
+            f"recorded with it, and {changed} flags differ; expected at most {TOLERANCE_N} N and the same flags; "
+            "register the model again"
+        )
+    return difference_n
+
+
+class ModelSource:
+    """The model in service, exchanged when ``current_file`` changes.
+
+    Attributes:
+        now: The model in service.
+        problem: Why the model that the file names is not the one in service; empty where it is.
+        exchanges, refusals: How often models were exchanged, and refused.
+    """
+
+    def __init__(self, current_file: Path) -> None:
+        """Open the model that the file names; raises ``ServingError`` where it cannot be served."""
+        self._file = current_file
+        self._stamp = self._stamp_now()
+        self.now = open_model(read_current(current_file))
+        self.problem = ""
+        self.exchanges = self.refusals = 0
+
+    def refresh(self) -> None:
+        """Exchange the model if the file names another; one that fails is refused, and the old one stays."""
+        stamp = self._stamp_now()
+        if stamp == self._stamp:
+            return
+        self._stamp = stamp
+        try:
+            model = read_current(self._file)
+            if model != self.now.model:
+                self.now = open_model(model)
+                self.exchanges += 1
+                _log.warning("%s version %s is in service", model.name, model.version)
+            self.problem = ""
+        except ServingError as error:
+            self.problem = str(error)
+            self.refusals += 1
+            _log.error("%s; %s version %s stays in service", error, self.now.model.name, self.now.model.version)
+
+    def _stamp_now(self) -> tuple[int, int]:
+        try:
+            found = self._file.stat()
+        except OSError:
+            return 0, 0
+        return found.st_mtime_ns, found.st_ino
