@@ -8,13 +8,12 @@ from importlib import metadata
 from pathlib import Path
 
 import orjson
-import pandas as pd
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from cylinder_friction.deployment.scoring_model import ScoringError, score
+from cylinder_friction.deployment.scoring import ScoringError, score_columns
 from cylinder_friction.serving.model_source import ModelSource
 from cylinder_friction.serving.settings import ServeSettings
 
@@ -36,10 +35,12 @@ def create_app(settings: ServeSettings, current_model_file: Path) -> Starlette:
             return _json({"error_code": "REQUEST_ENTITY_TOO_LARGE", "message": "the body is too large"}, 413)
         split = orjson.loads(body)["dataframe_split"]
         try:
-            scored = score(source.now.graph, pd.DataFrame(split["data"], columns=split["columns"]))
+            columns = dict(zip(split["columns"], zip(*split["data"], strict=True), strict=True))
+            scored = {name: values.tolist() for name, values in score_columns(source.now.graph, columns).items()}
         except ScoringError as error:
             return _json({"error_code": "UNPROCESSABLE_ENTITY", "message": str(error)}, 422)
-        return _json({"predictions": scored.to_dict("records")})
+        rows = (dict(zip(scored, row, strict=True)) for row in zip(*scored.values(), strict=True))
+        return _json({"predictions": list(rows)})
 
     async def livez(_: Request) -> Response:
         return Response("\n", media_type="application/json")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cylinder_friction.deployment.scoring_model import ServedGraph
+from cylinder_friction.deployment.scoring import ServedGraph
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.serving.settings import ServingError
 
