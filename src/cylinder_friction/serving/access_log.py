@@ -1,0 +1,64 @@
+"""The access log: one JSON object per line and request, one file for all workers, rotated by size."""
+
+import logging
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+_log = logging.getLogger(__name__)
+
+
+class AccessLog:
+    """Appends lines to a file, and follows it when it is rotated, by ``rotate`` or by another program."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the log; raises ``OSError`` where it cannot be written."""
+        self._path = path
+        self._file = _opened(path)
+        self._problem = ""
+
+    def write(self, entry: dict[str, Any]) -> None:
+        """Append one line, in one step: lines of several workers do not mix. A full disk does not fail a request."""
+        try:
+            if self._was_moved():
+                opened = _opened(self._path)
+                os.close(self._file)
+                self._file = opened
+            os.write(self._file, orjson.dumps(entry, option=orjson.OPT_APPEND_NEWLINE))
+            self._problem = ""
+        except OSError as error:
+            if str(error) != self._problem:  # once, not with every request
+                _log.error("%s: requests are not logged (%s)", self._path, error)
+            self._problem = str(error)
+
+    def _was_moved(self) -> bool:
+        try:
+            there = self._path.stat()
+        except FileNotFoundError:
+            return True
+        return not os.path.samestat(there, os.fstat(self._file))
+
+
+def rotate(path: Path, max_bytes: int, files: int) -> None:
+    """Move a log beyond ``max_bytes`` to ``<path>.1``, and older ones on; keep ``files`` of them."""
+    try:
+        found = path.stat()
+        if found.st_size <= max_bytes or not stat.S_ISREG(found.st_mode):
+            return
+        for number in range(files, 0, -1):
+            older = _numbered(path, number - 1)
+            if older.exists():
+                older.replace(_numbered(path, number))
+    except OSError as error:
+        _log.error("%s: cannot be rotated (%s)", path, error)
+
+
+def _numbered(path: Path, number: int) -> Path:
+    return path.with_name(f"{path.name}.{number}") if number else path
+
+
+def _opened(path: Path) -> int:
+    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o640)
