@@ -3,7 +3,7 @@
 Each race is for a registered model of its own. Both clones begin at the same moment, each in a process of its own; who
 has the better candidate alternates. Errors are made up, models are copies of one that a finished pipeline has trained.
 
-    python performance/registry_race.py [--races 20] [--database postgresql://...] [--pipeline .]
+    python performance/registry_race.py [--races 20] [--store postgresql] [--pipeline .]
 """
 
 from __future__ import annotations
@@ -13,20 +13,15 @@ import json
 import multiprocessing
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
 from mlflow import MlflowClient
+from team_servers import WITHOUT_ADDRESSES, server_on
 
-from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.tracking.gate import Candidate, Registered
 from cylinder_friction.tracking.registry import ALIAS, register
@@ -86,37 +81,18 @@ def race(number: int, clones: dict[str, Path], client: MlflowClient) -> bool:
     champion = client.get_model_version_by_alias(name, ALIAS)
     won = figures[champion.tags["model_key"]] == MEAN_PERCENT["better"]
     versions = sorted(client.search_model_versions(f"name = '{name}'"), key=lambda one: int(one.version))
-    decisions = ", ".join(f"{figures[one.tags['model_key']]} % {one.tags['gate_decision']}" for one in versions[1:])
-    print(f"race {number:2d}: champion {figures[champion.tags['model_key']]} %  ({decisions})", flush=True)
+    print(f"race {number:2d}: champion {figures[champion.tags['model_key']]} %", flush=True)
+    for one in versions[1:]:
+        print(
+            f"         version {one.version}, {figures[one.tags['model_key']]} %: {one.tags['gate_reason']}", flush=True
+        )
     return won and all(runner.exitcode == 0 for runner in runners)
-
-
-@contextmanager
-def tracking_server(folder: Path, database: str) -> Iterator[str]:
-    port = free_port()
-    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", database, "--port", str(port)]
-    command += ["--artifacts-destination", str(folder / "files"), "--workers", "2"]
-    environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
-    with (folder / "log").open("wb") as log:
-        server = subprocess.Popen(command, stdout=log, stderr=log, env=environment, start_new_session=True)
-        try:
-            url = f"http://127.0.0.1:{port}"
-            while server.poll() is None:
-                try:
-                    urllib.request.urlopen(f"{url}/health", timeout=1.0).close()  # noqa: S310
-                    break
-                except (urllib.error.URLError, OSError):
-                    time.sleep(0.2)
-            yield url
-        finally:
-            os.killpg(server.pid, 15)
-            server.wait()
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--races", type=int, default=20)
-    parser.add_argument("--database", help="of the server; default: SQLite")
+    parser.add_argument("--store", choices=("sqlite", "postgresql"), default="sqlite", help="of the server")
     parser.add_argument("--pipeline", type=Path, default=Path(), help="folder of a finished pipeline")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
@@ -124,8 +100,8 @@ def main() -> int:
         clones = {name: folder / name for name in ("incumbent", "left", "right")}
         for clone in clones.values():
             clone_of(options.pipeline, clone)
-        with tracking_server(folder, options.database or f"sqlite:///{folder / 'mlflow.db'}") as url:
-            os.environ["MLFLOW_TRACKING_URI"] = url
+        with server_on(options.store, folder) as url:
+            os.environ |= {"MLFLOW_TRACKING_URI": url, **WITHOUT_ADDRESSES}
             won = sum(race(number, clones, MlflowClient(url)) for number in range(options.races))
     print(f"the better one is champion after {won} of {options.races} races")
     return 0 if won == options.races else 1
