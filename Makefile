@@ -9,7 +9,7 @@ FAST := $(addprefix tests/,recordings signals labelling evaluation realtime repo
 	commands/test_cli.py pipeline/test_stage_dependencies.py test_configuration.py test_import_graph.py test_cylinder.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds lock
+.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds lock docs
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -61,8 +61,8 @@ test-fast: install-dev ## run the tests of what is quick to test: about a minute
 	pytest -n 2 -m "not slow" --ignore=tests/recordings/formats/test_isolated.py $(FAST)
 
 lint: install-dev ## check style, types, imports, the stages' dependencies and the words
-	ruff format --check src tests performance docs tools
-	ruff check src tests performance docs tools
+	ruff format --check src tests performance docs tools examples
+	ruff check src tests performance docs tools examples
 	mypy
 	lint-imports
 	python tools/import_cycles.py
@@ -70,8 +70,8 @@ lint: install-dev ## check style, types, imports, the stages' dependencies and t
 	python tools/words.py
 
 format: install-dev ## rewrite style
-	ruff format src tests performance docs tools
-	ruff check --fix src tests performance docs tools
+	ruff format src tests performance docs tools examples
+	ruff check --fix src tests performance docs tools examples
 
 stages: install ## write into dvc.yaml the code that each stage depends on
 	python tools/stage_dependencies.py --write
@@ -101,3 +101,7 @@ readme: | $(BIN)/cylinder-friction ## put the pipeline's latest table and pictur
 
 lock: ## resolve the lock files anew from pyproject.toml
 	tools/lock.sh
+
+docs: install-dev ## build the site into build/site: tutorials executed, warnings as errors (a minute or two)
+	sphinx-build --fail-on-warning --keep-going --quiet -b html docs build/site
+	@echo "the site: $(abspath build/site/index.html)"

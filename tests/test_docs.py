@@ -22,7 +22,8 @@ PROGRAM = re.compile(r"complete file=(?P<file>\w+\.py)")
 
 def named(pattern: str) -> list[tuple[str, str]]:
     """Return page and name of every match of the pattern's one group."""
-    return [(page.name, name) for page in PAGES for name in re.findall(pattern, page.read_text(encoding="utf-8"))]
+    texts = [(page.name, page.read_text(encoding="utf-8")) for page in PAGES]
+    return [(page, name) for page, text in texts for name in re.findall(pattern, text, re.MULTILINE)]
 
 
 def programs(page: Path) -> dict[str, str]:
@@ -39,8 +40,18 @@ def test_links_and_pictures_are_there(page: Path) -> None:
 
 
 def test_the_index_names_every_page() -> None:
-    index = (ROOT / "docs/README.md").read_text(encoding="utf-8")
-    assert [page.name for page in PAGES if page.name != "README.md" and f"({page.name})" not in index] == []
+    index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    assert [page.name for page in PAGES if page.name != "index.md" and f"({page.name})" not in index] == []
+
+
+def test_every_module_that_a_guide_imports_is_in_the_reference() -> None:
+    reference = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs/api").glob("*.md"))
+    programs_of_tutorials = [path.read_text(encoding="utf-8") for path in (ROOT / "examples").glob("*.py")]
+    imported = {name for _, name in named(r"^from (cylinder_friction\.[\w.]+) import")}
+    for text in programs_of_tutorials:
+        imported.update(re.findall(r"^from (cylinder_friction\.[\w.]+) import", text, re.MULTILINE))
+    assert imported
+    assert [name for name in sorted(imported) if f"automodule:: {name}\n" not in reference] == []
 
 
 def test_every_picture_is_shown() -> None:

@@ -171,6 +171,13 @@ def test_what_gives_no_tracker_is_refused(cylinder: Cylinder, offset_recordings:
     bare = [offset_recordings[0].zeroed()]
     with pytest.raises(RecordingError, match="no zeros were identified; correct its offset first"):
         fit_offset_tracker(bare, cylinder, SAMPLE_COLUMNS)
+    session = offset_recordings[0].metadata.session
+    one_session = [each for each in offset_recordings if each.metadata.session == session]
+    with pytest.raises(
+        RecordingError, match=f"at least 2 of them, but got '{session}' alone; give recordings of another"
+    ):
+        fit_offset_tracker(one_session, cylinder, SAMPLE_COLUMNS)
+    assert not zeros_are_known(one_session)
 
 
 def test_zeros_as_uncertain_as_stated_are_not_known(offset_recordings: list[Recording]) -> None:

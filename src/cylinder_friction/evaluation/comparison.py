@@ -22,7 +22,7 @@ LABEL_ITSELF = "label"
 """In the scores against truth: the off-line label, scored like an estimate."""
 
 EQUAL_PERCENT = 1e-3
-"""A smaller error [% of mean |label|] is rounding to single precision: nothing that only learns comes so near."""
+"""A smaller error [% of the mean absolute label] is rounding to single precision; what only learns is further off."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class Comparison:
         return [trace for trace in self.traces if trace.condition == condition]
 
     def percent(self, estimator: str, condition: str) -> float:
-        """Return MAE / mean |label| [%]."""
+        """Return MAE / mean absolute label [%]."""
         return self.label[estimator][condition].errors.percent
 
     def residuals(self, estimator: str) -> tuple[Array, Mask]:
@@ -139,7 +139,7 @@ def equal_to_label(scores: Scores) -> list[str]:
 
 
 def mean_percent(by_condition: Mapping[str, Score], conditions: Sequence[str]) -> tuple[float, float, float]:
-    """Return the mean over some conditions of MAE / mean |friction| [%] and its 95 % interval, by sessions."""
+    """Return the mean over some conditions of MAE / mean absolute friction [%] and its 95 % interval, by sessions."""
     percent = float(np.mean([by_condition[condition].errors.percent for condition in conditions]))
     deviations = {condition: score.sessions.deviation for condition, score in by_condition.items()}
     half = half_width_points(deviations, conditions)

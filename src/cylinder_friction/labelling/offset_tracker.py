@@ -38,7 +38,7 @@ SLOWER, WORTHWHILE = 2.0 / 3.0, 1e-3
 of the offset than the history of friction adds to it: more by at least this share of mean friction."""
 LEAST_KNOWN = 0.75
 """Share of the stated uncertainty that zeros may keep to count as known."""
-FOLDS = 4
+FOLDS, LEAST_SESSIONS = 4, 2
 CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
 CHOICES = {
     "resting": (32.0, 1.0, 0.5, 0.25, 0.15, 0.1),
@@ -66,7 +66,8 @@ def fit_offset_tracker(
         plan: How offsets are identified.
 
     Raises:
-        RecordingError: An input that the force balance needs is missing, or no zeros were identified.
+        RecordingError: An input that the force balance needs is missing, no zeros were identified, or there is one
+            session.
     """
     plan = plan or OffsetPlan()
     needed = [*PRESSURES, *([LOAD_FORCE] if LOAD_FORCE in recordings[0].table.columns else [])]
@@ -76,6 +77,11 @@ def fit_offset_tracker(
     bare = [recording.name for recording in recordings if not recording.metadata.identified_zero]
     if bare:
         raise RecordingError(f"recording {bare[0]!r}: no zeros were identified; correct its offset first")
+    if len(_sessions(recordings)) < LEAST_SESSIONS:
+        raise RecordingError(
+            f"how an offset is learned is found by leaving sessions out; expected at least {LEAST_SESSIONS} of them, "
+            f"but got {_sessions(recordings)[0]!r} alone; give recordings of another session"
+        )
     prior_n = max(zero_uncertainty_n(recording, cylinder) or 0.0 for recording in recordings)
 
     def fitted(slowest: float, chosen: Sequence[Recording]) -> OffsetTracker:
@@ -90,11 +96,13 @@ def fit_offset_tracker(
 
 
 def zeros_are_known(recordings: Sequence[Recording]) -> bool:
-    """Return whether recordings state identified zeros, on average clearly surer than their sensors are stated.
+    """Return whether several sessions state identified zeros, on average clearly surer than their sensors are stated.
 
     Where friction did not show them, it would not show those of the next session either.
     """
-    if not all(recording.metadata.identified_zero for recording in recordings):
+    if len(_sessions(recordings)) < LEAST_SESSIONS or not all(
+        recording.metadata.identified_zero for recording in recordings
+    ):
         return False
     remains = [
         zero.uncertainty / max(recording.metadata.uncertainty[column].zero, 1e-12)
@@ -105,6 +113,10 @@ def zeros_are_known(recordings: Sequence[Recording]) -> bool:
     return float(np.mean(remains)) <= LEAST_KNOWN
 
 
+def _sessions(recordings: Sequence[Recording]) -> list[str]:
+    return sorted({recording.metadata.session for recording in recordings})
+
+
 def _chosen(
     recordings: Sequence[Recording], inputs: Sequence[str], fitted: Callable[[Sequence[Recording]], OffsetTracker]
 ) -> tuple[float, dict[str, float]]:
@@ -112,7 +124,7 @@ def _chosen(
 
     Each is chosen from ``CHOICES`` in turn: the uncertainty by its likelihood, all else by that error.
     """
-    sessions = sorted({recording.metadata.session for recording in recordings})
+    sessions = _sessions(recordings)
     folds = []
     for fold in range(min(FOLDS, len(sessions) - 1)):
         own = sessions[fold::FOLDS]

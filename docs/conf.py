@@ -1,0 +1,45 @@
+"""How Sphinx builds the site: guides as they stand, tutorials executed, the reference from the docstrings."""
+
+import os
+import warnings
+from importlib.metadata import version as installed_version
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+os.environ["TQDM_DISABLE"] = "1"  # progress bars are no output of a tutorial
+for category in (RuntimeWarning, UserWarning):
+    warnings.simplefilter("error", category)  # a tutorial that warns stops the build
+
+project = "cylinder-friction"
+release = version = installed_version("cylinder-friction")
+project_copyright = "the authors of cylinder-friction, MIT licence"
+extensions = [
+    "myst_parser",
+    "sphinx_external_toc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_gallery.gen_gallery",
+    "sphinxarg.ext",
+    "sphinx_copybutton",
+]
+html_theme = "furo"
+html_title = project
+html_show_sphinx = False
+html_copy_source = False
+myst_heading_anchors = 3
+suppress_warnings = ["etoc.toctree"]  # the gallery's index brings a list of its own
+
+autodoc_typehints = "description"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True}
+
+sphinx_gallery_conf = {
+    "examples_dirs": [str(ROOT / "examples")],
+    "gallery_dirs": ["examples"],
+    "filename_pattern": r"\.py$",
+    "within_subsection_order": "FileNameSortKey",
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_signature": False,
+    "write_computation_times": False,
+}
