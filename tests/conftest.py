@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 SAMPLE_TIME_S = 0.005
 PIPELINE = "tests/pipeline/"
-LONGEST = (PIPELINE, "tests/friction_benchmark/test_pipeline.py")
+LONGEST = (PIPELINE, "tests/test_wheel.py", "tests/friction_benchmark/test_pipeline.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -118,7 +118,9 @@ def test_what_is_wrong_is_refused_by_its_key(content: dict[str, Any], path: str,
 
 def test_a_missing_key_is_named(content: dict[str, Any]) -> None:
     del content["lugre"]["generations"]
-    with pytest.raises(ParamsError, match=r"lugre\.generations: missing; run `make params` to compose it from conf/"):
+    with pytest.raises(
+        ParamsError, match=r"lugre\.generations: missing; run `cylinder-friction params` to compose it from conf/"
+    ):
         check_params(content, "params.yaml")
 
 
@@ -148,7 +150,10 @@ def test_an_unknown_override_is_refused_and_params_yaml_stays(tmp_path: Path) ->
 
 
 def test_params_yaml_missing_says_what_to_run(tmp_path: Path) -> None:
-    with pytest.raises(ParamsError, match=r"params\.yaml: not there; run `make params` in the project's folder"):
+    with pytest.raises(
+        ParamsError,
+        match=r"params\.yaml: not there; run this in a project's folder, which `cylinder-friction init FOLDER` makes",
+    ):
         load_params(tmp_path / "params.yaml")
 
 

@@ -40,5 +40,5 @@ def test_lost_markers_are_an_error(tmp_path: Path, reports: Path) -> None:
 
 
 def test_without_a_report_it_says_what_to_run(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"table\.md: not there; run `make reproduce` first"):
+    with pytest.raises(FileNotFoundError, match=r"table\.md: not there; run `dvc repro` first"):
         update_readme(tmp_path / "README.md", tmp_path / "reports")

@@ -62,10 +62,13 @@ def _run(options: argparse.Namespace) -> None:
     if options.command == "servo-rig":
         print(servo_rig.run(options))
         return
+    from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError
     from friction_benchmark import params, run
 
     if (params.FOLDER / params.CONF).is_dir():
         os.chdir(params.FOLDER)
+    elif not params.CONF.is_dir():
+        raise ParamsError(f"{params.FOLDER / params.CONF}: no such folder here; {IN_A_PROJECT}")
     if options.command == "params":
         params.write_benchmark_params(options.overrides)
     elif options.command == "inputs":

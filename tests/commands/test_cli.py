@@ -95,7 +95,7 @@ def test_results_are_named_where_they_are_missing(
     monkeypatch.chdir(tmp_path)
     assert main(["summary"]) == 1
     assert (
-        "cylinder-friction summary: reports/table.md: not there; run `make reproduce` first" in capsys.readouterr().err
+        "summary: reports/table.md: not there; run `dvc repro` first in a project's folder" in capsys.readouterr().err
     )
 
 

@@ -89,7 +89,7 @@ def test_what_only_reads_makes_no_store(
     shutil.copy(Path(__file__).parents[2] / "params.yaml", tmp_path)
     assert main([command]) == 1
     error = capsys.readouterr().err
-    assert "mlflow.db: there is no such store; run `make reproduce`, or `cylinder-friction track`" in error
+    assert "mlflow.db: there is no such store; run `dvc repro`, or `cylinder-friction track`" in error
     assert error.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
 

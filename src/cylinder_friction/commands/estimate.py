@@ -15,7 +15,7 @@ import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, FrictionOfLogs, estimate_logs, remarks
-from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, load_params
+from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, load_params
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.stages._stage import cylinder_from
 
@@ -91,6 +91,8 @@ def cylinder_of(given: str | None) -> Cylinder:
     Raises:
         ParamsError: A key is missing or unknown, or there is no ``params.yaml``.
     """
+    if given is None and not PARAMS_FILE.is_file():
+        raise ParamsError(f"no {PARAMS_FILE} here to take the cylinder from; give --cylinder, or {IN_A_PROJECT}")
     if given is None:
         return cylinder_from(load_params().cylinder)
     if "=" in given:

@@ -12,11 +12,11 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, check_params
+from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, check_params
 from cylinder_friction.recordings.files import write_text
 
 CONF = Path("conf")
-HEADER = "# Composed from conf/ by `make params`; change it there, or here for one run.\n"
+HEADER = "# Composed from conf/ by `cylinder-friction params`; change it there, or here for one run.\n"
 
 
 def compose_params(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -34,8 +34,10 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Return what ``conf`` and Hydra overrides make, not yet checked.
 
     Raises:
-        ParamsError: Hydra knows no such group or key.
+        ParamsError: There is no such folder, or Hydra knows no such group or key.
     """
+    if not conf.is_dir():
+        raise ParamsError(f"{conf}: no such folder here; {IN_A_PROJECT}")
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base="1.3"):

@@ -8,13 +8,13 @@ REPORTS = Path("reports")
 
 def run(_options: argparse.Namespace) -> None:
     if not (REPORTS / "table.md").is_file():
-        raise FileNotFoundError(f"{REPORTS / 'table.md'}: not there; run `make reproduce` first")
+        raise FileNotFoundError(f"{REPORTS / 'table.md'}: not there; run `dvc repro` first in a project's folder")
     print((REPORTS / "table.md").read_text(encoding="utf-8").rstrip())
     print(
         f"""
 report   {REPORTS / "report.html"}
 figures  {REPORTS / "figures"}
 
-next     make ui      browse the runs, the search and the registered model
-         make serve   serve the champion and try it with curl"""
+next     cylinder-friction ui      browse the runs, the search and the registered model
+         cylinder-friction serve   serve the champion and try it with curl"""
     )

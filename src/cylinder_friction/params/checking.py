@@ -32,6 +32,7 @@ from cylinder_friction.params.section import Section
 REFERENCE_CYLINDER = "Bosch H160CA 63x28"
 """Cylinder of the simulated rig as shipped, whose models need no name of their own."""
 PARAMS_FILE = Path("params.yaml")
+IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FOLDER` makes"
 Kind = TypeVar("Kind", bound=Section)
 
 
@@ -100,7 +101,7 @@ def checked(kind: type[Kind], content: Any, where: str) -> Kind:
 def load_params(path: Path = PARAMS_FILE) -> Params:
     """Read and check ``params.yaml``."""
     if not path.is_file():
-        raise ParamsError(f"{path}: not there; run `make params` in the project's folder")
+        raise ParamsError(f"{path}: not there; {IN_A_PROJECT}")
     return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))
 
 
@@ -109,6 +110,6 @@ def _explain(problem: dict[str, Any]) -> str:
     if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{key}: unknown key; check its spelling against conf/"
     if problem["type"] == "missing":
-        return f"{key}: missing; run `make params` to compose it from conf/"
+        return f"{key}: missing; run `cylinder-friction params` to compose it from conf/"
     got = "" if isinstance(problem["input"], dict) else f", but got {problem['input']!r}"
     return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"

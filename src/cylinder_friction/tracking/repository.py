@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import yaml
+
 from cylinder_friction.import_graph import SOURCE, code_key
 
 
@@ -19,7 +21,9 @@ class LineageError(TrackingError):
     """The way back from a model cannot be written down or followed; the message names what is missing."""
 
 
-RESULT_SHAPING_PATHS = (":/src", "conf", "params.yaml", "dvc.yaml", ":/pyproject.toml")
+CODE_FILE = "code.yaml"
+"""In a project on the installed package, which holds no source: the hash of each stage's code."""
+RESULT_SHAPING_PATHS = (":/src", "conf", "params.yaml", "dvc.yaml", CODE_FILE, ":/pyproject.toml")
 """What decides a result besides the data: the code, from the repository's root, and the configuration of a pipeline.
 
 ``dvc.lock`` is written by every run and does not describe the code."""
@@ -80,7 +84,7 @@ def commit_of(root: Path, stage: str = "", code: str = "") -> Commit:
     if not code or code == _stage_code(stage, SOURCE) or code_at(root, sha, stage) == code:
         return Commit(sha, dirty=changes != "")
     for other in (
-        git(root, "log", "--all", f"--max-count={_COMMITS_SEARCHED}", "--format=%H", "--", "src") or ""
+        git(root, "log", "--all", f"--max-count={_COMMITS_SEARCHED}", "--format=%H", "--", "src", CODE_FILE) or ""
     ).split():
         if code_at(root, other, stage) == code:
             return Commit(other, dirty=False)
@@ -89,11 +93,12 @@ def commit_of(root: Path, stage: str = "", code: str = "") -> Commit:
 
 @cache
 def code_at(root: Path, sha: str, stage: str) -> str | None:
-    """Return the hash of a stage's code in a commit; None where the commit does not hold it."""
+    """Return the hash of a stage's code in a commit, by its sources or its ``code.yaml``; None where it has neither."""
     command = ["git", "-C", str(root), "archive", "--format=tar", sha, "src"]
     done = subprocess.run(command, capture_output=True, timeout=60, check=False)  # noqa: S603
     if done.returncode != 0:
-        return None
+        codes: dict[str, str] = yaml.safe_load(git(root, "show", f"{sha}:./{CODE_FILE}") or "") or {}
+        return codes.get(stage)
     with tempfile.TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
         archive.extractall(folder, filter="data")
         return _stage_code(stage, Path(folder) / "src")

@@ -147,8 +147,8 @@ def _refuse_what_is_no_store(uri: str, *, create: bool) -> None:
     parts = urlsplit(uri)
     if parts.scheme == "sqlite" and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
         raise TrackingError(
-            f"{uri}: there is no such store; run `make reproduce`, or `cylinder-friction track` where the results came "
-            "from DVC, in the project's folder"
+            f"{uri}: there is no such store; run `dvc repro`, or `cylinder-friction track` where the results came from "
+            "DVC, in the project's folder"
         )
     if parts.scheme.partition("+")[0] not in (*_SERVERS, *DATABASE_ENGINES):
         raise TrackingError(

@@ -1,0 +1,90 @@
+"""The command ``init``: make a project's folder, in which the pipeline runs on the installed package."""
+
+import argparse
+import re
+import shutil
+import tomllib
+from pathlib import Path
+
+from cylinder_friction.commands.code import write_code
+from cylinder_friction.import_graph import SOURCE
+from cylinder_friction.params.checking import load_params
+from cylinder_friction.recordings.files import write_text
+from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.stages._stage import cylinder_from
+from cylinder_friction.stages.record import write_logger_csv
+from cylinder_friction.tracking.repository import CODE_FILE, git
+
+SHIPPED = "cylinder_friction/project"
+EXAMPLE = "condition1_session01_recording01.csv"
+README = f"""# Friction of a hydraulic cylinder
+
+Parameters are in `conf/`, composed by `cylinder-friction params` into `params.yaml`, which the pipeline reads.
+
+- One log: `cylinder-friction estimate {EXAMPLE} --channels conf/ingest/rig.yaml`
+- The pipeline, in about a minute: `cylinder-friction params experiment=smoke`, then `dvc repro`
+- Your logs: see `conf/ingest/own.yaml`; `cylinder-friction params experiment=own`, then `dvc repro`
+- Results: `cylinder-friction summary`, `cylinder-friction ui`, `cylinder-friction serve`
+- `{CODE_FILE}` holds the hash of each stage's code: after an upgrade of the package `dvc repro` runs what changed.
+  Commit it with everything else, so that `cylinder-friction lineage` finds the way back from a model.
+"""
+CODE_STAGE = f"""
+  code:
+    desc: Hash of the code that each stage runs in the installed package, so that an upgrade runs again what changed.
+    cmd: cylinder-friction code
+    always_changed: true
+    outs:
+      - {CODE_FILE}: {{cache: false}}
+"""
+
+
+def project_pipeline(text: str) -> str:
+    """Return a project's ``dvc.yaml`` from the repository's: its stages depend on ``code.yaml``, not on sources."""
+    text = re.sub(r"^# `make stages` .*\n", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^      - src/.*\n", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^    deps:\n(?! {6}-)", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^(    params: \[.*?(\w+))\]$", rf"\1, {{{CODE_FILE}: [\2]}}]", text, flags=re.MULTILINE)
+    return text.replace("stages:\n", f"stages:{CODE_STAGE}\n", 1)
+
+
+def make_project(folder: Path) -> None:
+    """Write a project's files into a new folder, and make it a git repository where git is there and none is around.
+
+    Raises:
+        FileExistsError: There is something in the folder.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise FileExistsError(f"{folder}: there is something already; name a new folder, or an empty one")
+    for target, source in _shipped().items():
+        (folder / target).parent.mkdir(parents=True, exist_ok=True)
+        (shutil.copytree if source.is_dir() else shutil.copyfile)(source, folder / target)
+    pipeline = folder / "dvc.yaml"
+    write_text(pipeline, project_pipeline(pipeline.read_text(encoding="utf-8")))
+    write_text(folder / "README.md", README)
+    write_code(folder)
+    params = load_params(folder / "params.yaml")
+    recordings = campaign(cylinder_from(params.cylinder), CampaignPlan(**params.record.model_dump()))
+    write_logger_csv(folder / EXAMPLE, next(iter(recordings)).logger)
+    if git(folder, "rev-parse", "--show-toplevel") is None and git(folder, "init", "--quiet") is None:
+        config = folder / ".dvc/config"  # without git
+        write_text(config, config.read_text(encoding="utf-8").replace("[core]\n", "[core]\n    no_scm = true\n"))
+
+
+def _shipped() -> dict[str, Path]:
+    """Return what a project is made of, path in the project to the path here: beside the code, or in the checkout."""
+    packed = SOURCE / SHIPPED
+    if packed.is_dir():
+        return {path.name: path for path in packed.iterdir()}
+    checkout = SOURCE.parent
+    build = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]
+    targets = build["targets"]["wheel"]["force-include"]
+    return {target.removeprefix(f"{SHIPPED}/"): checkout / source for source, target in targets.items()}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, help="folder to make")
+
+
+def run(options: argparse.Namespace) -> None:
+    make_project(options.folder)
+    print(f"made {options.folder}; {options.folder / 'README.md'} has the next commands")

@@ -1,0 +1,127 @@
+"""A project's folder: what ``init`` puts into it, what its stages depend on, and what commands need outside of one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from cylinder_friction.commands.cli import main
+from cylinder_friction.commands.init import CODE_STAGE, EXAMPLE, project_pipeline
+from cylinder_friction.import_graph import code_key
+from cylinder_friction.run_record import STAGES
+from cylinder_friction.tracking.repository import git
+from friction_benchmark.cli import main as benchmark
+
+CHECKOUT = Path(__file__).parents[2]
+IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FOLDER` makes\n"
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made") / "project"
+    assert main(["init", str(folder)]) == 0
+    return folder
+
+
+def test_a_project_holds_what_its_pipeline_and_its_user_need(project: Path) -> None:
+    assert (project / "conf/config.yaml").read_bytes() == (CHECKOUT / "conf/config.yaml").read_bytes()
+    assert (project / "params.yaml").read_bytes() == (CHECKOUT / "params.yaml").read_bytes()
+    assert {".dvc", ".dvcignore", ".git", ".gitignore", "benchmark"} <= {path.name for path in project.iterdir()}
+    readme = (project / "README.md").read_text(encoding="utf-8")
+    assert len([line for line in readme.splitlines() if line]) <= 10
+    assert git(project, "status", "--porcelain", "--", "README.md") == "?? README.md"
+
+
+def test_code_yaml_holds_the_hash_of_every_stage(project: Path) -> None:
+    codes = yaml.safe_load((project / "code.yaml").read_text(encoding="utf-8"))
+    assert codes.pop("cylinder-friction")
+    assert codes == {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in STAGES}
+
+
+def test_its_stages_are_those_of_the_checkout_but_depend_on_code_yaml(project: Path) -> None:
+    here = yaml.safe_load((CHECKOUT / "dvc.yaml").read_text(encoding="utf-8"))
+    made = yaml.safe_load((project / "dvc.yaml").read_text(encoding="utf-8"))
+    assert made["stages"].pop("code") == yaml.safe_load(CODE_STAGE)["code"]
+    assert made["stages"].keys() == here["stages"].keys()
+    assert made["plots"] == here["plots"]
+    for name, stage in here["stages"].items():
+        stage["params"].append({"code.yaml": [name]})
+        stage["deps"] = [path for path in stage["deps"] if not path.startswith("src/")]
+        assert made["stages"][name] == {key: value for key, value in stage.items() if value}
+    assert "src/" not in project_pipeline((CHECKOUT / "dvc.yaml").read_text(encoding="utf-8").partition("stages:")[2])
+
+
+def test_the_example_log_gives_friction(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.chdir(project)
+    mapping = ["--channels", "conf/ingest/rig.yaml", "--format", "csv"]
+    assert main(["estimate", EXAMPLE, *mapping, "--output", str(tmp_path / "friction")]) == 0
+    assert "friction 3" in capsys.readouterr().out  # 3xx N
+    assert list(tmp_path.glob("friction/*.csv"))
+
+
+def test_the_benchmark_is_configured_in_it(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project)
+    before = (project / "benchmark/params.yaml").read_bytes()
+    assert benchmark(["params"]) == 0
+    assert (project / "benchmark/params.yaml").read_bytes() == before
+
+
+def test_without_git_dvc_is_told_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(["init", str(tmp_path / "project")]) == 0
+    assert "[core]\n    no_scm = true\n" in (tmp_path / "project/.dvc/config").read_text(encoding="utf-8")
+
+
+def test_a_folder_with_something_in_it_is_left_alone(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (project / "code.yaml").stat().st_mtime_ns
+    assert main(["init", str(project)]) == 1
+    assert f"{project}: there is something already; name a new folder, or an empty one" in capsys.readouterr().err
+    assert (project / "code.yaml").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("params", f"conf: no such folder here; {IN_A_PROJECT}"),
+        ("inspect log.csv ingest=own", f"conf: no such folder here; {IN_A_PROJECT}"),
+        ("inspect log.csv", f"params.yaml: not there; {IN_A_PROJECT}"),
+        ("check", f"params.yaml: not there; {IN_A_PROJECT}"),
+        ("stage record", f"params.yaml: not there; {IN_A_PROJECT}"),
+        ("lineage", f"params.yaml: not there; {IN_A_PROJECT}"),
+        ("rollback", f"params.yaml: not there; {IN_A_PROJECT}"),
+        ("serve", f"params.yaml: not there; {IN_A_PROJECT}"),
+        ("estimate log.csv", f"no params.yaml here to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"),
+        ("identify log.csv", f"no params.yaml here to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"),
+        ("summary", "reports/table.md: not there; run `dvc repro` first in a project's folder\n"),
+        ("readme", "reports/table.md: not there; run `dvc repro` first\n"),
+        ("track", "holds no run; run `dvc pull` or `dvc repro` first\n"),
+        ("latency", "data/processed/test: no such folder of recordings; run `dvc repro` to make it\n"),
+        ("ui", "there is no such store; run `dvc repro`, or `cylinder-friction track`"),
+        ("export c models/hybrid --output c", "models/hybrid: holds no estimator.json; expected a folder that `save`"),
+    ],
+)
+def test_outside_a_project_a_command_names_what_it_needs_in_one_line(
+    command: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    (tmp_path / "log.csv").write_text("Time [s],P1 [bar],P2 [bar],Position [mm]\n0.0,1,1,1\n", encoding="utf-8")
+    assert main(command.split()) == 1
+    printed = capsys.readouterr().err
+    assert words in printed
+    assert printed.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["run", "inputs", "track", "summary", "params"])
+def test_the_benchmark_needs_a_project(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert benchmark([command]) == 1
+    assert capsys.readouterr().err == (
+        f"friction-benchmark {command}: benchmark/conf: no such folder here; {IN_A_PROJECT}"
+    )
