@@ -1,11 +1,11 @@
 """How much of what an estimator takes for friction, and is not, the flag UNMODELLED_FORCE finds, and what it costs.
 
-    python performance/unmodelled_force.py LOADED [--run FOLDER] [--model FOLDER]
+    python performance/unmodelled_force.py [LOADED] [--run FOLDER] [--model FOLDER]
 
-Reads a finished run, the present folder by default, and ``LOADED``: a run up to stage `offset` with a load that its
-hybrid does not know, as after `make params ARGS="record=loaded ingest=rig_loaded"` in another clone. Without the flag,
-each figure is that of the same estimator whose range of the force balance is not known. A row counts as flagged where
-a flag but WARMING and OFFSET_UNKNOWN is set. Errors are against the true friction of the simulated rig.
+Reads a finished run, the present folder by default, and ``LOADED``, if given: a run up to stage `offset` with a load
+that its hybrid does not know, as after `make params ARGS="record=loaded ingest=rig_loaded"` in another clone. Without
+the flag, each figure is that of the same estimator whose range of the force balance is not known. A row counts as
+flagged where a flag but WARMING and OFFSET_UNKNOWN is set. Errors are against the true friction of the simulated rig.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.columns import POSITION, PRESSURES
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import known_truth
 
@@ -37,6 +37,16 @@ if TYPE_CHECKING:
 HELD_OUT = ("validation", "calibration", "test")
 STOPPED_N = 2000.0  # Further from true friction, a row is at an end stop
 ROUNDS = 40
+OTHER_UNITS = (
+    ("bar in place of pascal", PRESSURES, 1e-5),
+    ("kPa in place of pascal", PRESSURES, 1e-3),
+    ("MPa in place of pascal", PRESSURES, 1e-6),
+    ("psi in place of pascal", PRESSURES, 1.0 / 6894.757),
+    ("both pressures zero", PRESSURES, 0.0),
+    ("all zero", (*PRESSURES, POSITION), 0.0),
+    ("millimetres in place of metres", (POSITION,), 1e3),
+)
+"""What a column is multiplied by."""
 EXPECTED = Flag.WARMING | Flag.OFFSET_UNKNOWN
 HEAD = f"{'rows':46} {'number':>8} {'flagged, without':>17} {'with':>8} {'error, all':>11} {'not flagged':>12}"
 
@@ -44,7 +54,7 @@ HEAD = f"{'rows':46} {'number':>8} {'flagged, without':>17} {'with':>8} {'error,
 def main() -> None:
     """Print the figures of one estimator."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("loaded", type=Path, help="root of a run with an external load")
+    parser.add_argument("loaded", type=Path, nargs="?", help="root of a run with an external load")
     parser.add_argument("--run", type=Path, default=Path(), help="root of a finished run without")
     parser.add_argument("--model", type=Path, help="folder of an estimator; that run's hybrid by default")
     options = parser.parse_args()
@@ -55,18 +65,20 @@ def main() -> None:
         parser.error(f"{folder}: does not know the range of the force balance; train it again")
     without.guard = replace(with_flag.guard, force_weights=())
     held_out = [each for role in HELD_OUT for each in read_recordings(run / "data/processed" / role)]
-    known, elsewhere = run / "data/raw/rig_truth", loaded / "data/raw/rig_truth"
-    pair = without, with_flag
+    known, pair = run / "data/raw/rig_truth", (without, with_flag)
     print(HEAD)
     print(line("held out, unloaded, usable", pair, held_out, known, usable))
     print(line(f"held out, unloaded, off by over {STOPPED_N:g} N (end stop)", pair, held_out, known, stopped))
-    loads = read_recordings(loaded / "data/processed/test")
-    print(line("held out, with a load that it does not know", pair, loads, elsewhere, usable))
-    bar = [each.with_columns(**{name: 1e-5 * each.column(name) for name in PRESSURES}) for each in held_out]
-    print(line("held out, unloaded, bar in place of pascal", pair, bar, known, usable))
+    if loaded is not None:
+        loads = read_recordings(loaded / "data/processed/test")
+        words = "held out, with a load that it does not know"
+        print(line(words, pair, loads, loaded / "data/raw/rig_truth", usable))
+    for words, columns, unit in OTHER_UNITS:
+        scaled = [each.with_columns(**{name: unit * each.column(name) for name in columns}) for each in held_out]
+        print(line(f"held out, {words}", pair, scaled, known, usable))
     one, other = PRESSURES
     swapped = [each.with_columns(**{one: each.column(other), other: each.column(one)}) for each in held_out]
-    print(line("held out, unloaded, pressures swapped", pair, swapped, known, usable))
+    print(line("held out, pressures swapped", pair, swapped, known, usable))
     print(f"a step of the C takes {cost(pair, held_out[0].samples(with_flag.inputs)):.3f} times as long as without")
 
 

@@ -16,6 +16,7 @@ from cylinder_friction.realtime.guard import TRAINED_MARGIN
 from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.realtime.unmodelled_force import (
+    LEAST_PRESSURE_SHARE,
     ZERO_DEVIATIONS,
     balance_weights,
     force_limits,
@@ -150,6 +151,26 @@ def test_a_stop_is_flagged_where_the_piston_stands(
     assert flagged[-200:].all()
 
 
+@pytest.mark.parametrize("per_pa", [0.0, 1e-6, 1e-5, 1 / 6894.757, 1e-3])
+def test_pressures_in_another_unit_are_flagged_in_every_row_even_at_rest(
+    per_pa: float, small_model: StepModel, labelled_recordings: list[Recording]
+) -> None:
+    sums = np.concatenate([each.samples()[each.usable(), :2].sum(axis=1) for each in labelled_recordings])
+    assert small_model.guard.least_pressure_pa == pytest.approx(LEAST_PRESSURE_SHARE * sums.min())
+    samples = labelled_recordings[0].samples() * [per_pa, per_pa, 1.0]
+    assert raised(small_model, samples).all()
+    assert raised(small_model, np.tile(samples[0], (1000, 1))).all()
+
+
+def test_no_pressure_is_flagged_only_while_it_lasts(
+    small_model: StepModel, labelled_recordings: list[Recording]
+) -> None:
+    """A pump that is switched on leaves no doubt behind, unlike a load."""
+    rested = np.tile(labelled_recordings[0].samples()[0], (300, 1))
+    rested[:100, :2] = 0.0
+    assert np.flatnonzero(raised(small_model, rested)).tolist() == list(range(100))
+
+
 def test_a_load_is_not_learned_as_an_offset(
     small_model: StepModel, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
@@ -193,7 +214,14 @@ def test_an_estimator_saved_before_there_was_a_range_loads_and_never_raises_it(
     small_hybrid.save(tmp_path)
     assert load_estimator(tmp_path).guard == small_hybrid.guard
     description = read_json(tmp_path / DESCRIPTION_FILE)
-    for key in ("force_weights", "sliding_lower", "sliding_upper", "largest_force", "clear_samples"):
+    for key in (
+        "force_weights",
+        "sliding_lower",
+        "sliding_upper",
+        "largest_force",
+        "clear_samples",
+        "least_pressure_pa",
+    ):
         del description["guard"][key]
     write_json(tmp_path / DESCRIPTION_FILE, description)
     old = load_estimator(tmp_path).step_model()

@@ -29,7 +29,8 @@ FLAG_MEANINGS = {
     Flag.OFFSET_UNKNOWN: "The cylinder has not slid in both directions yet: the offset of the sensors' zeros is no "
     "better known than stated, and the bounds are as wide as that",
     Flag.UNMODELLED_FORCE: "The force balance lies beyond its range in training, or did until the piston moves a "
-    "while within it: an external load, an end stop or a wrong pressure, which the estimate takes for friction",
+    "while within it, or both pressures are far below those of training: an external load, an end stop, or pressures "
+    "that are wrong or in another unit, which the estimate takes for friction",
 }
 
 UNITS = {"pa": "Pa", "m_s2": "m/s2", "m_s": "m/s", "m": "m", "n": "N", "s": "s", "c": "degC"}

@@ -30,8 +30,9 @@ class Flag(IntFlag):
     """The offset of the sensors' zeros is no better known than stated: since the reset the cylinder has not yet slid in
     both directions. The estimate goes on, with bounds as wide as that."""
     UNMODELLED_FORCE = 1024
-    """The force balance lies beyond its range in training, or did until the piston moves a while within it: an
-    external load, an end stop or a wrong pressure. The estimate goes on, and takes that force for friction."""
+    """The force balance lies beyond its range in training, or did until the piston moves a while within it, or both
+    pressures are far below those of training: an external load, an end stop, or pressures that are wrong or in another
+    unit. The estimate goes on, and takes that force for friction."""
 
     @classmethod
     def names(cls, flags: int) -> tuple[str, ...]:

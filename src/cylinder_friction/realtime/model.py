@@ -42,6 +42,7 @@ class Guard:
     sliding_upper: tuple[float, ...] = ()
     largest_force: tuple[float, ...] = ()  # Of its size while the piston does not slide
     clear_samples: int = 0  # Motion within the range of sliding for so long refutes an unmodelled force
+    least_pressure_pa: float = -1e12  # A smaller sum of both pressures is that of no cylinder at work [Pa]
 
 
 @dataclass(frozen=True)

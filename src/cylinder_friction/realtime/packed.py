@@ -23,7 +23,7 @@ Single = NDArray[np.float32]
 Whole = NDArray[np.int64]
 
 # Places in ``PackedModel.settings``.
-FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP, SAMPLE_TIME = range(7)
+FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP, SAMPLE_TIME, LEAST_PRESSURE = range(8)
 # Rows of ``PackedModel.limits`` and of ``PackedModel.offsets``.
 ACCEPT_LOWER, ACCEPT_UPPER, TRAINED_LOWER, TRAINED_UPPER = range(4)
 LOWER, UPPER, SPREAD = range(3)
@@ -97,7 +97,7 @@ class PackedModel:
             settings=np.array(
                 [
                     *(guard.freeze_travel_m, guard.freeze_force_n, model.target_mean_n, model.target_scale_n),
-                    *(bounds.standstill_m_s, bounds.creep_m_s, model.sample_time_s),
+                    *(bounds.standstill_m_s, bounds.creep_m_s, model.sample_time_s, guard.least_pressure_pa),
                 ]
             ),
             counts=np.array(

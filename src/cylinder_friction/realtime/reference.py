@@ -199,11 +199,17 @@ class ReferenceStream:
 
     def _unmodelled_force(self, channels: Array, regime: int) -> Flag:
         """Return the flag of a force balance beyond the range of training."""
-        limits, guard = self._force_limits, self._guard
+        limits, guard, stated = self._force_limits, self._guard, self.model.guard
         if not limits.size:
             return Flag(0)
         found, guard.unmodelled = unmodelled_force(
-            limits, channels, regime, self._direction, guard.unmodelled, self.model.guard.clear_samples
+            limits,
+            channels,
+            regime,
+            self._direction,
+            guard.unmodelled,
+            stated.clear_samples,
+            stated.least_pressure_pa,
         )
         return Flag.UNMODELLED_FORCE if found else Flag(0)
 

@@ -117,7 +117,13 @@ def step(
     unmodelled = False
     if forces.shape[1] > 0:
         unmodelled, counters[at.UNMODELLED] = unmodelled_force(
-            forces, samples[at.NOW], regime, direction, counters[at.UNMODELLED], counts[at.CLEAR]
+            forces,
+            samples[at.NOW],
+            regime,
+            direction,
+            counters[at.UNMODELLED],
+            counts[at.CLEAR],
+            settings[at.LEAST_PRESSURE],
         )
         if unmodelled:
             flags |= UNMODELLED_FORCE

@@ -6,6 +6,9 @@ both pressures. In creep, at rest and just after a reversal a third line limits 
 rows of training as measured, the sensors' zeros included, so that the flag does not depend on what is learned of them.
 Once found, an unmodelled force is taken to remain until the piston has moved for ``CLEAR_S`` with the balance between
 the first two lines: at rest nothing refutes it.
+
+Pressures that are all zero, or in bar, balance at rest: hence the sum of both, too, must be a share of the least of
+training.
 """
 
 import math
@@ -24,6 +27,7 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURE_1, PRESSUR
 from cylinder_friction.recordings.recording import Recording
 
 CLEAR_S = 1.0
+LEAST_PRESSURE_SHARE = 0.5
 ZERO_DEVIATIONS = 3.0
 """The lines are widened by so many standard uncertainties of the sensors' stated zeros, and by ``TRAINED_MARGIN``
 of the largest force."""
@@ -55,11 +59,11 @@ def with_force_limits(
     force_n, direction, pressure_pa = np.concatenate(parts, axis=1)
     if not len(force_n):
         return guard
-    size_n, slides = np.abs(force_n), direction != 0.0
+    size_n, slides, least_pa = np.abs(force_n), direction != 0.0, float(pressure_pa.min())
     along_n, pushed_pa = (direction * force_n)[slides], pressure_pa[slides]
-    margin_n = TRAINED_MARGIN * float(size_n.max()) + ZERO_DEVIATIONS * max(
-        _zero_n(each, weights, channels) for each in used
-    )
+    zero_n = max(_zero_of(each, weights, channels) for each in used)
+    zero_pa = max(_zero_of(each, np.isin(channels, PRESSURES).astype(np.float64), channels) for each in used)
+    margin_n = TRAINED_MARGIN * float(size_n.max()) + ZERO_DEVIATIONS * zero_n
     largest = _line_above(pressure_pa, size_n, margin_n)
     upper, lower = (
         _line_above(pushed_pa, sign * along_n, margin_n) if slides.any() else largest for sign in (1.0, -1.0)
@@ -71,6 +75,7 @@ def with_force_limits(
         sliding_upper=upper,
         largest_force=largest,
         clear_samples=round(CLEAR_S / recordings[0].sample_time_s),
+        least_pressure_pa=least_pa - (1.0 - LEAST_PRESSURE_SHARE) * abs(least_pa) - ZERO_DEVIATIONS * zero_pa,
     )
 
 
@@ -90,7 +95,7 @@ def force_limits(model: StepModel) -> Array:
 
 @numba.njit(cache=True)
 def unmodelled_force(
-    limits: Array, sample: Array, regime: int, direction: int, left: int, clear_samples: int
+    limits: Array, sample: Array, regime: int, direction: int, left: int, clear_samples: int, least_pressure_pa: float
 ) -> tuple[bool, int]:
     """Return whether there is a force that is not modelled, and after how many samples of motion it no longer counts.
 
@@ -101,6 +106,7 @@ def unmodelled_force(
         direction: Of motion: -1 or 1; 0 at rest.
         left: What this function returned at the sample before; 0 at the first.
         clear_samples: So many samples of motion within the limits refute it.
+        least_pressure_pa: A smaller sum of the raw pressures is none of a cylinder at work [Pa].
     """
     force_n, pressure_pa = 0.0, 0.0
     for channel in range(sample.shape[0]):
@@ -112,7 +118,7 @@ def unmodelled_force(
         return True, clear_samples
     if left > 0 and within and regime in (CREEP, SLIDING):
         return True, left - 1
-    return left > 0, left
+    return left > 0 or pressure_pa < least_pressure_pa, left
 
 
 def _usable_rows(recording: Recording, bounds: Bounds, weights: Array, channels: Sequence[str]) -> Array:
@@ -123,8 +129,8 @@ def _usable_rows(recording: Recording, bounds: Bounds, weights: Array, channels:
     return np.stack([recording.samples(channels) @ weights, direction, pressure_pa])[:, recording.usable()]
 
 
-def _zero_n(recording: Recording, weights: Array, channels: Sequence[str]) -> float:
-    """Return the standard uncertainty that the sensors' stated zeros give the force balance [N]; 0 if not stated."""
+def _zero_of(recording: Recording, weights: Array, channels: Sequence[str]) -> float:
+    """Return the standard uncertainty that the sensors' stated zeros give a weighted sum; 0 if not stated."""
     stated = recording.metadata.uncertainty
     return math.hypot(
         *(weight * stated[name].zero for name, weight in zip(channels, weights, strict=True) if name in stated)

@@ -80,7 +80,9 @@ def follow_motion(graph: Graph, model: StepModel, rows: Rows) -> list[str]:
     graph.add("And", "direction_holds", "steady", to="moves_on")
     graph.add("And", "moves_on", graph.add("Not", "doubtful", to="doubtful_not"), to="refutes")
     since = rows.since(UNMODELLED, "beyond", "refutes")
-    return [graph.add("Less", since, graph.constant([[float(model.guard.clear_samples)]]), to="unmodelled_force")]
+    graph.add("Less", since, graph.constant([[float(model.guard.clear_samples)]]), to="not_refuted")
+    graph.add("Less", "pressure_pa", graph.constant([[model.guard.least_pressure_pa]]), to="no_pressure")
+    return [graph.add("Or", "not_refuted", "no_pressure", to="unmodelled_force")]
 
 
 def checked(graph: Graph, model: StepModel, rows: Rows, constant: str, unmodelled: list[str]) -> tuple[str, str]:
