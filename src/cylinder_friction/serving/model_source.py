@@ -8,7 +8,7 @@ import numpy as np
 
 from cylinder_friction.deployment.scoring import ServedGraph
 from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.serving.settings import ServingError
+from cylinder_friction.serving.settings import ServingError, file_stamp
 
 GRAPH_FILE = "artifacts/sequence.onnx"
 GOLDEN_FILE = "artifacts/golden.json"
@@ -66,7 +66,7 @@ def open_model(model: ServedModel) -> ModelInService:
     except ServingError:
         raise
     except Exception as error:  # ONNX Runtime raises many kinds
-        raise ServingError(f"{model.name} version {model.version}: its graph cannot be run ({error})") from error
+        raise ServingError(f"{model.name} version {model.version}: its graph cannot be opened and run") from error
 
 
 def _golden_difference_n(model: ServedModel, graph: ServedGraph) -> float | None:
@@ -91,39 +91,39 @@ class ModelSource:
 
     Attributes:
         now: The model in service.
-        problem: Why the model that the file names is not the one in service; empty where it is.
+        problem: Why the model that the file names is not the one in service, without any path; empty where it is.
         exchanges, refusals: How often models were exchanged, and refused.
     """
 
     def __init__(self, current_file: Path) -> None:
         """Open the model that the file names; raises ``ServingError`` where it cannot be served."""
-        self._file = current_file
-        self._stamp = self._stamp_now()
+        self._file, self._stamp = current_file, file_stamp(current_file)
         self.now = open_model(read_current(current_file))
         self.problem = ""
         self.exchanges = self.refusals = 0
 
     def refresh(self) -> None:
         """Exchange the model if the file names another; one that fails is refused, and the old one stays."""
-        stamp = self._stamp_now()
+        stamp = file_stamp(self._file)
         if stamp == self._stamp:
             return
         self._stamp = stamp
         try:
             model = read_current(self._file)
+        except ServingError as error:
+            self._refuse("the file that names the model cannot be read", error)
+            return
+        try:
             if model != self.now.model:
                 self.now = open_model(model)
                 self.exchanges += 1
                 _log.warning("%s version %s is in service", model.name, model.version)
             self.problem = ""
         except ServingError as error:
-            self.problem = str(error)
-            self.refusals += 1
-            _log.error("%s; %s version %s stays in service", error, self.now.model.name, self.now.model.version)
+            self._refuse(str(error), error)
 
-    def _stamp_now(self) -> tuple[int, int]:
-        try:
-            found = self._file.stat()
-        except OSError:
-            return 0, 0
-        return found.st_mtime_ns, found.st_ino
+    def _refuse(self, problem: str, error: ServingError) -> None:
+        self.problem = problem
+        self.refusals += 1
+        now = self.now.model
+        _log.error("%s; %s version %s stays in service", problem, now.name, now.version, exc_info=error)

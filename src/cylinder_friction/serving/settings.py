@@ -13,6 +13,15 @@ class ServingError(ValueError):
     """Settings, tokens or a model that cannot be served; the message states what to do."""
 
 
+def file_stamp(path: Path) -> tuple[int, int]:
+    """Return what changes when a file is written anew; zeros where it is not there."""
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_ino
+
+
 @dataclass(frozen=True)
 class ServeSettings:
     """Settings of all processes of one server.

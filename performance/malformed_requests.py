@@ -1,0 +1,824 @@
+"""Send malformed and unusual requests to the served model: what each gets, and that no number is wrong unnoticed.
+
+    python performance/malformed_requests.py [--model FOLDER] [--estimator FOLDER] [--recordings FOLDER]
+
+FOLDER is a model folder as MLflow stores it. Prints status, size and message of every response, and ends with 1 where
+one is not the expected, is an error of the server, takes longer than ten seconds, refuses with more
+than 1 kB, or holds a number that is neither the reference's nor flagged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import http.client
+import io
+import json
+import socket
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import uvicorn
+from numpy.typing import NDArray
+from pyarrow import parquet
+
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.serving.app import create_app
+from cylinder_friction.serving.decoding import ARROW, CSV, JSON, PARQUET
+from cylinder_friction.serving.model_source import ServedModel, write_current
+from cylinder_friction.serving.settings import ServeSettings
+
+Array = NDArray[np.float64]
+LONG_S = 10.0
+LARGEST_REFUSAL_BYTES = 1024
+TOLERANCE_N = 1e-3
+AT_FIRST = {"WARMING", "OFFSET_UNKNOWN"}
+"""Flags of every recording's first rows, however right they are."""
+MAX_ROWS = 30_000
+MAX_BODY_BYTES = 4 << 20
+SETTINGS = ServeSettings(max_rows=MAX_ROWS, max_body_bytes=MAX_BODY_BYTES, timeout_s=2.0)
+"""Limits small enough to be tried."""
+
+
+@dataclass(frozen=True)
+class Reply:
+    """A response: status, headers in lower case, body."""
+
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    def json(self) -> Any:
+        return json.loads(self.body)
+
+    @property
+    def message(self) -> str:
+        return str(self.json()["message"])
+
+
+@dataclass(frozen=True)
+class Server:
+    """A server on loopback."""
+
+    port: int
+
+    def ask(
+        self,
+        body: Any = None,
+        content_type: str | None = JSON,
+        path: str = "/invocations",
+        method: str = "POST",
+        headers: Mapping[str, str] | None = None,
+    ) -> Reply:
+        """Send one request; what is neither bytes nor an iterator of them goes as JSON."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30.0)
+        if body is not None and not isinstance(body, bytes) and not hasattr(body, "__next__"):
+            body = json.dumps(body).encode()
+        named = {"Content-Type": content_type} if content_type is not None else {}
+        try:
+            connection.request(method, path, body, {**named, **(headers or {})})
+            return _read(connection.getresponse())
+        finally:
+            connection.close()
+
+    def get(self, path: str, headers: Mapping[str, str] | None = None) -> Reply:
+        return self.ask(None, None, path, "GET", headers)
+
+    def send(self, text: bytes) -> Reply:
+        """Send bytes as they are; no further ones follow."""
+        with socket.create_connection(("127.0.0.1", self.port), 30.0) as connection:
+            connection.sendall(text)
+            response = http.client.HTTPResponse(connection)
+            response.begin()
+            return _read(response)
+
+
+def _read(response: http.client.HTTPResponse) -> Reply:
+    return Reply(response.status, {name.lower(): value for name, value in response.getheaders()}, response.read())
+
+
+@contextmanager
+def serving(settings: ServeSettings, current: Path) -> Iterator[Server]:
+    """Serve the model that ``current`` names on a free port, in a thread."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        configuration = uvicorn.Config(create_app(settings, current), log_level="critical", access_log=False)
+        server = uvicorn.Server(configuration)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+        thread.start()
+        while not server.started:
+            time.sleep(0.01)
+        try:
+            yield Server(listening.getsockname()[1])
+        finally:
+            server.should_exit = True
+            thread.join()
+
+
+@dataclass(frozen=True)
+class Case:
+    """A request and what it should get: a status, and where that is 200, the rows that are scored, one by one.
+
+    ``flagged``: rows that are wrong, but look like samples; nearly all must be flagged, or the request refused.
+    """
+
+    name: str
+    status: int
+    body: Any = None
+    content_type: str | None = JSON
+    samples: list[Array] = field(default_factory=list)
+    flagged: bool = False
+    headers: dict[str, str] = field(default_factory=dict)
+    path: str = "/invocations"
+    method: str = "POST"
+    raw: bytes = b""
+
+
+def cases(rows: Array) -> list[Case]:
+    """Return the table, made from at least 700 rows of a recording in which the piston moves."""
+    few = rows[:5]
+    return [
+        *_json_text(few),
+        *_json_forms(few),
+        *_json_values(few),
+        *_columns(few),
+        *_recordings(rows[:400]),
+        *_units(rows),
+        *_csv(few),
+        *_arrow(few),
+        *_parquet(few),
+        *_headers(few),
+        *_paths(few),
+        *_limits(rows),
+        *_wire(few),
+    ]
+
+
+def split(rows: Array, names: tuple[str, ...] = SAMPLE_COLUMNS, **more: Any) -> dict[str, Any]:
+    return {"dataframe_split": {"columns": list(names), "data": rows.tolist(), **more}}
+
+
+def records(rows: Array, **more: Any) -> dict[str, Any]:
+    return {"dataframe_records": [{**dict(zip(SAMPLE_COLUMNS, row, strict=True)), **more} for row in rows.tolist()]}
+
+
+def _text(rows: Array) -> bytes:
+    return json.dumps(split(rows)).encode()
+
+
+def _json_text(rows: Array) -> list[Case]:
+    whole, first = _text(rows), json.dumps(rows[0].tolist()).encode()
+    texts: dict[str, bytes] = {
+        "nothing": b"",
+        "blanks": b" \n ",
+        "a brace": b"{",
+        "cut off": whole[: len(whole) // 2],
+        "without its last byte": whole[:-1],
+        "with a byte too many": whole + b"}",
+        "twice": whole + whole,
+        "JSON lines": b"\n".join(json.dumps(each).encode() for each in records(rows)["dataframe_records"]),
+        "a comma too many": whole.replace(first, first[:-1] + b",]"),
+        "single quotes": whole.replace(b'"', b"'"),
+        "keys without quotes": whole.replace(b'"data"', b"data"),
+        "a comment": whole + b" // rows",
+        "NaN": whole.replace(first, b"[NaN, 9e5, 0.1]"),
+        "Infinity": whole.replace(first, b"[Infinity, 9e5, 0.1]"),
+        "-Infinity": whole.replace(first, b"[-Infinity, 9e5, 0.1]"),
+        "nan": whole.replace(first, b"[nan, 9e5, 0.1]"),
+        "undefined": whole.replace(first, b"[undefined, 9e5, 0.1]"),
+        "1e999": whole.replace(first, b"[1e999, 9e5, 0.1]"),
+        "a number of 5,000 digits": whole.replace(first, b"[" + b"1" * 5000 + b", 9e5, 0.1]"),
+        "a leading zero": whole.replace(first, b"[0123, 9e5, 0.1]"),
+        "a leading plus": whole.replace(first, b"[+1e6, 9e5, 0.1]"),
+        "hexadecimal": whole.replace(first, b"[0xF4240, 9e5, 0.1]"),
+        "thousands separated": whole.replace(first, b"[1_000_000, 9e5, 0.1]"),
+        "a decimal comma": whole.replace(first, b"[1,5e6, 9e5, 0.1"),
+        "no digit after the point": whole.replace(first, b"[1., 9e5, 0.1]"),
+        "2,000 lists deep": b"[" * 2000,
+        "2,000 objects deep": b'{"a":' * 2000,
+        "1,000 lists deep in a cell": whole.replace(first, b"[" + b"[" * 999 + b"]" * 999 + b", 9e5, 0.1]"),
+        "Latin-1": whole.replace(b'"data"', '"dät"'.encode("latin-1")),
+        "UTF-16": whole.decode().encode("utf-16"),
+        "a byte order mark": b"\xef\xbb\xbf" + whole,
+        "bytes 0xff": b"\xff" * 100_000,
+        "bytes 0x00": b"\x00" * 1000,
+        "half a surrogate": whole.replace(b'"data"', b'"data\\ud800"'),
+        "a raw newline in a name": whole.replace(b'"data"', b'"da\nta"'),
+        "null": b"null",
+        "true": b"true",
+        "a number": b"17",
+        "text": b'"rows"',
+        "a list": b"[]",
+        "a list of records": json.dumps(records(rows)["dataframe_records"]).encode(),
+        "an object without keys": b"{}",
+        "CSV": _csv_text(rows),
+        "HTML": b"<html><body>rows</body></html>",
+        "a form": b"pressure_1_pa=1e6&pressure_2_pa=9e5",
+        "gzip without its header": gzip.compress(whole),
+        "a key twice": whole[:-1] + b", " + whole[1:],
+        "data twice": whole[:-2] + b', "data": [[1e6, 9e5, 0.1]]}}',
+        "an escaped key twice": whole[:-2] + b', "d\\u0061ta": [[1e6, 9e5, 0.1]]}}',
+        "a column twice in a record": b'{"dataframe_records": [{"pressure_1_pa": 1e6, "pressure_1_pa": 2e6, '
+        b'"pressure_2_pa": 9e5, "position_m": 0.1}]}',
+        "a column twice among inputs": b'{"inputs": {"pressure_1_pa": [1e6], "pressure_2_pa": [9e5], '
+        b'"position_m": [0.1], "position_m": [0.2]}}',
+    }  # fmt: skip
+    refused = [Case(f"JSON: {name}", 400, text) for name, text in texts.items()]
+    spaced = json.dumps(split(rows), indent=4).encode()
+    exact = whole.replace(first, b"[%s, 9e5, 0.1]" % b"1000000.00000000000000000000000000000001")
+    changed = rows.copy()
+    changed[0] = 1e6, 9e5, 0.1
+    good = [
+        Case("JSON: indented", 200, spaced, samples=[rows]),
+        Case("JSON: more digits than a float has", 200, exact, samples=[changed]),
+        Case("JSON: whole numbers", 200, whole.replace(first, b"[1000000, 900000, 0.1]"), samples=[changed]),
+        Case("JSON: exponents", 200, whole.replace(first, b"[1E+6, 9e+05, 1e-1]"), samples=[changed]),
+        Case("JSON: a key escaped", 200, whole.replace(b'"data"', b'"d\\u0061ta"'), samples=[rows]),
+    ]
+    return refused + good
+
+
+def _json_forms(rows: Array) -> list[Case]:
+    lists, (row, *_) = rows.tolist(), rows.tolist()
+    named = records(rows)["dataframe_records"]
+    by_column = dict(zip(SAMPLE_COLUMNS, rows.T.tolist(), strict=True))
+    names = list(SAMPLE_COLUMNS)
+    good: dict[str, Any] = {
+        "dataframe_split": split(rows),
+        "dataframe_split with an index": split(rows, index=[0, 1, 2, 3, 4]),
+        "dataframe_records": records(rows),
+        "dataframe_records in another order of columns": {
+            "dataframe_records": [dict(reversed(each.items())) for each in named]
+        },
+        "inputs": {"inputs": by_column},
+        "instances": {"instances": named},
+        "empty params": {**split(rows), "params": {}},
+    }
+    unclear: dict[str, Any] = {
+        "two forms": {**split(rows), **records(rows)},
+        "an unknown key": {**split(rows), "rows": 5},
+        "a misspelt form": {"dataframe_splits": split(rows)["dataframe_split"]},
+        "the form of pandas": split(rows)["dataframe_split"],
+        "a signature name": {"signature_name": "default", "instances": named},
+    }
+    wrong: dict[str, Any] = {
+        "params": {**split(rows), "params": {"sample_time_s": 0.01}},
+        "split is null": {"dataframe_split": None},
+        "split is a list": {"dataframe_split": lists},
+        "split is text": {"dataframe_split": json.dumps(split(rows))},
+        "split without columns": {"dataframe_split": {"data": lists}},
+        "split without data": {"dataframe_split": {"columns": names}},
+        "split with another key": split(rows, dtype="float"),
+        "columns are text": {"dataframe_split": {"columns": "pressure_1_pa", "data": lists}},
+        "columns are null": {"dataframe_split": {"columns": None, "data": lists}},
+        "a column is a number": {"dataframe_split": {"columns": [0, 1, 2], "data": lists}},
+        "a column is a list": {"dataframe_split": {"columns": [["a"], ["b"], ["c"]], "data": lists}},
+        "columns twice": {"dataframe_split": {"columns": [*names, "position_m"], "data": [[*row, 0.3]]}},
+        "one column three times": {"dataframe_split": {"columns": ["position_m"] * 3, "data": [row]}},
+        "no columns": {"dataframe_split": {"columns": [], "data": [[], []]}},
+        "data are null": {"dataframe_split": {"columns": names, "data": None}},
+        "data are an object": {"dataframe_split": {"columns": names, "data": by_column}},
+        "data are one row": {"dataframe_split": {"columns": names, "data": row}},
+        "no row": {"dataframe_split": {"columns": names, "data": []}},
+        "rows without values": {"dataframe_split": {"columns": names, "data": [[], []]}},
+        "a row too short": {"dataframe_split": {"columns": names, "data": [*lists, row[:2]]}},
+        "a row too long": {"dataframe_split": {"columns": names, "data": [*lists, [*row, 1.0]]}},
+        "all rows too long": {"dataframe_split": {"columns": names, "data": [[*each, 1.0] for each in lists]}},
+        "a row is null": {"dataframe_split": {"columns": names, "data": [*lists, None]}},
+        "a row is text of three letters": {"dataframe_split": {"columns": names, "data": [*lists, "abc"]}},
+        "a row is an object": {"dataframe_split": {"columns": names, "data": [*lists, named[0]]}},
+        "one list deeper": {"dataframe_split": {"columns": names, "data": [lists]}},
+        "an index of another length": split(rows, index=[0, 1]),
+        "an index that is text": split(rows, index="01234"),
+        "records are null": {"dataframe_records": None},
+        "records are an object": {"dataframe_records": by_column},
+        "records are lists": {"dataframe_records": lists},
+        "records are numbers": {"dataframe_records": [1, 2, 3]},
+        "no record": {"dataframe_records": []},
+        "empty records": {"dataframe_records": [{}, {}]},
+        "a record lacks a column": {"dataframe_records": [*named, {"pressure_1_pa": 1e6, "pressure_2_pa": 9e5}]},
+        "a record has another column": {"dataframe_records": [*named, {**named[0], "load": 1.0}]},
+        "a record has one column for another": {
+            "dataframe_records": [*named, {**{key: named[0][key] for key in names[:2]}, "position_mm": 100.0}]
+        },
+        "a record is null": {"dataframe_records": [*named, None]},
+        "inputs are null": {"inputs": None},
+        "inputs without keys": {"inputs": {}},
+        "inputs are rows": {"inputs": lists},
+        "inputs are records": {"inputs": named},
+        "inputs of different lengths": {"inputs": {**by_column, "position_m": [0.1]}},
+        "inputs are numbers": {"inputs": dict(zip(names, row, strict=True))},
+        "inputs are columns of lists": {"inputs": {name: [[value] for value in by_column[name]] for name in names}},
+        "instances are rows": {"instances": lists},
+        "no instance": {"instances": []},
+        "instances are text": {"instances": "rows"},
+    }
+    return [
+        *(Case(f"form: {name}", 200, body, samples=[rows]) for name, body in good.items()),
+        *(Case(f"form: {name}", 400, body) for name, body in unclear.items()),
+        *(Case(f"form: {name}", 422, body) for name, body in wrong.items()),
+    ]
+
+
+def _json_values(rows: Array) -> list[Case]:
+    values = {
+        "null": None, "true": True, "false": False, "text": "high", "a number as text": "1000000.0",
+        "NaN as text": "NaN", "Infinity as text": "Infinity", "no text": "", "a list": [1e6], "an object": {"pa": 1e6},
+    }  # fmt: skip
+    found = []
+    for name, value in values.items():
+        lists, named = rows.tolist(), records(rows)["dataframe_records"]
+        lists[3][1] = named[3]["pressure_2_pa"] = value
+        columns = dict(zip(SAMPLE_COLUMNS, map(list, zip(*lists, strict=True)), strict=True))
+        split_rows = {"columns": list(SAMPLE_COLUMNS), "data": lists}
+        for form, body in (("dataframe_split", split_rows), ("dataframe_records", named), ("inputs", columns)):
+            found.append(Case(f"value: {name} in {form}", 422, {form: body}))
+    huge = _text(rows).replace(json.dumps(rows[0, 0]).encode(), b"1" * 300)
+    return [*found, Case("value: a whole number of 300 digits", 200, huge, flagged=True)]
+
+
+def _columns(rows: Array) -> list[Case]:
+    row = rows.tolist()[0]
+
+    def named(*names: str) -> dict[str, Any]:
+        return {"dataframe_split": {"columns": list(names), "data": [row + [0.0] * (len(names) - 3)]}}
+
+    p1, p2, x = SAMPLE_COLUMNS
+    wrong = {
+        "in bar": named("pressure_1_bar", p2, x),
+        "in millimetres": named(p1, p2, "position_mm"),
+        "misspelt": named("presure_1_pa", p2, x),
+        "in capitals": named(p1.upper(), p2, x),
+        "with a blank": named(p1 + " ", p2, x),
+        "with a byte order mark": named("\ufeff" + p1, p2, x),
+        "with a letter that looks alike": named(p1.replace("p", "\u0440"), p2, x),
+        "without names": named("", "", ""),
+        "a load": named(p1, p2, x, "load_force_n"),
+        "a name of 10,000 letters": named(p1, p2, "x" * 10_000),
+        "names in Chinese": named(*("\u538b" * 3000 + str(at) for at in range(3))),
+        "names of control characters": named(*("\x01" * 3000 + str(at) for at in range(3))),
+        "70 columns": {"dataframe_split": {"columns": [f"c{at}" for at in range(70)], "data": [[0.0] * 70]}},
+        "one column": {"dataframe_split": {"columns": [p1], "data": [[1e6]]}},
+    }
+    return [Case(f"columns: {name}", 422, body) for name, body in wrong.items()]
+
+
+def _recordings(rows: Array) -> list[Case]:
+    half = len(rows) // 2
+
+    def named(*names: Any) -> dict[str, Any]:
+        data = [[name, *row] for name, row in zip(names, rows.tolist(), strict=False)]
+        return {"dataframe_split": {"columns": ["recording", *SAMPLE_COLUMNS], "data": data}}
+
+    both, few = [rows[:half], rows[half:]], [rows[:5]]
+    good: dict[str, tuple[dict[str, Any], list[Array]]] = {
+        "two": (named(*["a"] * half, *["b"] * half), both),
+        "with a colon": (named(*["10:00"] * half, *["10:05"] * half), both),
+        "with a zero byte": (named(*["a"] * half, *["a\0"] * half), both),
+        "that differ in a blank": (named(*["a"] * half, *["a "] * half), both),
+        "that differ in composition of a letter": (named(*["\u00e9"] * half, *["e\u0301"] * half), both),
+        "of 10,000 letters": (named(*["n" * 10_000] * 5), few),
+        "whole numbers": (named(*[1] * half, *[2] * half), both),
+    }
+    wrong = {
+        "null": named("a", None, "a"),
+        "no text": named("a", "", "a"),
+        "a fraction": named(1.5, 1.5, 1.5),
+        "true": named(True, True),
+        "a list": named(["a"], ["a"]),
+        "an object": named({"name": "a"}),
+    }
+    return [
+        *(Case(f"recording: {name}", 200, body, samples=samples) for name, (body, samples) in good.items()),
+        *(Case(f"recording: {name}", 422, body) for name, body in wrong.items()),
+        Case("recording: a new one in every row", 413, _many_recordings(rows)),
+    ]
+
+
+def _many_recordings(rows: Array) -> dict[str, Any]:
+    data = [[f"r{at}", *rows[at % len(rows)].tolist()] for at in range(2000)]
+    return {"dataframe_split": {"columns": ["recording", *SAMPLE_COLUMNS], "data": data}}
+
+
+def _units(rows: Array) -> list[Case]:
+    wrong = {
+        "bar as pascal": rows * [1e-5, 1e-5, 1.0],
+        "kilopascal as pascal": rows * [1e-3, 1e-3, 1.0],
+        "megapascal as pascal": rows * [1e-6, 1e-6, 1.0],
+        "psi as pascal": rows / [6894.76, 6894.76, 1.0],
+        "pressures of zero": rows * [0.0, 0.0, 1.0],
+        "all zeros": rows * 0.0,
+        "pressures swapped": rows[:, [1, 0, 2]],
+        "millimetres as metres": rows * [1.0, 1.0, 1e3],
+        "pressures negated": -rows * [1.0, 1.0, -1.0],
+        "position in place of pressure": rows[:, [2, 1, 0]],
+    }
+    return [Case(f"units: {name}", 200, split(values), flagged=True) for name, values in wrong.items()]
+
+
+def _csv_text(rows: Array, header: str = ",".join(SAMPLE_COLUMNS), end: str = "\n") -> bytes:
+    lines = [header, *(",".join(map(repr, row)) for row in rows.tolist())]
+    return "".join(line + end for line in lines).encode()
+
+
+def _csv(rows: Array) -> list[Case]:
+    text, header = _csv_text(rows), ",".join(SAMPLE_COLUMNS).encode() + b"\n"
+    numbered = b"".join(
+        (str(at - 1).encode() if at else b"") + b"," + line for at, line in enumerate(text.splitlines(keepends=True))
+    )
+    quoted = b'"pressure_1_pa","pressure_2_pa","position_m"\n' + text.split(b"\n", 1)[1]
+    good = {
+        "plain": text,
+        "with CRLF": _csv_text(rows, end="\r\n"),
+        "without a last newline": text[:-1],
+        "an empty line in the end": text + b"\n",
+        "a quoted header": quoted,
+        "a byte order mark": b"\xef\xbb\xbf" + text,
+        "numbered rows, as pandas writes them": numbered,
+    }
+    wrong = {
+        "nothing": b"",
+        "no row": header,
+        "other columns": b"a,b\n1,2\n",
+        "text": header + b"high,9e5,0.1\n",
+        "an empty cell": header + b",9e5,0.1\n",
+        "NaN": header + b"nan,9e5,0.1\n",
+        "infinity": header + b"inf,9e5,0.1\n",
+        "true": header + b"true,9e5,0.1\n",
+        "a row too short": text + b"1e6,9e5\n",
+        "a row too long": text + b"1e6,9e5,0.1,0.2\n",
+        "one field too many in every row": header + b"0,1e6,9e5,0.1\n1,1e6,9e5,0.1\n",
+        "semicolons": text.replace(b",", b";"),
+        "decimal commas": header + b'"1,5e6","9,1e5","0,1"\n',
+        "tabs": text.replace(b",", b"\t"),
+        "the header twice": header + text,
+        "no header": text.split(b"\n", 1)[1],
+        "a line of units": header + b"Pa,Pa,m\n" + text.split(b"\n", 1)[1],
+        "a column twice": _csv_text(rows, "pressure_1_pa,pressure_1_pa,position_m"),
+        "an open quote": text + b'"1e6,9e5,0.1\n',
+        "rows that are numbered from 7": b",".join([b"", header]) + b"7,1e6,9e5,0.1\n",
+        "hexadecimal": header + b"0xF4240,9e5,0.1\n",
+        "thousands separated": header + b"1_000_000,9e5,0.1\n",
+        "Arabic digits": header + "\u0661\u0660,9e5,0.1\n".encode(),
+        "a cell of 100,000 letters": header + b"x" * 100_000 + b",9e5,0.1\n",
+        "bytes 0x00": b"\x00" * 1000,
+        "JSON": _text(rows),
+    }
+    unreadable = {"Latin-1": b"pr\xe9ssure\n1\n", "UTF-16": text.decode().encode("utf-16")}
+    return [
+        *(Case(f"CSV: {name}", 200, body, CSV, [rows]) for name, body in good.items()),
+        *(Case(f"CSV: {name}", 422, body, CSV) for name, body in wrong.items()),
+        *(Case(f"CSV: {name}", 400, body, CSV) for name, body in unreadable.items()),
+    ]
+
+
+def _table(rows: Array) -> pa.Table:
+    return pa.table(dict(zip(SAMPLE_COLUMNS, rows.T, strict=True)))
+
+
+def _stream(table: pa.Table, **options: Any) -> bytes:
+    sink = io.BytesIO()
+    with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(**options)) as writer:
+        writer.write_table(table)
+    return sink.getvalue()
+
+
+def _tables(rows: Array) -> tuple[dict[str, tuple[pa.Table, list[Array]]], dict[str, pa.Table]]:
+    """Return tables that can be scored and others that cannot, for both formats."""
+    table = _table(rows)
+    names = pa.array(["a", "a", "b", "b", "b"])
+    first, *others = SAMPLE_COLUMNS
+
+    def with_first(values: pa.Array) -> pa.Table:
+        return table.set_column(0, first, values)
+
+    good = {
+        "plain": (table, [rows]),
+        "in another order of columns": (table.select([*others[::-1], first]), [rows]),
+        "two recordings": (table.append_column("recording", names), [rows[:2], rows[2:]]),
+        "recordings in a dictionary": (
+            table.append_column("recording", names.dictionary_encode()),
+            [rows[:2], rows[2:]],
+        ),
+        "single precision": (
+            with_first(pa.array(rows[:, 0].astype(np.float32))),
+            [np.column_stack([rows[:, 0].astype(np.float32), rows[:, 1:]])],
+        ),
+        "whole numbers": (
+            with_first(pa.array(rows[:, 0].astype(np.int64))),
+            [np.column_stack([rows[:, 0].astype(np.int64), rows[:, 1:]])],
+        ),
+        "in two pieces": (pa.concat_tables([table.slice(0, 2), table.slice(2)]), [rows]),
+    }
+    wrong = {
+        "no row": table.slice(0, 0),
+        "a column missing": table.select(others),
+        "a column twice": pa.Table.from_arrays([*table.columns, table[first]], names=[*SAMPLE_COLUMNS, first]),
+        "no columns": table.select([]),
+        "a value missing": with_first(pa.array([1e6, None, 1e6, 1e6, 1e6])),
+        "whole numbers, one missing": with_first(pa.array([1, None, 1, 1, 1])),
+        "NaN": with_first(pa.array([1e6, np.nan, 1e6, 1e6, 1e6])),
+        "infinity": with_first(pa.array([1e6, np.inf, 1e6, 1e6, 1e6])),
+        "booleans": with_first(pa.array([True] * 5)),
+        "numbers as text": with_first(pa.array(["1e6"] * 5)),
+        "dates": with_first(pa.array([0] * 5, pa.timestamp("us"))),
+        "lists": with_first(pa.array([[1e6]] * 5)),
+        "decimals": with_first(pa.array([1] * 5, pa.decimal128(9))),
+        "nothing but missing values": with_first(pa.nulls(5)),
+        "a recording without a name": table.append_column("recording", pa.array(["a", None, "a", "a", "a"])),
+        "recordings are lists": table.append_column("recording", pa.array([["a"]] * 5)),
+    }
+    return good, wrong
+
+
+def _arrow(rows: Array) -> list[Case]:
+    good, wrong = _tables(rows)
+    stream = _stream(_table(rows))
+    file = io.BytesIO()
+    with pa.ipc.new_file(file, _table(rows).schema) as writer:
+        writer.write_table(_table(rows))
+    garbage = bytearray(stream)
+    garbage[200:260] = b"\xff" * 60
+    unreadable = {
+        "nothing": b"",
+        "cut off": stream[: len(stream) // 2],
+        "the schema alone, cut off": stream[:50],
+        "a file in place of a stream": file.getvalue(),
+        "garbage": b"ARROW" * 100,
+        "bytes 0xff": b"\xff" * 10_000,
+        "bytes 0x00": b"\x00" * 10_000,
+        "bytes changed": bytes(garbage),
+        "a length beyond the body": b"\xff\xff\xff\xff\xff\xff\xff\x7f" + stream[8:],
+        "JSON": _text(rows),
+    }
+    packed = _table(np.zeros((5, 3)))
+    return [
+        *(Case(f"Arrow: {name}", 200, _stream(table), ARROW, samples) for name, (table, samples) in good.items()),
+        *(Case(f"Arrow: {name}", 422, _stream(table), ARROW) for name, table in wrong.items()),
+        *(Case(f"Arrow: {name}", 400, body, ARROW) for name, body in unreadable.items()),
+        Case("Arrow: compressed (zstd)", 422, _stream(packed, compression="zstd"), ARROW),
+        Case("Arrow: compressed (lz4)", 422, _stream(packed, compression="lz4"), ARROW),
+        Case("Arrow: in, JSON out", 200, _stream(_table(rows)), ARROW, [rows], headers={"Accept": JSON}),
+        Case("Arrow: JSON in, Arrow out", 200, split(rows), samples=[rows], headers={"Accept": ARROW}),
+    ]
+
+
+def _parquet(rows: Array) -> list[Case]:
+    def file(table: pa.Table, compression: str = "snappy") -> bytes:
+        sink = io.BytesIO()
+        parquet.write_table(table, sink, compression=compression)
+        return sink.getvalue()
+
+    good, wrong = _tables(rows)
+    del wrong["no columns"]
+    plain = file(_table(rows))
+    garbage = bytearray(plain)
+    garbage[4:60] = b"\xff" * 56
+    unreadable = {
+        "nothing": b"",
+        "cut off": plain[:-30],
+        "without its head": plain[30:],
+        "magic bytes alone": b"PAR1PAR1",
+        "a footer beyond the file": b"PAR1" + b"\x00" * 20 + b"\xff\xff\xff\x7fPAR1",
+        "pages changed": bytes(garbage),
+        "garbage": b"PAR1" + b"\xff" * 1000 + b"PAR1",
+        "JSON": _text(rows),
+    }
+    return [
+        *(Case(f"Parquet: {name}", 200, file(table), PARQUET, samples) for name, (table, samples) in good.items()),
+        *(Case(f"Parquet: {name}", 422, file(table), PARQUET) for name, table in wrong.items()),
+        *(Case(f"Parquet: {name}", 400, body, PARQUET) for name, body in unreadable.items()),
+        Case("Parquet: zstd, which can hide gigabytes", 422, file(_table(rows), "zstd"), PARQUET),
+        Case("Parquet: gzip, which can hide gigabytes", 422, file(_table(rows), "gzip"), PARQUET),
+    ]
+
+
+def _headers(rows: Array) -> list[Case]:
+    body, long = _text(rows), "x" * 10_000
+    types: dict[str, tuple[int, str | None]] = {
+        "missing": (415, None),
+        "nothing": (415, ""),
+        "text/plain": (415, "text/plain"),
+        "text/json": (415, "text/json"),
+        "JSON lines": (415, "application/jsonlines"),
+        "a form": (415, "application/x-www-form-urlencoded"),
+        "multipart": (415, "multipart/form-data; boundary=x"),
+        "NumPy": (415, "application/x-npy"),
+        "pickle": (415, "application/python-pickle"),
+        "Latin-1": (415, "application/json; charset=latin-1"),
+        "an unknown parameter": (415, "application/json; format=pandas-split"),
+        "two types": (415, "application/json, text/csv"),
+        "of 10,000 letters": (415, long),
+        "of 10,000 letters behind a good one": (415, f"application/json; {long}"),
+        "in capitals": (200, "Application/JSON"),
+        "UTF-8": (200, "application/json; charset=UTF-8"),
+        "quoted UTF-8": (200, 'application/json;charset="utf-8"'),
+        "ending in a semicolon": (200, "application/json;"),
+    }
+    encodings = {name: gzip.compress(body) for name in ("gzip", "deflate", "br", "zstd", "x" * 5000, "gzip, gzip")}
+    bomb = gzip.compress(b" " * 50_000_000)
+    ids = ["short-1", "x" * 65, "a b", "a\tb", "<script>", "%0d%0aSet-Cookie: a", "\u00e9\u00e8", ""]
+    return [
+        *(
+            Case(f"Content-Type: {name}", status, body, media, [rows] if status == 200 else [])
+            for name, (status, media) in types.items()
+        ),
+        *(
+            Case(f"Content-Encoding: {name[:20]}", 415, packed, headers={"Content-Encoding": name})
+            for name, packed in encodings.items()
+        ),
+        Case("Content-Encoding: a bomb of 50 MB", 415, bomb, headers={"Content-Encoding": "gzip"}),
+        Case("Content-Encoding: identity", 200, body, samples=[rows], headers={"Content-Encoding": "identity"}),
+        *(
+            Case(f"X-Request-ID: {given[:20]!r}", 200, body, samples=[rows], headers={"X-Request-ID": given})
+            for given in ids
+        ),
+        Case("Accept: HTML", 200, body, samples=[rows], headers={"Accept": "text/html"}),
+        Case("Authorization: garbage", 200, body, samples=[rows], headers={"Authorization": "Basic \xff"}),
+        Case("Expect: something", 200, body, samples=[rows], headers={"Expect": "100-continue"}),
+    ]
+
+
+def _paths(rows: Array) -> list[Case]:
+    body = _text(rows)
+    methods = {"GET": 405, "PUT": 405, "DELETE": 405, "PATCH": 405, "OPTIONS": 405, "HEAD": 405, "FRICTION": 405}
+    paths = ["/", "/invocation", "/invocations/x", "/INVOCATIONS", "//invocations", "/%2e%2e/etc/passwd", "/../x"]
+    paths += ["/" + "x" * 5000, "/%00", "/%ff"]
+    return [
+        *(Case(f"method: {name}", status, method=name) for name, status in methods.items()),
+        *(Case(f"path: {path[:30]!r}", 404, body, path=path) for path in paths if path != "/"),
+        Case("path: with a query", 200, body, samples=[rows], path="/invocations?format=csv"),
+        Case("path: POST to /livez", 405, body, path="/livez"),
+        Case("path: POST to /metrics", 405, body, path="/metrics"),
+    ]
+
+
+def _limits(rows: Array) -> list[Case]:
+    many = np.tile(rows, (MAX_ROWS // len(rows) + 2, 1))
+    packed, comma = _text(rows[:1]), b","
+    dictionary = _table(many[:20_000]).append_column(
+        "recording", pa.array(["n" * 10_000] + ["b"] * 19_999).dictionary_encode()
+    )
+    zeros = _parquet_of_zeros(MAX_ROWS + 1)
+    known = [rows[:1], many[1:20_000]]
+    blank = packed + b" " * MAX_BODY_BYTES
+    return [
+        Case("limits: a body beyond the limit", 413, blank),
+        Case("limits: the same in pieces, without a length", 413, iter([blank[:1000], blank[1000:]])),
+        Case("limits: the same as CSV", 413, b"a" * (MAX_BODY_BYTES + 1), CSV),
+        Case("limits: a row too many", 413, split(many[: MAX_ROWS + 1].round(1))),
+        Case("limits: a record too many", 413, b'{"dataframe_records":[%s]}' % comma.join([b"{}"] * (MAX_ROWS + 1))),
+        Case("limits: a row too many as CSV", 413, _csv_text(many[: MAX_ROWS + 1].round(3)), CSV),
+        Case("limits: a row too many as Arrow", 413, _stream(_table(many[: MAX_ROWS + 1])), ARROW),
+        Case("limits: a row too many as Parquet", 413, zeros, PARQUET),
+        Case("limits: 4 MB of empty lists", 413, b'{"instances":[%s]}' % comma.join([b"[]"] * 1_300_000)),
+        Case("limits: 100,000 lists deep", 413, b"[" * 100_000),
+        Case("limits: 100,000 objects deep", 413, b'{"a":' * 100_000),
+        Case("limits: 4 MB of opening brackets", 413, b"[" * 4_000_000),
+        Case("limits: 4 MB of digits", 400, b"1" * 4_000_000),
+        Case("limits: 4 MB of 0xff", 400, b"\xff" * 4_000_000),
+        Case("limits: 4 MB of 0xff as CSV", 400, b"\xff" * 4_000_000, CSV),
+        Case("limits: a name of 4 MB", 422, {"dataframe_split": {"columns": ["x" * 4_000_000], "data": [[1.0]]}}),
+        Case("limits: 20,000 rows, a name of 10,000 letters", 200, _stream(dictionary), ARROW, known),
+    ]  # fmt: skip
+
+
+def _parquet_of_zeros(count: int) -> bytes:
+    """Return a small file of many rows."""
+    sink = io.BytesIO()
+    parquet.write_table(pa.table({name: np.zeros(count) for name in SAMPLE_COLUMNS}), sink)
+    return sink.getvalue()
+
+
+def _wire(rows: Array) -> list[Case]:
+    body = _text(rows)
+    head = b"POST /invocations HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
+    refused = {
+        "no HTTP": b"rows, please\r\n\r\n",
+        "TLS": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + b"\x00" * 50 + b"\r\n\r\n",
+        "a path beyond ASCII": b"GET /\xc3\xa9 HTTP/1.1\r\nHost: x\r\n\r\n",
+        "no Host": b"GET /livez HTTP/1.1\r\n\r\n",
+        "a length that is no number": head + b"Content-Length: many\r\n\r\n",
+        "a negative length": head + b"Content-Length: -5\r\n\r\n",
+        "two lengths": head + b"Content-Length: 5\r\nContent-Length: 6\r\n\r\n",
+        "a length of 5,000 digits": head + b"Content-Length: " + b"9" * 5000 + b"\r\n\r\n",
+        "a broken chunk": head + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n",
+        "an unknown transfer encoding": head + b"Transfer-Encoding: gzip\r\n\r\n",
+        "a zero byte in a header": head + b"X-Zero: \x00\r\n\r\n",
+    }
+    length = b"Content-Length: %d\r\n" % len(body)
+    late = head + length + b"\r\n" + body[:-10]
+    much = head + b"Content-Length: 99999999999\r\n\r\n"
+    chunked = head + b"Transfer-Encoding: chunked\r\n\r\n%x\r\n%s\r\n0\r\n\r\n" % (len(body), body)
+    return [
+        *(Case(f"wire: {name}", 400, raw=text) for name, text in refused.items()),
+        Case("wire: a body that never arrives whole", 408, raw=late),
+        Case("wire: 100 GB announced", 413, raw=much),
+        Case(
+            "wire: a header of 50,000 letters",
+            200,
+            samples=[rows],
+            raw=head + length + b"X-Long: " + b"x" * 50_000 + b"\r\n\r\n" + body,
+        ),
+        Case("wire: chunked", 200, samples=[rows], raw=chunked),
+        Case("wire: HTTP/1.0", 200, samples=[rows], raw=b"POST /invocations HTTP/1.0\r\nContent-Type: application/json"
+             b"\r\n" + length + b"\r\n" + body),
+    ]  # fmt: skip
+
+
+Reference = Callable[[Array], tuple[Array, NDArray[np.int64]]]
+
+
+def problem(case: Case, server: Server, reference: Reference) -> tuple[Reply | None, str]:
+    """Send a request; return the response and what is wrong with it, if anything."""
+    began = time.perf_counter()
+    try:
+        reply = server.send(case.raw) if case.raw else server.ask(
+            case.body, case.content_type, case.path, case.method, case.headers
+        )  # fmt: skip
+    except (OSError, http.client.HTTPException) as error:
+        return None, f"no response: {error!r}"
+    if (took_s := time.perf_counter() - began) > LONG_S:
+        return reply, f"took {took_s:.0f} s"
+    refused = 400 <= reply.status < 500
+    if reply.status != case.status and not (case.flagged and refused):
+        return reply, f"expected {case.status}"
+    if reply.status != 200:
+        large = len(reply.body) > LARGEST_REFUSAL_BYTES
+        leaked = any(word in reply.body for word in (b"Traceback", b".py", str(Path.home()).encode() + b"/", b"/tmp/"))
+        return reply, "too large" if large else "shows the server's insides" if leaked else ""
+    predictions = _predictions(reply)
+    if case.flagged:
+        quiet = np.mean([row["in_training_range"] and {*row["flag_names"].split()} <= AT_FIRST for row in predictions])
+        return reply, f"{quiet:.0%} of wrong rows are not flagged" if quiet > 0.1 else ""
+    return reply, _difference(predictions, case.samples, reference) if case.samples else ""
+
+
+def _predictions(reply: Reply) -> list[dict[str, Any]]:
+    if reply.headers["content-type"] == ARROW:
+        return list(pa.ipc.open_stream(reply.body).read_all().to_pylist())
+    return list(reply.json()["predictions"])
+
+
+def _difference(predictions: list[dict[str, Any]], samples: list[Array], reference: Reference) -> str:
+    newtons, flags = zip(*map(reference, samples), strict=True)
+    expected, found = np.concatenate(newtons), np.array(
+        [[row[name] for name in ("friction_n", "lower_n", "upper_n")] for row in predictions]
+    )  # fmt: skip
+    if found.shape != expected.shape:
+        return f"{len(found)} rows, expected {len(expected)}"
+    if (off_n := float(np.abs(found - expected).max())) > TOLERANCE_N:
+        return f"{off_n:.3g} N from the reference"
+    changed = [row["flags"] for row in predictions] != np.concatenate(flags).tolist()
+    return "flags differ from the reference" if changed else ""
+
+
+def run(server: Server, table: list[Case], reference: Reference) -> Iterator[tuple[Case, Reply | None, str]]:
+    """Send every request and yield what it got and what is wrong with that."""
+    for case in table:
+        yield case, *problem(case, server, reference)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--model", type=Path, required=True, help="model folder, as MLflow stores it")
+    parser.add_argument("--estimator", type=Path, default=Path("models/hybrid"), help="the same model's estimator")
+    parser.add_argument("--recordings", type=Path, default=Path("data/processed/test"))
+    options = parser.parse_args()
+    rows = read_recordings(options.recordings)[0].samples()[:700]
+    estimator = load_estimator(options.estimator)
+    failed, table = 0, cases(rows)
+    with tempfile.TemporaryDirectory() as folder:
+        current = Path(folder) / "current.json"
+        write_current(current, ServedModel(options.model, "friction-estimator", "1"))
+        with serving(SETTINGS, current) as server:
+            for case, reply, wrong in run(server, table, lambda samples: estimator.real_time().run(samples)):
+                failed += bool(wrong)
+                print(_line(case, reply, wrong))
+    print(f"\n{len(table)} requests, {failed} not as expected")
+    sys.exit(failed > 0)
+
+
+def _line(case: Case, reply: Reply | None, wrong: str) -> str:
+    if reply is None:
+        return f"{case.name:60} WRONG {wrong}"
+    try:
+        text = f"{len(_predictions(reply))} rows" if reply.status == 200 else reply.message
+    except ValueError:  # uvicorn's own, before the application
+        text = reply.body.decode(errors="replace")
+    return f"{case.name:60} {reply.status} {len(reply.body):7} B  {text[:150]}{'  WRONG ' + wrong if wrong else ''}"
+
+
+if __name__ == "__main__":
+    main()
