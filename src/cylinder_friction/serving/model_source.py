@@ -4,16 +4,14 @@ import logging
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-
+from cylinder_friction.deployment import golden_trajectory
+from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.deployment.scoring import ServedGraph
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.serving.settings import ServingError, file_stamp
 
 GRAPH_FILE = "artifacts/sequence.onnx"
-GOLDEN_FILE = "artifacts/golden.json"
-TOLERANCE_N = 0.1
-"""How far a graph may be from its golden trajectory: other machines round single precision otherwise."""
+GOLDEN_FILE = f"artifacts/{golden_trajectory.GOLDEN_FILE}"
 
 _log = logging.getLogger(__name__)
 
@@ -61,29 +59,12 @@ def open_model(model: ServedModel) -> ModelInService:
         ServingError: The graph is not there or cannot be run, or its outputs are not the recorded ones.
     """
     try:
-        graph = ServedGraph(model.folder / GRAPH_FILE)
-        return ModelInService(model, graph, _golden_difference_n(model, graph))
-    except ServingError:
-        raise
+        graph, golden = ServedGraph(model.folder / GRAPH_FILE), model.folder / GOLDEN_FILE
+        return ModelInService(model, graph, difference_n(graph, read_json(golden)) if golden.is_file() else None)
+    except GoldenError as error:
+        raise ServingError(f"{model.name} version {model.version}: {error}; register the model again") from error
     except Exception as error:  # ONNX Runtime raises many kinds
         raise ServingError(f"{model.name} version {model.version}: its graph cannot be opened and run") from error
-
-
-def _golden_difference_n(model: ServedModel, graph: ServedGraph) -> float | None:
-    path = model.folder / GOLDEN_FILE
-    if not path.is_file():
-        return None
-    golden = read_json(path)
-    numbers, flags = graph.run(np.array(golden["samples"], dtype=np.float64))
-    difference_n = float(np.abs(numbers[:, :3] - np.array(golden["newtons"])).max())
-    changed = int((flags != np.array(golden["flags"])).sum())
-    if changed or not difference_n <= TOLERANCE_N:
-        raise ServingError(
-            f"{model.name} version {model.version}: on its golden trajectory it is {difference_n:.3g} N from what was "
-            f"recorded with it, and {changed} flags differ; expected at most {TOLERANCE_N} N and the same flags; "
-            "register the model again"
-        )
-    return difference_n
 
 
 class ModelSource:

@@ -16,18 +16,21 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, difference_n, recorded
 from cylinder_friction.deployment.onnx_graphs.export import SEQUENCE_FILE
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.scoring import ServedGraph
 from cylinder_friction.estimators.base import DESCRIPTION_FILE
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.columns import LOAD_FORCE
-from cylinder_friction.recordings.files import read_json, write_bytes
+from cylinder_friction.recordings.files import read_json, write_bytes, write_json
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
 MODEL_CODE = Path(__file__).parents[1] / "deployment/scoring_model.py"
 SCORING_CODE = Path(__file__).parents[1] / "deployment/scoring.py"
 ESTIMATOR_ARTIFACT = "estimator"
+GOLDEN_ARTIFACT = "golden"
 LINEAGE_ARTIFACT = "lineage"
 # The names that the served model's code asks for
 GRAPH_ARTIFACT = "graph"
@@ -73,14 +76,19 @@ def save_model_folder(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MLflow's pyfunc warns of its own type hints when imported
         pyfunc = import_module("mlflow.pyfunc")
-    graph = path.with_name(SEQUENCE_FILE)
-    write_bytes(graph, sequence_graph(load_estimator(estimator).step_model()).SerializeToString(deterministic=True))
+    graph, golden = path.with_name(SEQUENCE_FILE), path.with_name(GOLDEN_FILE)
+    model = load_estimator(estimator).step_model()
+    write_bytes(graph, sequence_graph(model).SerializeToString(deterministic=True))
+    served = ServedGraph(graph)
+    write_json(golden, trajectory := recorded(served, model))
+    difference_n(served, trajectory)
     pyfunc.save_model(
         path=str(path),
         python_model=str(MODEL_CODE),
         artifacts={
             GRAPH_ARTIFACT: str(graph),
             SCORING_ARTIFACT: str(SCORING_CODE),
+            GOLDEN_ARTIFACT: str(golden),
             ESTIMATOR_ARTIFACT: str(estimator),
             LINEAGE_ARTIFACT: str(lineage_path),
         },
