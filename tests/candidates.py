@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mlflow import MlflowClient
 
+from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.tracking.gate import Candidate, Registered
@@ -55,7 +56,7 @@ def registered_in(root: Path, errors: dict[str, float] | None = None) -> Registe
     (root / REGISTERED_FILE).write_text(json.dumps(registered.to_dict()), encoding="utf-8")
     record = RunRecord(
         "register",
-        metrics={f"condition_{name}.label_percent": value for name, value in candidate.errors_percent.items()},
+        metrics=error_metrics(candidate.errors_percent),
         tags={"gate_reason": registered.reason, "candidate_key": candidate.key()},
     )
     (root / "reports/runs/register.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")

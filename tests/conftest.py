@@ -22,7 +22,7 @@ from cylinder_friction.labelling.sensor_offset import fit_offset_model
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.versions import dvc_hash
 
 if TYPE_CHECKING:
@@ -222,11 +222,11 @@ def _write_run_records(root: Path) -> None:
             {"mae_n": 8.0},
             {"mae": [9.0, 8.0]},
             artifacts={"models/hybrid": hash_of(root / "models/hybrid")},
-            datasets={"train": "0" * 64},
+            datasets={"train": Dataset("data/processed/train", "0" * 64, {"friction_n": "double"}, 1)},
         ),
         RunRecord(
             "compare",
-            metrics={"hybrid.condition_1.label_percent": 2.1},
+            metrics={"error_percent/condition_1": 2.1},
             artifacts={p: hash_of(root / p) for p in paths},
         ),
     )

@@ -11,10 +11,11 @@ from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import SOURCE, code_key, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import artifacts, cylinder_from, flat
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
+from cylinder_friction.tracking.measurement import measured
 from cylinder_friction.tracking.repository import TrackingError, repository_root
-from cylinder_friction.tracking.resources import sampled_resources
 from friction_benchmark.cache import Cache
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sizes, Sources
@@ -26,7 +27,7 @@ from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
 
 if TYPE_CHECKING:
-    from cylinder_friction.run_record import Scalar
+    from cylinder_friction.run_record import Dataset, Scalar
     from friction_benchmark.params import BenchmarkParams
     from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
 
@@ -47,9 +48,10 @@ def run(params: BenchmarkParams, *, prune: bool = False) -> str:
     """
     root, started_s = Path.cwd(), time.time()
     runner = runner_from(params)
-    with sampled_resources("benchmark", root):
+    with measured() as measurement:
         record = evaluate(params, runner)
     write_json(RECORD_FILE, record.to_dict())
+    measurement.keep(record, root)
     track_or_warn(record, root)
     counts = ", ".join(f"{count} {kind}" for kind, count in runner.computed.items())
     words = f"computed: {counts}; everything else was in {runner.cache}"
@@ -70,7 +72,7 @@ def evaluate(params: BenchmarkParams, runner: Runner) -> RunRecord:
     findings = findings_of(results)
     write_json(RESULTS_FILE, {**asdict(results), "findings": findings})
     write_report(results, findings, REPORT_FILE)
-    return run_record(params, results, findings, dict(runner.sources.own_hashes))
+    return run_record(params, results, findings, datasets(dict(runner.sources.own)))
 
 
 def write_inputs(params: BenchmarkParams) -> None:
@@ -142,7 +144,7 @@ def _recordings(params: BenchmarkParams) -> dict[str, str]:
 
 
 def run_record(
-    params: BenchmarkParams, results: BenchmarkResults, findings: dict[str, str], datasets: dict[str, str]
+    params: BenchmarkParams, results: BenchmarkResults, findings: dict[str, str], used: dict[str, Dataset]
 ) -> RunRecord:
     """Return the benchmark's run, and below it one run per task, split and model, to be compared with each other."""
     budget = params.budget
@@ -159,7 +161,7 @@ def run_record(
         metrics=best,
         tags={f"finding.{task}": words for task, words in findings.items()},
         artifacts=artifacts(RESULTS_FILE, REPORT_FILE),
-        datasets=datasets,
+        datasets=used,
         children=tuple(children),
         experiment=EXPERIMENT,
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, mean_percent, points_ahead, with_gaps
-from cylinder_friction.evaluation.metric_tree import flat_metrics, metric_tree
+from cylinder_friction.evaluation.metric_tree import metric_rows, metric_tree
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.causal_chain import MovingAverage
@@ -72,9 +74,9 @@ def test_truth_has_its_own_scores_and_its_own_denominator(compared, strokes):
 def test_one_comparison_twice_is_the_same_to_the_last_bit(compared):
     trees = [metric_tree(compared(hybrid=(3.0, 2.0), lugre=9.0)) for _ in range(2)]
     assert trees[0] == trees[1]
-    flat = flat_metrics(trees[0])
-    assert flat["hybrid.condition_1.label_percent"] == trees[0]["hybrid"]["1"]["label_percent"]
-    assert all(np.isfinite(list(flat.values())))
+    rows = metric_rows(trees[0])
+    assert [(row["estimator"], row["condition"]) for row in rows] == list(product(("hybrid", "lugre"), "1234"))
+    assert rows[0]["label_percent"] == trees[0]["hybrid"]["1"]["label_percent"]
 
 
 def test_residuals_are_label_minus_estimate_with_gaps_between_recordings(compared):

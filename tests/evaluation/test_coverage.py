@@ -44,8 +44,9 @@ def test_shares_are_counted_by_condition_and_session(
     assert truth.worst_session_percent == pytest.approx(50.0, abs=0.1)
     assert truth.held_near_events_percent == pytest.approx(truth.held_percent, abs=8.0)
     assert truth.mean_width_n == 20.0
-    metrics = coverage_metrics(list(found.values()))
-    assert metrics["bounds.condition_1.truth_worst_session_percent"] == truth.worst_session_percent
+    metrics = coverage_metrics(list(found.values()), "truth")
+    assert metrics["held_by_bounds_percent/condition_1"] == truth.held_percent
+    assert metrics["held_by_bounds_percent/condition_all"] == found["truth", "all"].held_percent
 
 
 @pytest.mark.slow

@@ -132,7 +132,12 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(finished, labe
     error = np.abs(estimate - held_out.column("friction_n"))
     expected = 100 * error.mean() / np.abs(held_out.column("friction_n")).mean()
     assert metrics["hybrid"]["1"]["label_percent"] == pytest.approx(expected)
-    assert record.metrics["hybrid.condition_1.label_percent"] == metrics["hybrid"]["1"]["label_percent"]
+    assert record.params["reference"] == "truth"
+    assert record.metrics["error_percent/condition_1"] == metrics["hybrid"]["1"]["truth_percent"]
+    assert len(record.metrics) <= 12, "what one reads; the rest is a table"
+    table = pd.DataFrame(record.tables["errors_by_condition"]).set_index(["estimator", "condition"])
+    assert sorted(table.index) == [(name, condition) for name in sorted(metrics) for condition in metrics[name]]
+    assert table.loc[("hybrid", "1"), "label_percent"] == metrics["hybrid"]["1"]["label_percent"]
     assert metrics["hybrid"]["1"]["truth_mae_n"] != metrics["hybrid"]["1"]["label_mae_n"]
     session = f"label_percent_of_{held_out.metadata.session}"
     assert metrics["hybrid"]["1"][session] == pytest.approx(expected)
@@ -168,7 +173,7 @@ def test_summary_figures_and_table_one_are_of_the_estimator_that_compare_main_na
     keep_two_conditions()
     record = compare.run(tiny_params(main="paper_hybrid"))
     report = compare.REPORT_FILE.read_text()
-    assert "the mean absolute error of the hybrid as published is" in record.tags["summary"]
+    assert "the mean absolute error of the hybrid as published is" in record.note
     assert "Figure 8: the hybrid as published against the label." in report
     assert [path.name for path in compare.FIGURES_FOLDER.glob("figure7*")] == ["figure7_residuals_paper_hybrid.png"]
     assert "search, which was over the published design. Used: what the hybrid as published of this report" in report

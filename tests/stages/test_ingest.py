@@ -71,8 +71,8 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
         "repaired": 0.0,
         "quarantined": 1.0,
         "sessions": 3.0,
-        "condition_1.seconds": 40.0,
-        "condition_2.seconds": 20.0,
+        "seconds/condition_1": 40.0,
+        "seconds/condition_2": 20.0,
     }
     assert record == ingest.run(params_for("rig"))
 

@@ -117,7 +117,7 @@ def test_audit_judges_every_filter_in_every_test(workplace: Path, cylinder: Cyli
         "records"
     )
     assert line["mae_n"] == audit["rts"]["2"]["steady"]["mae_n"]
-    assert record.metrics["audit.rts.condition_2.steady_mae_n"] == line["mae_n"]
+    assert record.metrics["label_mae_n/steady"] == audit[params_for(cylinder).filter.method]["all"]["steady"]["mae_n"]
     assert record.metrics["audited_recordings"] == 6.0
 
 

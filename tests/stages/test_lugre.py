@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pandas as pd
 import pytest
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
@@ -64,13 +65,15 @@ def test_the_stage_leaves_every_estimator_and_the_points(
 ) -> None:
     folder, record = finished
     monkeypatch.chdir(folder)
+    parameters = pd.DataFrame(record.tables["parameters"]).set_index(["estimator", "parameter"])
     for name, condition in (("lugre", "1"), ("pressure_lugre", "1"), ("pressure_lugre_all", None)):
         estimator = load_estimator(LUGRE_FOLDER / name)
         assert isinstance(estimator, AnalyticalEstimator)
         assert (estimator.model.name, estimator.condition) == (name.removesuffix("_all"), condition)
-        assert 0.0 < record.metrics[f"{name}.train_mae_percent"] < 10.0
-        assert record.metrics[f"{name}.coulomb_n.lower"] < record.metrics[f"{name}.coulomb_n.upper"]
-        assert len(record.curves[f"{name}.search_error_n"]) >= 1
+        assert 0.0 < record.metrics[f"train_mae_percent/{name}"] < 10.0
+        found = parameters.loc[(name, "coulomb_n")]
+        assert found["lower"] < found["value"] < found["upper"]
+        assert len(record.curves[f"search_mae_n/{name}"]) >= 1
     points = json.loads((LUGRE_FOLDER / lugre.STRIBECK_FILE).read_text())
     assert {"velocity_m_s", "friction_n", "rows"} <= set(points["points"][0])
     assert points["curve"]["coulomb_n"] > 0.0

@@ -59,8 +59,13 @@ def test_it_writes_what_a_logger_would_and_the_truth_elsewhere(cylinder: Cylinde
     assert tuple(truth.columns) == TRUTH_COLUMNS
     assert done.metrics["recordings"] == 4.0
     assert done.metrics["seconds"] == 12.0
-    assert done.metrics["condition_4.mean_friction_n"] > 0.0
-    assert done.datasets == {"rig": hash_of(RIG_FOLDER), "rig_truth": hash_of(RIG_TRUTH_FOLDER)}
+    assert done.metrics["mean_friction_n/condition_4"] > 0.0
+    assert {name: each.sha256 for name, each in done.datasets.items()} == {
+        "rig": hash_of(RIG_FOLDER),
+        "rig_truth": hash_of(RIG_TRUTH_FOLDER),
+    }
+    assert ",".join(done.datasets["rig"].columns) == lines[0]
+    assert done.datasets["rig_truth"].rows == 4 * len(truth)
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(cylinder: Cylinder) -> None:

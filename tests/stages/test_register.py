@@ -79,9 +79,12 @@ def test_the_candidate_is_registered_and_the_file_says_on_what_grounds(repositor
     assert list(content["candidate"]["origin"]["data"]) == sorted(content["candidate"]["origin"]["data"])
     assert content["candidate"]["origin"]["raw"] == "data/raw/rig"
     assert str(repository) not in registered(repository), "no absolute path in a file that DVC tracks"
-    assert record.metrics == {
-        f"condition_{condition}.label_percent": 2.0 + 0.1 * condition for condition in (1, 2, 3, 4)
-    } | {"promoted": 1.0}
+    assert record.metrics == pytest.approx(
+        {f"error_percent/condition_{condition}": 2.0 + 0.1 * condition for condition in (1, 2, 3, 4)}
+        | {"error_percent/mean": 2.25, "promoted": 1.0}
+    )
+    assert record.tables["decision"]["candidate_percent"] == [2.1, 2.2, 2.3, 2.4]
+    assert record.tables["decision"]["incumbent_percent"] == [None] * 4
     assert record.tags["gate_reason"].startswith("promoted: there is no incumbent")
     client = MlflowClient(tracking_uri(repository))
     assert client.get_model_version_by_alias(NAME, "champion").tags["model_key"] == content["candidate"]["model_key"]
@@ -120,7 +123,7 @@ def test_the_gate_goes_by_true_friction_where_it_is_known(repository: Path) -> N
     content = json.loads(registered(repository))["candidate"]
     assert content["reference"] == "truth"
     assert content["errors_percent"] == {"1": 1.1, "2": 1.2, "3": 1.3, "4": 1.4}
-    assert record.metrics["condition_1.truth_percent"] == 1.1
+    assert record.metrics["error_percent/condition_1"] == 1.1
     del metrics["hybrid"]["3"]["truth_percent"]
     path.write_text(json.dumps(metrics), encoding="utf-8")
     register.run(parameters())

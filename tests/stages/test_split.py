@@ -42,7 +42,7 @@ def test_every_recording_has_one_role(workplace: Path) -> None:
     assert set(roles) == {"train", "validation", "calibration", "test"}
     for role, names in roles.items():
         assert {name[1] for name in names} == {"1", "2"}
-        assert record.metrics[f"{role}.recordings"] == record.metrics[f"{role}.sessions"] == len(names) == 2
+        assert record.metrics[f"recordings/{role}"] == record.metrics[f"sessions/{role}"] == len(names) == 2
     written = sorted(path.stem for path in recording_paths(LABELLED_FOLDER))
     assert sorted(name for names in roles.values() for name in names) == written
     assert split.run(params_for()) == record

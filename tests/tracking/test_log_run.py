@@ -7,22 +7,20 @@ import logging
 import socket
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from mlflow import MlflowClient
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import Dataset, RunRecord, Times
 from cylinder_friction.tracking import log_run as module
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.repository import TrackingError
-from cylinder_friction.tracking.resources import RESOURCES_FOLDER, sampled_resources
 from cylinder_friction.tracking.store import EXPERIMENT, experiment_name, tracking_uri
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mlflow.entities import Run
 
 
@@ -49,7 +47,9 @@ def record(root: Path) -> RunRecord:
         curves={"validation_mae_n": [float(step) for step in range(2500)]},
         tags={"summary": "it went well"},
         artifacts={path: hash_of(root / path) for path in ("reports/table.md", "reports/figures")},
-        datasets={"train": "ab" * 32},
+        tables={"errors": {"condition": ["1", "2"], "percent": [1.5, None]}},
+        note="It went **well**.",
+        datasets={"train": Dataset("data/processed/train", "ab" * 32, {"friction_n": "double"}, rows=5)},
         children=tuple(RunRecord(f"trial {number}", {"number": number}, {"v": 1.0}) for number in range(3)),
     )
 
@@ -67,11 +67,15 @@ def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> 
     assert run.data.tags["git_commit"] == "unknown", "there is no git here"
     history = client.get_metric_history(run_id, "validation_mae_n")
     assert sorted((one.step, one.value) for one in history) == [(step, float(step)) for step in range(2500)]
+    assert [one.path for one in client.list_artifacts(run_id)] == ["errors.json", "reports"]
     assert [one.path for one in client.list_artifacts(run_id, "reports")] == ["reports/figures", "reports/table.md"]
     assert [one.path for one in client.list_artifacts(run_id, "reports/figures")] == ["reports/figures/one.png"]
-    dataset = run.inputs.dataset_inputs[0]
+    assert run.data.tags["mlflow.note.content"] == "It went **well**."
+    table = json.loads(Path(client.download_artifacts(run_id, "errors.json")).read_text(encoding="utf-8"))
+    assert table == {"columns": ["condition", "percent"], "data": [["1", 1.5], ["2", None]]}
+    assert json.loads(run.data.tags["mlflow.loggedArtifacts"]) == [{"path": "errors.json", "type": "table"}]
+    (dataset,) = run.inputs.dataset_inputs
     assert (dataset.dataset.name, dataset.dataset.digest) == ("train", ("ab" * 32)[:36])
-    assert dataset.tags[0].value == "train"
     children = runs_of(root, f"tags.`mlflow.parentRunId` = '{run_id}'")
     assert sorted(child.info.run_name for child in children) == ["trial 0", "trial 1", "trial 2"]
     assert all(child.info.status == "FINISHED" for child in children)
@@ -79,7 +83,9 @@ def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> 
 
 def test_a_record_is_logged_once_however_often_it_is_logged(root: Path, record: RunRecord) -> None:
     assert log_run(record, root) == log_run(record, root) == log_run(RunRecord.from_dict(record.to_dict()), root)
-    assert len(runs_of(root)) == 4
+    timed = replace(record, times=Times(1, 2))
+    assert log_run(timed, root) == log_run(record, root), "when it ran is no part of what it did"
+    assert len(runs_of(root)) == 1 + 1 + 3, "the execution, the stage, its trials"
     reread = RunRecord.from_dict(json.loads(json.dumps(record.to_dict())))
     assert log_run(reread, root) == log_run(record, root), "a record that went through a file is the same record"
 
@@ -95,14 +101,14 @@ def test_what_a_kill_left_half_written_is_done_again(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(module, "_write_datasets", killed)
+        patch.setattr(module, "stage_ended", killed)
         with pytest.raises(KeyboardInterrupt):
             log_run(record, root)
-    (half,) = runs_of(root)
+    (half,) = runs_of(root, "attributes.run_name = 'train'")
     assert half.info.status == "RUNNING"
     whole = log_run(record, root)
     assert whole != half.info.run_id
-    assert len(runs_of(root)) == 4
+    assert len(runs_of(root)) == 5
     assert len(client_of(root).get_metric_history(whole, "validation_mae_n")) == 2500
 
 
@@ -183,29 +189,3 @@ def test_a_silent_server_costs_no_result_and_no_patience(
     assert time.monotonic() - started < 5.0
     assert "label: its results are written, but its MLflow run is not: MLFLOW_TRACKING_URI is http://" in caplog.text
     assert "Run `cylinder-friction track`" in caplog.text
-
-
-def test_what_a_stage_cost_stands_in_the_system_metrics(root: Path) -> None:
-    with sampled_resources("label", root, interval_s=0.05):
-        time.sleep(0.2)
-    record = RunRecord("label", metrics={"rows": 5.0})
-    run = client_of(root).get_run(log_run(record, root))
-    assert 0.0 <= run.data.metrics["system/cpu_utilization_percentage"] <= 100.0
-    assert run.data.metrics["system/stage_memory_megabytes"] > 1.0
-    assert len(client_of(root).get_metric_history(run.info.run_id, "system/stage_memory_megabytes")) >= 3
-
-
-def test_samples_of_one_run_are_never_given_to_another(root: Path) -> None:
-    with sampled_resources("label", root, interval_s=0.05):
-        pass
-    log_run(RunRecord("label"), root)
-    other = client_of(root).get_run(log_run(RunRecord("label", metrics={"rows": 5.0}), root))
-    assert set(other.data.metrics) == {"rows"}, "this record came from a cache; nobody measured what it cost"
-
-
-def test_a_stage_that_fails_is_sampled_too_and_a_broken_file_is_no_obstacle(root: Path) -> None:
-    with pytest.raises(ValueError, match="it failed"), sampled_resources("label", root, interval_s=0.05):
-        raise ValueError("it failed")
-    assert (root / RESOURCES_FOLDER / "label.json").is_file()
-    (root / RESOURCES_FOLDER / "label.json").write_text("{broken", encoding="utf-8")
-    log_run(RunRecord("label"), root)

@@ -159,7 +159,9 @@ def test_many_processes_share_a_store_that_none_has_made_yet(tmp_path: Path, mon
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     assert subprocess.run([sys.executable, "-c", WRITERS, str(tmp_path)], timeout=240, check=False).returncode == 0
     with open_store(tmp_path) as store:
-        assert len(store.client.search_runs([store.experiment_id])) == 3, "both wrote the same three records"
+        for what in ("label", "pipeline"):
+            runs = store.client.search_runs([store.experiment_id], f"tags.stage = '{what}'")
+            assert len(runs) == 3, "both wrote the same three records"
 
 
 def test_only_changes_that_shape_a_result_make_a_commit_dirty(pipeline: Path) -> None:

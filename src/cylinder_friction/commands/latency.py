@@ -10,10 +10,11 @@ from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
 from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.files import hash_of, write_json
+from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
     LUGRE_FOLDER,
@@ -78,7 +79,7 @@ def run_record(measured: Measured) -> RunRecord:
         metrics=metrics_of(measured),
         tags={"quiet": "unknown" if quiet.is_quiet is None else str(quiet.is_quiet).lower()},
         artifacts=artifacts(LATENCY_FILE),
-        datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
+        datasets=datasets({"test": PROCESSED_FOLDERS["test"]}),
     )
 
 

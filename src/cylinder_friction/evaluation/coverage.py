@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -77,14 +76,13 @@ def coverage(
     ]
 
 
-def coverage_metrics(found: Sequence[Coverage]) -> dict[str, float]:
-    """Return the shares [%] and widths [N] for a run record, by condition, reference and name."""
-    numbers = {
-        f"bounds.condition_{each.condition}.{each.reference}_{name}": getattr(each, name)
+def coverage_metrics(found: Sequence[Coverage], reference: str) -> dict[str, float]:
+    """Return how often the bounds hold one reference [%], by condition and over all, as metrics of a run."""
+    return {
+        f"held_by_bounds_percent/condition_{each.condition}": each.held_percent
         for each in found
-        for name in ("held_percent", "held_near_events_percent", "worst_session_percent", "mean_width_n")
+        if each.reference == reference
     }
-    return {name: value for name, value in numbers.items() if math.isfinite(value)}
 
 
 def _coverage(reference: str, condition: str, rows: Sequence[_Rows]) -> Coverage:

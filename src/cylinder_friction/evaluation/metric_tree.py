@@ -7,6 +7,14 @@ from collections.abc import Mapping
 
 from cylinder_friction.evaluation.comparison import Comparison, Score, mean_percent
 
+_SHOWN = [
+    *(
+        f"{against}_{name}"
+        for against in ("truth", "label")
+        for name in ("percent", "percent_low", "percent_high", "mae_n", "bias_n", "p95_n", "lag_ms")
+    ),
+    "multiply_adds",
+]
 MetricTree = dict[str, dict[str, dict[str, float]]]
 """By estimator, then by condition, then by name of the number."""
 
@@ -30,14 +38,13 @@ def metric_tree(comparison: Comparison) -> MetricTree:
     return tree
 
 
-def flat_metrics(tree: MetricTree) -> dict[str, float]:
-    """Return ``{"hybrid.condition_1.label_percent": ...}``, one number each, for a run record."""
-    return {
-        f"{estimator}.condition_{condition}.{name}": value
+def metric_rows(tree: MetricTree) -> list[dict[str, str | float]]:
+    """Return a row for each estimator in each condition: its errors, their intervals, its lag and its cost."""
+    return [
+        {"estimator": estimator, "condition": condition} | {name: numbers[name] for name in _SHOWN if name in numbers}
         for estimator, conditions in tree.items()
         for condition, numbers in conditions.items()
-        for name, value in numbers.items()
-    }
+    ]
 
 
 def _numbers(against: str, by_condition: Mapping[str, Score], condition: str) -> dict[str, float]:

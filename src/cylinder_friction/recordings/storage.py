@@ -95,6 +95,13 @@ def recording_paths(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.parquet"))
 
 
+def columns_and_rows(folder: Path) -> tuple[dict[str, str], int]:
+    """Return the type of each column in a folder of recordings, as Arrow names it, and how many rows it holds."""
+    heads = [pq.read_metadata(path) for path in recording_paths(folder)]
+    columns = {field.name: str(field.type) for head in heads[:1] for field in head.schema.to_arrow_schema()}
+    return columns, sum(head.num_rows for head in heads)
+
+
 def iterate_recordings(folder: Path) -> Iterator[Recording]:
     """Yield the recordings of a folder one at a time, sorted by name, so that memory holds only one."""
     for path in recording_paths(folder):

@@ -10,7 +10,7 @@ from cylinder_friction.recordings.files import write_json
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS, RUNS_FOLDER
 from cylinder_friction.tracking.log_run import track_or_warn
-from cylinder_friction.tracking.resources import sampled_resources
+from cylinder_friction.tracking.measurement import measured
 
 
 def run_stage(name: str) -> None:
@@ -27,9 +27,10 @@ def run_stage(name: str) -> None:
         _refuse_unknown_condition(params.lugre.condition)
     root, module = Path.cwd(), f"cylinder_friction.stages.{name}"
     code = code_key(module)
-    with sampled_resources(name, root):
+    with measured() as measurement:
         record = replace(importlib.import_module(module).run(params), code=code)
     write_json(RUNS_FOLDER / f"{name}.json", record.to_dict())
+    measurement.keep(record, root)
     track_or_warn(record, root)
 
 

@@ -61,10 +61,10 @@ def cylinder_from(params: CylinderParams) -> Cylinder:
     return Cylinder(**params.model_dump())
 
 
-def flat(section: BaseModel, prefix: str = "") -> dict[str, Scalar]:
+def flat(section: BaseModel, prefix: str = "", *, exclude_defaults: bool = False) -> dict[str, Scalar]:
     """Return a section's parameters as ``{"outer.inner": value}``; lists become text."""
     result: dict[str, Scalar] = {}
-    for key, value in section.model_dump().items():
+    for key, value in section.model_dump(exclude_defaults=exclude_defaults).items():
         _flatten(f"{prefix}{key}", value, result)
     return result
 

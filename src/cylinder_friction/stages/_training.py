@@ -22,9 +22,11 @@ from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.learning import TrainParams
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-from cylinder_friction.recordings.files import hash_of, read_json, write_json
+from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.run_record import Dataset, now_ms
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import CHOSEN_FILE, ESTIMATORS_FILE, PROCESSED_FOLDERS, cylinder_from
 
 if TYPE_CHECKING:
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import BaselinesParams, TrainingParams
 
+NETWORK_MAE = "network_mae_n"
+"""Group of the network's error by epoch, without the forest, among a run's curves."""
 RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.training_plan")
 """The modules that train a hybrid: what was trained with other ones is not continued."""
 
@@ -50,7 +54,7 @@ class LearningData:
     inputs: tuple[str, ...]  # Columns of a sample
     position_load: PositionLoad | None  # The load that position decides; None where it does not
     tracker: OffsetTracker | None  # How an estimator learns the sensors' offset; None where none was identified
-    hashes: dict[str, str]  # Content hash of each folder read, by role
+    datasets: dict[str, Dataset]  # Each folder read, by role
 
     @classmethod
     def read(cls) -> Self:
@@ -65,8 +69,13 @@ class LearningData:
             tuple(given["inputs"]),
             None if load is None else PositionLoad.from_dict(load),
             None if tracker is None else OffsetTracker.from_dict(tracker),
-            {role: hash_of(folder) for role, folder in folders.items()},
+            datasets(folders),
         )
+
+    @property
+    def hashes(self) -> dict[str, str]:
+        """The content hash of each folder read, by role."""
+        return {role: each.sha256 for role, each in self.datasets.items()}
 
     @property
     def calibrating(self) -> list[Recording]:
@@ -92,8 +101,8 @@ def train_hybrid(
     design: Design,
     chosen: Mapping[str, Any],
     data: LearningData,
-) -> HybridEstimator:
-    """Return a trained hybrid; a run of the same stage that was killed is gone on with, from its last epoch.
+) -> tuple[HybridEstimator, list[int]]:
+    """Return a trained hybrid and when each epoch ended [ms since 1970]; a run that was killed is gone on with.
 
     Args:
         stage: Name of the stage.
@@ -109,14 +118,16 @@ def train_hybrid(
     estimator = hybrid_from(cylinder, design, chosen, training, *seeds, data, lag_s)
     own = {"design": design, "seed": section.seed, "lag_s": lag_s}
     folder = resume_folder(stage, RESUMED_CODE, params.cylinder, chosen, training, data.hashes, own)
+    ended_ms: list[int] = []
     with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch", disable=None) as bar:
 
         def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:
+            ended_ms.append(now_ms())
             bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
             bar.update(epoch - bar.n)
 
         estimator.fit(data.train, data.validation, data.calibration, Checkpoint(folder), after_epoch)
-    return estimator
+    return estimator, ended_ms
 
 
 def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, chosen: Mapping[str, Any]) -> None:
@@ -137,16 +148,16 @@ def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, c
 
 
 def learned_metrics(estimators: Mapping[str, FrictionEstimator], validation: Sequence[Recording]) -> dict[str, float]:
-    """Return each estimator's validation error [N] and cost of a step [multiply-adds], by name."""
+    """Return each estimator's validation error [N] and cost of a step [multiply-adds]."""
     return {
-        f"{name}_validation_mae_n": mean_absolute_error_n(each, validation) for name, each in estimators.items()
-    } | {f"{name}_multiply_adds": float(each.multiply_adds()) for name, each in estimators.items()}
+        f"validation_mae_n/{name}": mean_absolute_error_n(each, validation) for name, each in estimators.items()
+    } | {f"multiply_adds/{name}": float(each.multiply_adds()) for name, each in estimators.items()}
 
 
-def learning_curves(name: str, estimator: HybridEstimator) -> dict[str, list[float]]:
+def learning_curves(estimator: HybridEstimator) -> dict[str, list[float]]:
     """Return the errors of the network after each epoch [N], on training and on validation recordings."""
     curve = estimator.learning_curve
-    return {f"{name}_train_mae_n": curve.train_mae, f"{name}_validation_mae_n": curve.validation_mae}
+    return {f"{NETWORK_MAE}/train": curve.train_mae, f"{NETWORK_MAE}/validation": curve.validation_mae}
 
 
 def hybrid_from(

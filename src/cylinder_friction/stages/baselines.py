@@ -8,7 +8,7 @@ from tqdm import tqdm
 
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.recordings.files import whole_folder
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord, Times
 from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER, artifacts, cylinder_from, flat
 from cylinder_friction.stages._training import (
     LearningData,
@@ -32,7 +32,7 @@ def run(params: Params) -> RunRecord:
     settings = params.baselines
     data = LearningData.read()
     chosen = settings.hybrid.model_dump()
-    paper = train_hybrid("baselines", params, settings, "paper", chosen, data)
+    paper, epochs_ms = train_hybrid("baselines", params, settings, "paper", chosen, data)
     trees = forest_plan(chosen, settings.training)
     cylinder = cylinder_from(params.cylinder)
     named: dict[str, FrictionEstimator] = dict(
@@ -50,9 +50,10 @@ def run(params: Params) -> RunRecord:
             baseline.save(draft / name)
     return RunRecord(
         name="baselines",
-        params=flat(settings),
+        params=flat(settings) | {"device": paper.device},
         metrics=learned_metrics({"paper_hybrid": paper, **named}, data.validation),
-        curves=learning_curves("paper_hybrid", paper),
+        curves=learning_curves(paper),
         artifacts=artifacts(PAPER_HYBRID_FOLDER, BASELINES_FOLDER),
-        datasets=data.hashes,
+        datasets=data.datasets,
+        times=Times(0, 0, dict.fromkeys(learning_curves(paper), epochs_ms)),
     )

@@ -17,12 +17,13 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare
 from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
-from cylinder_friction.evaluation.metric_tree import MetricTree, flat_metrics, metric_tree
+from cylinder_friction.evaluation.metric_tree import MetricTree, metric_rows, metric_tree
+from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings.columns import LOAD_FORCE
-from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
+from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.comparison_tables import markdown_tables
@@ -31,7 +32,8 @@ from cylinder_friction.reporting.plot_data import plot_tables
 from cylinder_friction.reporting.report import ReportInputs, report_html
 from cylinder_friction.reporting.style import png_bytes
 from cylinder_friction.reporting.summary import summary
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord, by_columns
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     AUDIT_FILE,
     BASELINES_FOLDER,
@@ -99,18 +101,18 @@ def run(params: Params) -> RunRecord:
         for name, estimator in tqdm(estimators.items(), desc="time steps", unit="estimator", disable=None)
     }
     tree = metric_tree(comparison)
+    reference, errors_percent = reported_errors(tree[main])
     held = coverage(estimators[main], recordings, truth_n, settings.reversal_window_s)
     begun = starts(estimators[main], recordings, truth_n)
     _write(analysis, times, tree, begun, held)
     return RunRecord(
         name="compare",
-        params=flat(settings),
-        metrics=flat_metrics(tree)
-        | coverage_metrics(held)
-        | {f"starts.condition_{each.condition}.warm_percent": each.warm_percent for each in begun},
-        tags={"summary": "\n".join(summary(comparison, main))},
+        params=flat(settings) | {"reference": reference},
+        metrics=error_metrics(errors_percent) | coverage_metrics(held, reference),
+        tables={"errors_by_condition": by_columns(metric_rows(tree)), "bounds": by_columns(map(asdict, held))},
+        note="\n".join(f"- {finding}" for finding in summary(comparison, main)),
         artifacts=artifacts(*WRITTEN),
-        datasets={"test": hash_of(PROCESSED_FOLDERS["test"])},
+        datasets=datasets({"test": PROCESSED_FOLDERS["test"]}),
     )
 
 

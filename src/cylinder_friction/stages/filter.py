@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
+from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, recording_paths, write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method, warn_of_rates
 from cylinder_friction.signals.smooth_signals import filtered
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import FILTERS_FILE, RECORDINGS_FOLDER, SIGNALS_FOLDER, cylinder_from, flat
 
 if TYPE_CHECKING:
@@ -41,5 +42,5 @@ def run(params: Params) -> RunRecord:
         name="filter",
         params=flat(params.filter),
         metrics={"recordings": float(count), "rows": float(rows)},
-        datasets={"signals": hash_of(SIGNALS_FOLDER)},
+        datasets=datasets({"recordings": RECORDINGS_FOLDER}) | datasets({"signals": SIGNALS_FOLDER}, written=True),
     )

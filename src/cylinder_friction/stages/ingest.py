@@ -10,11 +10,12 @@ from tqdm import tqdm
 
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE
 from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.files import hash_of, write_json
+from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, cylinder_from, flat
 
 if TYPE_CHECKING:
@@ -39,10 +40,10 @@ def run(params: Params) -> RunRecord:
     tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(
         name="ingest",
-        params=flat(params.ingest),
+        params=flat(params.ingest, exclude_defaults=True),
         metrics=_metrics(ingested),
         artifacts=artifacts(QUARANTINE_FILE, INGESTED_FILE),
-        datasets={"recordings": hash_of(RECORDINGS_FOLDER)},
+        datasets=datasets({"recordings": RECORDINGS_FOLDER}, written=True),
     )
 
 
@@ -88,7 +89,7 @@ def recipe_from(params: Params, folder: Path) -> Recipe:
 def _metrics(ingested: Ingested) -> dict[str, float]:
     seconds: defaultdict[str, float] = defaultdict(float)
     for metadata, rows in ingested.recordings:
-        seconds[f"condition_{metadata.condition}.seconds"] += rows * metadata.sample_time_s
+        seconds[f"seconds/condition_{metadata.condition}"] += rows * metadata.sample_time_s
     return {
         "files": float(ingested.files),
         "recordings": float(len(ingested.recordings)),

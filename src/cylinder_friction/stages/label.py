@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -15,12 +16,14 @@ from cylinder_friction.labelling.audit import Audit, AuditRow
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json, write_text
+from cylinder_friction.recordings.columns import ALL_CONDITIONS
+from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     AUDIT_FILE,
     AUDIT_FOLDER,
@@ -70,9 +73,9 @@ def run(params: Params) -> RunRecord:
     return RunRecord(
         name="label",
         params=flat(settings) | {"filter": method, "load": ingested["load"]},
-        metrics=metrics | {"audited_recordings": float(audited)} | _audit_metrics(audit),
+        metrics=metrics | {"audited_recordings": float(audited)} | _audit_metrics(audit, method),
         artifacts=artifacts(AUDIT_FOLDER, IDENTIFIED_FILE),
-        datasets={"labelled": hash_of(LABELLED_FOLDER)},
+        datasets=datasets({"signals": SIGNALS_FOLDER}) | datasets({"labelled": LABELLED_FOLDER}, written=True),
     )
 
 
@@ -180,9 +183,10 @@ def _filtered(names: Sequence[str], what: str) -> Iterator[Recording]:
         yield read_recording(SIGNALS_FOLDER / f"{name}.parquet")
 
 
-def _audit_metrics(rows: Sequence[AuditRow]) -> dict[str, float]:
+def _audit_metrics(rows: Sequence[AuditRow], method: str) -> dict[str, float]:
+    """Return the label's error by stratum, of the filter in use and over all conditions; ``audit.csv`` has the rest."""
     return {
-        f"audit.{row.filter}.condition_{row.condition}.{row.stratum}_mae_n": row.mae_n
+        f"label_mae_n/{row.stratum}": row.mae_n
         for row in rows
-        if row.stratum in ("steady", "events")
+        if (row.filter, row.condition) == (method, ALL_CONDITIONS) and math.isfinite(row.mae_n)
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,10 +11,11 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
+from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_metadata, read_recordings, recording_paths
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord, Table, Times, by_columns, now_ms
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, cylinder_from, flat
 
 if TYPE_CHECKING:
@@ -51,25 +52,28 @@ def run(params: Params) -> RunRecord:
     }
     metrics: dict[str, float] = {}
     curves: dict[str, list[float]] = {}
+    steps_ms: dict[str, list[int]] = {}
+    identified: dict[str, Identification] = {}
     with whole_folder(LUGRE_FOLDER) as folder:
         for name, estimator in estimators.items():
             estimator.fit(recordings)
             estimator.save(folder / name)
             found = estimator.identification
             assert found is not None
-            metrics |= _metrics(name, found)
-            curves[f"{name}.search_error_n"] = list(found.history)
-        plain = estimators["lugre"].identification
-        assert plain is not None
-        write_json(folder / STRIBECK_FILE, _stribeck_content(plain))
+            identified[name] = found
+            metrics[f"train_mae_percent/{name}"] = found.error_percent
+            curves[f"search_mae_n/{name}"] = list(found.history)
+            steps_ms[f"search_mae_n/{name}"] = [now_ms()] * len(found.history)  # all known as it ends
+        write_json(folder / STRIBECK_FILE, _stribeck_content(identified["lugre"]))
     return RunRecord(
         name="lugre",
         params=flat(params.lugre),
         metrics=metrics,
         curves=curves,
-        tags={f"{name}.velocity": repr(estimator.causal_velocity) for name, estimator in estimators.items()},
+        tables={"parameters": _parameters(identified)},
         artifacts=artifacts(LUGRE_FOLDER),
-        datasets={"train": hash_of(PROCESSED_FOLDERS["train"])},
+        datasets=datasets({"train": PROCESSED_FOLDERS["train"]}),
+        times=Times(0, 0, steps_ms),
     )
 
 
@@ -98,16 +102,14 @@ def _effort_on_all(settings: LugreParams, recordings: Sequence[Recording]) -> Se
     )
 
 
-def _metrics(kind: str, found: Identification) -> dict[str, float]:
-    metrics = {
-        f"{kind}.train_mae_n": found.error_n,
-        f"{kind}.train_mae_percent": found.error_percent,
-        f"{kind}.steady_curve_mae_n": found.first_error_n,
-    }
-    metrics |= {f"{kind}.{name}": value for name, value in asdict(found.parameters).items()}
-    for name, (lower, upper) in found.intervals.items():
-        metrics |= {f"{kind}.{name}.lower": lower, f"{kind}.{name}.upper": upper}
-    return metrics
+def _parameters(identified: Mapping[str, Identification]) -> Table:
+    """Return every identified parameter with its interval, where it has one; names carry their units."""
+    return by_columns(
+        {"estimator": kind, "parameter": name, "value": value}
+        | dict(zip(("lower", "upper"), found.intervals.get(name, (None, None)), strict=True))
+        for kind, found in identified.items()
+        for name, value in asdict(found.parameters).items()
+    )
 
 
 def _stribeck_content(found: Identification) -> dict[str, Any]:

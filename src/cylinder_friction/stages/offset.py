@@ -14,10 +14,11 @@ from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros
 from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan, fit_offset_model, zero_uncertainty_n
 from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
-from cylinder_friction.recordings.files import hash_of, read_json, whole_folder, write_json
+from cylinder_friction.recordings.files import read_json, whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     ESTIMATORS_FILE,
     IDENTIFIED_FILE,
@@ -85,7 +86,7 @@ def run(params: Params) -> RunRecord:
         metrics=_metrics(sessions),
         tags={"offsets": reason or "identified"},
         artifacts=artifacts(OFFSET_FILE, ESTIMATORS_FILE),
-        datasets={role: hash_of(folder) for role, folder in PROCESSED_FOLDERS.items()},
+        datasets=datasets({"labelled": LABELLED_FOLDER}) | datasets(PROCESSED_FOLDERS, written=True),
     )
 
 

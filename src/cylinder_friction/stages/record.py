@@ -13,7 +13,7 @@ from tqdm import tqdm
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_text
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.rig.sensors import DECIMALS
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ def run(params: Params) -> RunRecord:
     """
     plan = CampaignPlan(**params.record.model_dump())
     recordings = campaign(cylinder_from(params.cylinder), plan)
+    columns: dict[Path, dict[str, str]] = {RIG_FOLDER: {}, RIG_TRUTH_FOLDER: {}}
+    rows = 0
     magnitudes_n: defaultdict[str, list[float]] = defaultdict(list)
     with whole_folder(RIG_FOLDER) as logger_folder, whole_folder(RIG_TRUTH_FOLDER) as truth_folder:
         if plan.recordings == 0:
@@ -41,6 +43,9 @@ def run(params: Params) -> RunRecord:
         for recording in tqdm(recordings, "record", plan.recordings, unit="recording", disable=None):
             write_logger_csv(logger_folder / f"{recording.metadata.name}.csv", recording.logger)
             recording.truth.to_parquet(truth_folder / f"{recording.metadata.name}.parquet", index=False)
+            columns[RIG_FOLDER] = dict.fromkeys(recording.logger.columns, "double")
+            columns[RIG_TRUTH_FOLDER] = dict.fromkeys(recording.truth.columns, "double")
+            rows += len(recording.truth)
             magnitudes_n[recording.metadata.condition].append(_mean_magnitude_n(recording))
     return RunRecord(
         name="record",
@@ -49,11 +54,14 @@ def run(params: Params) -> RunRecord:
             "recordings": float(plan.recordings),
             "seconds": plan.recordings * plan.duration_s,
             **{
-                f"condition_{condition}.mean_friction_n": float(np.mean(values))
+                f"mean_friction_n/condition_{condition}": float(np.mean(values))
                 for condition, values in magnitudes_n.items()
             },
         },
-        datasets={"rig": hash_of(RIG_FOLDER), "rig_truth": hash_of(RIG_TRUTH_FOLDER)},
+        datasets={
+            folder.name: Dataset(folder.as_posix(), hash_of(folder), columns[folder], rows, written=True)
+            for folder in columns
+        },
     )
 
 

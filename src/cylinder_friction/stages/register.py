@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.base import DESCRIPTION_FILE
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.metrics import errors
+from cylinder_friction.evaluation.reported import Reference, error_metrics, reported_errors
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
 from cylinder_friction.recordings.truth import known_truth
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord, by_columns
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
     INGESTED_FILE,
@@ -33,10 +35,9 @@ from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
+    from cylinder_friction.tracking.gate import Registered
 
 EXAMPLE_ROWS = 5
-Reference = Literal["label", "truth"]
-"""What errors are measured against."""
 _FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
 
@@ -53,7 +54,7 @@ def run(params: Params) -> RunRecord:
     settings = params.register_
     folder, ingested = _FOLDERS[settings.candidate], read_json(INGESTED_FILE)
     test_folder = PROCESSED_FOLDERS["test"]
-    reference, errors_percent = _reported_errors(settings.candidate)
+    reference, errors_percent = reported_errors(_report(settings.candidate))
     origin = origin_of(Path(), ingested["source"], [path.as_posix() for path in PROCESSED_FOLDERS.values()])
     candidate = Candidate(
         model_name=params.registered_name,
@@ -70,21 +71,13 @@ def run(params: Params) -> RunRecord:
     write_json(REGISTERED_FILE, registered.to_dict())
     return RunRecord(
         name="register",
-        params=flat(settings),
-        metrics={
-            f"condition_{name}.{reference}_percent": value
-            for name, value in errors_percent.items()
-            if math.isfinite(value)
-        }
-        | {"promoted": float(registered.promote)},
-        tags={
-            "gate_reason": registered.reason,
-            "model_key": candidate.model_key,
-            "candidate_key": candidate.key(),
-            **origin.tags(),
-        },
+        params=flat(settings) | {"reference": reference},
+        metrics=error_metrics(errors_percent) | {"promoted": float(registered.promote)},
+        tables={"decision": by_columns(_decision(registered))},
+        note=registered.reason,
+        tags={"gate_reason": registered.reason, "model_key": candidate.model_key, "candidate_key": candidate.key()},
         artifacts=artifacts(REGISTERED_FILE, METRICS_FILE),
-        datasets={"test": candidate.test_data_md5},
+        datasets=datasets({"test": test_folder}),
     )
 
 
@@ -116,22 +109,30 @@ def measured_errors(reference: Reference, truth_folder: str, folder: Path) -> di
     return result
 
 
-def _reported_errors(candidate: str) -> tuple[Reference, dict[str, float]]:
-    """Return the candidate's error by condition from the comparison's report, and what it is measured against.
+def _decision(registered: Registered) -> list[dict[str, str | float]]:
+    """Return what the gate decided on: a row for each condition."""
+    incumbent = registered.incumbent.errors_percent if registered.incumbent else {}
+    tolerance = registered.candidate.tolerance_percent
+    return [
+        {
+            "condition": name,
+            "candidate_percent": error,
+            "incumbent_percent": incumbent.get(name, math.nan),
+            "tolerance_percent": tolerance,
+        }
+        for name, error in registered.candidate.errors_percent.items()
+    ]
 
-    That is true friction where it is known in every condition: an estimator that is nearer to friction is not refused
-    for reproducing less of the label's noise. An error that the report lacks is NaN, which the gate refuses.
-    """
+
+def _report(candidate: str) -> dict[str, dict[str, float]]:
+    """Return the candidate's numbers by condition from the comparison's report."""
     report = read_json(METRICS_FILE)
     if candidate not in report:
         raise TrackingError(
             f"{METRICS_FILE}: has no estimator {candidate!r}, but {sorted(report)}; run the compare stage"
         )
-    conditions = report[candidate]
-    reference: Reference = "truth" if all("truth_percent" in each for each in conditions.values()) else "label"
-    return reference, {
-        name: numbers.get(f"{reference}_percent", math.nan) for name, numbers in sorted(conditions.items())
-    }
+    conditions: dict[str, dict[str, float]] = report[candidate]
+    return conditions
 
 
 def _example(folder: Path, inputs: Sequence[str]) -> dict[str, list[float]]:

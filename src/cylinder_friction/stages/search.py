@@ -13,7 +13,7 @@ from cylinder_friction.realtime.lstm import lstm_multiply_adds
 from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.reporting.search_figures import write_search_page
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord, Times, now_ms
 from cylinder_friction.stages._stage import (
     BEST_FILE,
     SEARCH_FOLDER,
@@ -22,8 +22,8 @@ from cylinder_friction.stages._stage import (
     cylinder_from,
     flat,
 )
-from cylinder_friction.stages._training import RESUMED_CODE, LearningData, hybrid_from, resume_folder
-from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
+from cylinder_friction.stages._training import NETWORK_MAE, RESUMED_CODE, LearningData, hybrid_from, resume_folder
+from cylinder_friction.tuning.search import SearchPlan, TimedTrial, Trial, best_trial, run_search
 from cylinder_friction.tuning.space import SearchSpace
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from cylinder_friction.tuning.trials import Report
 
 SEARCHED_CODE = ("cylinder_friction.tuning.search", "cylinder_friction.evaluation.validation", *RESUMED_CODE)
+
+CURVE = f"{NETWORK_MAE}/validation"
 
 
 def run(params: Params) -> RunRecord:
@@ -52,16 +54,20 @@ def run(params: Params) -> RunRecord:
 
         def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
             bar.update(1)
+            epochs_ms.append(now_ms())
             report(validation_mae_n)
 
         estimator.fit(data.train, data.validation, data.calibration, report=after_epoch)
         return mean_absolute_error_n(estimator, data.validation)
 
-    finished: list[Trial] = []
+    epochs_ms: list[int] = []
+    times: list[Times] = []
 
-    def after_trial(trial: Trial) -> None:
-        finished.append(trial)
-        bar.update(len(finished) * epochs - bar.n)
+    def after_trial(timed: TimedTrial) -> None:
+        ended = int(1000 * timed.started_s), int(1000 * timed.ended_s)
+        times.append(Times(*ended, {CURVE: epochs_ms.copy()}))
+        epochs_ms.clear()
+        bar.update(len(times) * epochs - bar.n)
 
     channels = channel_names(data.inputs, data.position_load)
     plan = SearchPlan(settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds)
@@ -76,13 +82,12 @@ def run(params: Params) -> RunRecord:
         write_search_page(trials, space, plan, folder / "search.html")
     return RunRecord(
         name="search",
-        params=flat(settings),
+        params=flat(settings) | {f"best.{name}": value for name, value in best.params.items()},
         metrics={"best_validation_mae_n": best.value or 0.0, "best_multiply_adds": float(best.multiply_adds)}
-        | {f"best_{name}": float(value) for name, value in best.params.items()},
-        tags={"trials": str(len(trials)), "pruned": str(sum(trial.value is None for trial in trials))},
+        | {"completed_trials": float(sum(trial.value is not None for trial in trials))},
         artifacts=artifacts(SEARCH_FOLDER),
-        datasets=data.hashes,
-        children=tuple(_child(number, trial) for number, trial in enumerate(trials)),
+        datasets=data.datasets,
+        children=tuple(_child(number, *each) for number, each in enumerate(zip(trials, times, strict=True))),
     )
 
 
@@ -92,7 +97,7 @@ def _cost(settings: SearchParams, values: dict[str, Value], channels: Sequence[s
     return network + int(values["forest_trees"]) * int(values["forest_depth"])
 
 
-def _child(number: int, trial: Trial) -> RunRecord:
+def _child(number: int, trial: Trial, times: Times) -> RunRecord:
     metrics = {"multiply_adds": float(trial.multiply_adds)}
     if trial.value is not None:
         metrics["validation_mae_n"] = trial.value
@@ -100,6 +105,7 @@ def _child(number: int, trial: Trial) -> RunRecord:
         name=f"trial {number:03d}",
         params=dict(trial.params),
         metrics=metrics,
-        curves={"network_validation_mae_n": trial.reported} if trial.reported else {},
+        curves={CURVE: trial.reported} if trial.reported else {},
         tags={"state": trial.state},
+        times=times,
     )

@@ -8,6 +8,7 @@ from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.splits import split_sessions
 from cylinder_friction.recordings.storage import read_metadata, recording_paths
 from cylinder_friction.run_record import RunRecord
+from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import LABELLED_FOLDER, SPLIT_FILE, artifacts, flat
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ def run(params: Params) -> RunRecord:
     return RunRecord(
         name="split",
         params=flat(params.split),
-        metrics={f"{role}.recordings": float(len(names)) for role, names in roles.items()}
-        | {f"{role}.sessions": float(len({sessions[name] for name in names})) for role, names in roles.items()},
+        metrics={f"recordings/{role}": float(len(names)) for role, names in roles.items()}
+        | {f"sessions/{role}": float(len({sessions[name] for name in names})) for role, names in roles.items()},
         artifacts=artifacts(SPLIT_FILE),
+        datasets=datasets({"labelled": LABELLED_FOLDER}),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.recordings.files import read_json, whole_folder
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RunRecord, Times
 from cylinder_friction.stages._stage import BEST_FILE, HYBRID_FOLDER, LSTM_FOLDER, artifacts, flat
 from cylinder_friction.stages._training import (
     LearningData,
@@ -25,7 +25,7 @@ def run(params: Params) -> RunRecord:
     """Read the training and validation recordings and the best hyperparameters, write the hybrid and its LSTM."""
     data = LearningData.read()
     design, chosen = chosen_hybrid(params.train)
-    hybrid = train_hybrid("train", params, params.train, design, chosen, data)
+    hybrid, epochs_ms = train_hybrid("train", params, params.train, design, chosen, data)
     alone = hybrid.without_forest()
     alone.calibrate(data.train, data.calibrating, alone.cylinder)
     with whole_folder(HYBRID_FOLDER) as draft:
@@ -34,11 +34,14 @@ def run(params: Params) -> RunRecord:
         alone.save(draft)
     return RunRecord(
         name="train",
-        params=flat(params.train) | {f"chosen.{key}": value for key, value in chosen.items()},
+        params=flat(params.train)
+        | {f"hybrid.{key}": value for key, value in chosen.items()}
+        | {"design": design, "device": hybrid.device},
         metrics=learned_metrics({"hybrid": hybrid, "lstm": alone}, data.validation),
-        curves=learning_curves("hybrid", hybrid),
+        curves=learning_curves(hybrid),
         artifacts=artifacts(HYBRID_FOLDER, LSTM_FOLDER),
-        datasets=data.hashes,
+        datasets=data.datasets,
+        times=Times(0, 0, dict.fromkeys(learning_curves(hybrid), epochs_ms)),
     )
 
 

@@ -4,7 +4,6 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import yaml
 from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 
+from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.gate import Decision, decide
 from cylinder_friction.tracking.model_folder import (
@@ -189,11 +189,9 @@ def _gate_link(store: Store, version: ModelVersion) -> Link:
         return Link("gate", False, f"its figures lead to {decision.reason!r}, but it states {stated.reason!r}")
     query = f"attributes.run_name = 'register' and tags.{CANDIDATE_KEY} = '{tags.get(CANDIDATE_KEY)}'"
     runs = store.client.search_runs([store.experiment_id], query)
-    measured = {
-        f"condition_{name}.{tags['gate_reference']}_percent": value for name, value in errors.items() if isfinite(value)
-    }
     if any(
-        {**run.data.metrics, **measured} == run.data.metrics and run.data.tags.get("gate_reason") == stated.reason
+        {**run.data.metrics, **error_metrics(errors)} == run.data.metrics
+        and run.data.tags.get("gate_reason") == stated.reason
         for run in runs
     ):
         return Link("gate", True, stated.reason)

@@ -1,38 +1,37 @@
 """One run record becomes one MLflow run, however often it is logged."""
 
 import getpass
-import json
 import logging
 import os
-import re
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from mlflow.entities import Dataset, DatasetInput, InputTag, Metric, Param, Run
+import pandas as pd
+from mlflow.entities import Metric, Param, Run
 from mlflow.exceptions import MlflowException
 from mlflow.utils.mlflow_tags import (
-    MLFLOW_DATASET_CONTEXT,
     MLFLOW_GIT_COMMIT,
     MLFLOW_PARENT_RUN_ID,
-    MLFLOW_RUN_NAME,
+    MLFLOW_RUN_NOTE,
     MLFLOW_SOURCE_NAME,
     MLFLOW_SOURCE_TYPE,
     MLFLOW_USER,
 )
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import STAGES, RunRecord, Times
+from cylinder_friction.tracking.datasets import dataset_input
+from cylinder_friction.tracking.executions import STAGE_TAG, allowed, execution_of, stage_ended
+from cylinder_friction.tracking.measurement import times_of, with_times
 from cylinder_friction.tracking.repository import Commit, TrackingError, commit_of
-from cylinder_friction.tracking.resources import resource_metrics
 from cylinder_friction.tracking.store import Store, open_store
 
 KEY_TAG = "record_key"  # Content key of a top-level run's record: how a run is recognised
+TIMES_UNKNOWN = "of logging: the stage ran on another machine"
 _METRICS_A_REQUEST = 1000
 _PARAMS_A_REQUEST = 100
 _LONGEST_PARAM = 6000
-_LONGEST_DIGEST = 36
 
 _Item = TypeVar("_Item")
 
@@ -80,9 +79,21 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
     _refuse_changed_artifacts(record, root)
     for half_written in _runs_of(store, record):
         _delete_with_children(store, half_written)
-    return _write_run(
-        store, record, root, commit_of(root, record.name, record.code), store.experiment(record.experiment), parent=None
-    )
+    timed, samples = with_times(record, root)
+    tags = _common_tags(commit_of(root, record.name, record.code))
+    own = {STAGE_TAG: record.name, KEY_TAG: record.key()} | ({} if samples else {"times": TIMES_UNKNOWN})
+    parent = None
+    if record.name in STAGES and not record.experiment:
+        parent = execution_of(store, record, root, tags, times_of(timed).started_ms)
+    run_id = _write_run(store, timed, root, store.experiment(record.experiment), {**tags, **own}, parent)
+    _write_metrics(store, run_id, samples)
+    for child in timed.children:
+        child_id = _write_run(store, child, root, store.experiment(record.experiment), tags, run_id)
+        store.client.set_terminated(child_id, "FINISHED", times_of(child).ended_ms)
+    if parent is not None:
+        stage_ended(store, parent, record, root, times_of(timed).ended_ms)
+    store.client.set_terminated(run_id, "FINISHED", times_of(timed).ended_ms)  # last: what is not finished is redone
+    return run_id
 
 
 def _runs_of(store: Store, record: RunRecord) -> list[Run]:
@@ -97,57 +108,56 @@ def _delete_with_children(store: Store, run: Run) -> None:
 
 
 def _write_run(
-    store: Store, record: RunRecord, root: Path, commit: Commit, experiment_id: str, parent: str | None
+    store: Store, record: RunRecord, root: Path, experiment_id: str, tags: dict[str, str], parent: str | None
 ) -> str:
-    started_ms = int(time.time() * 1000)
-    tags = _tags(record, commit, parent)
-    run_id = str(store.client.create_run(experiment_id, started_ms, tags, run_name=record.name).info.run_id)
+    times = times_of(record)
+    tags = {**tags, **record.tags, MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}"}
+    tags |= {MLFLOW_RUN_NOTE: record.note} if record.note else {}
+    tags |= {MLFLOW_PARENT_RUN_ID: parent} if parent else {}
+    run_id = str(store.client.create_run(experiment_id, times.started_ms, tags, run_name=record.name).info.run_id)
     try:
-        _write_values(store, run_id, record, root, started_ms, parent)
+        _write_values(store, run_id, record, times)
         for path in sorted(record.artifacts):
             _write_artifact(store, run_id, root, path)
-        _write_datasets(store, run_id, record)
+        for name, table in record.tables.items():
+            if table:
+                store.client.log_table(run_id, pd.DataFrame(table, dtype=object), f"{name}.json")
+        if record.datasets:
+            store.client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
     except MlflowException as error:
         raise TrackingError(f"run {record.name!r}: MLflow refused it: {error.message}") from error
-    for child in record.children:
-        _write_run(store, child, root, commit, experiment_id, parent=run_id)
-    store.client.set_terminated(run_id, "FINISHED")
     return run_id
 
 
-def _tags(record: RunRecord, commit: Commit, parent: str | None) -> dict[str, str]:
+def _common_tags(commit: Commit) -> dict[str, str]:
     tags = {
-        **record.tags,
         **commit.tags(),
-        MLFLOW_RUN_NAME: record.name,
-        MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}",
         MLFLOW_SOURCE_TYPE: "PROJECT",
         MLFLOW_GIT_COMMIT: commit.sha,
         MLFLOW_USER: getpass.getuser(),
     }
-    if "DVC_EXP_NAME" in os.environ:
-        tags["dvc_exp_name"] = os.environ["DVC_EXP_NAME"]
-    return {**tags, MLFLOW_PARENT_RUN_ID: parent} if parent else {**tags, "stage": record.name, KEY_TAG: record.key()}
+    return tags | ({"dvc_exp_name": os.environ["DVC_EXP_NAME"]} if "DVC_EXP_NAME" in os.environ else {})
 
 
-def _write_values(
-    store: Store, run_id: str, record: RunRecord, root: Path, started_ms: int, parent: str | None
-) -> None:
-    params = [Param(_allowed(key), str(value)[:_LONGEST_PARAM]) for key, value in record.params.items()]
+def _write_values(store: Store, run_id: str, record: RunRecord, times: Times) -> None:
+    params = [Param(allowed(key), str(value)[:_LONGEST_PARAM]) for key, value in record.params.items()]
     for params_chunk in _chunks(params, _PARAMS_A_REQUEST):
         store.client.log_batch(run_id, params=params_chunk)
-    metrics = [
-        Metric(_allowed(name), value, started_ms + step, step)
-        for name, values in record.curves.items()
-        for step, value in enumerate(values)
-    ]
-    for name, value in record.metrics.items():
-        step = len(record.curves.get(name, ()))  # the figure stands after a curve of the same name
-        metrics.append(Metric(_allowed(name), value, started_ms + step, step))
-    if parent is None:
-        metrics += resource_metrics(root, record)
-    for metrics_chunk in _chunks(metrics, _METRICS_A_REQUEST):
-        store.client.log_batch(run_id, metrics=metrics_chunk)
+    metrics = [Metric(allowed(name), value, times.ended_ms, 0) for name, value in record.metrics.items()]
+    for name, values in record.curves.items():
+        known_ms = times.steps_ms.get(name, [])[-len(values) :]
+        # The first steps of what was resumed were done by a process that was killed.
+        steps_ms = [times.started_ms if known_ms else times.ended_ms] * (len(values) - len(known_ms)) + known_ms
+        metrics += [
+            Metric(allowed(name), value, step_ms, step)
+            for step, (value, step_ms) in enumerate(zip(values, steps_ms, strict=True))
+        ]
+    _write_metrics(store, run_id, metrics)
+
+
+def _write_metrics(store: Store, run_id: str, metrics: list[Metric]) -> None:
+    for chunk in _chunks(metrics, _METRICS_A_REQUEST):
+        store.client.log_batch(run_id, metrics=chunk)
 
 
 def _write_artifact(store: Store, run_id: str, root: Path, path: str) -> None:
@@ -156,23 +166,6 @@ def _write_artifact(store: Store, run_id: str, root: Path, path: str) -> None:
         store.client.log_artifacts(run_id, str(source), path)
     else:
         store.client.log_artifact(run_id, str(source), path.rpartition("/")[0] or None)
-
-
-def _write_datasets(store: Store, run_id: str, record: RunRecord) -> None:
-    inputs = [
-        DatasetInput(
-            Dataset(
-                name=role,
-                digest=sha256[:_LONGEST_DIGEST],
-                source_type="dvc",
-                source=json.dumps({"role": role, "sha256": sha256}),
-            ),
-            [InputTag(MLFLOW_DATASET_CONTEXT, role)],
-        )
-        for role, sha256 in sorted(record.datasets.items())
-    ]
-    if inputs:
-        store.client.log_inputs(run_id, inputs)
 
 
 def _refuse_changed_artifacts(record: RunRecord, root: Path) -> None:
@@ -187,11 +180,6 @@ def _refuse_changed_artifacts(record: RunRecord, root: Path) -> None:
             )
     for child in record.children:
         _refuse_changed_artifacts(child, root)
-
-
-def _allowed(name: str) -> str:
-    """Return a name that MLflow takes: letters, digits, ``_ - . / :`` and spaces."""
-    return re.sub(r"[^\w\-./: ]", "_", name)
 
 
 def _chunks(items: list[_Item], size: int) -> Iterator[list[_Item]]:

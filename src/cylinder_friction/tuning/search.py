@@ -28,6 +28,15 @@ class Trial:
 
 
 @dataclass(frozen=True)
+class TimedTrial:
+    """A finished trial and when it went on [s since 1970], which is no part of what it found."""
+
+    trial: Trial
+    started_s: float
+    ended_s: float
+
+
+@dataclass(frozen=True)
 class SearchPlan(TuningPlan):
     """How many trials, how many of them drawn at random first, the seed, and the bound on a step's multiply-adds."""
 
@@ -40,7 +49,7 @@ def run_search(
     cost: Cost,
     objective: Objective,
     journal: Path,
-    after_trial: Callable[[Trial], None],
+    after_trial: Callable[[TimedTrial], None],
 ) -> list[Trial]:
     """Run what is left of the plan and return all trials in order.
 
@@ -65,9 +74,13 @@ def run_search(
         value = trial.value if complete else None
         return Trial(dict(trial.params), reason_of(trial) or "complete", value, cost(trial.params), reported)
 
-    finished = run_trials(
-        _distributions(space), plan, affordable, journal, after_trial=lambda trial: after_trial(trial_of(trial))
-    )
+    def finish(trial: FrozenTrial) -> None:
+        started_s, ended_s = (
+            moment.timestamp() for moment in (trial.datetime_start, trial.datetime_complete) if moment
+        )
+        after_trial(TimedTrial(trial_of(trial), started_s, ended_s))
+
+    finished = run_trials(_distributions(space), plan, affordable, journal, after_trial=finish)
     return [trial_of(trial) for trial in finished]
 
 

@@ -1,0 +1,32 @@
+"""An estimator's errors by condition as others name them: the gate, the registry and MLflow's charts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+Reference = Literal["label", "truth"]
+"""What errors are measured against."""
+
+
+def reported_errors(conditions: Mapping[str, Mapping[str, float]]) -> tuple[Reference, dict[str, float]]:
+    """Return an estimator's error by condition [percent of mean |friction|], and what it is measured against.
+
+    That is true friction where it is known in every condition: an estimator that is nearer to friction is not refused
+    for reproducing less of the label's noise. An error that the report lacks is NaN.
+
+    Args:
+        conditions: Numbers by name, by condition, as in ``reports/metrics.json``.
+    """
+    reference: Reference = "truth" if all("truth_percent" in each for each in conditions.values()) else "label"
+    return reference, {
+        name: numbers.get(f"{reference}_percent", math.nan) for name, numbers in sorted(conditions.items())
+    }
+
+
+def error_metrics(errors_percent: Mapping[str, float]) -> dict[str, float]:
+    """Return errors by condition, and their mean, as metrics of a run; those that are no number are left out."""
+    metrics = {f"error_percent/condition_{name}": value for name, value in errors_percent.items()}
+    metrics["error_percent/mean"] = math.fsum(errors_percent.values()) / max(len(errors_percent), 1)
+    return {name: value for name, value in metrics.items() if math.isfinite(value)}

@@ -1,0 +1,110 @@
+"""One execution of the pipeline: a run of its own in MLflow, with the runs of the stages that ran in it below.
+
+Which execution a stage's run belongs to follows from the records alone, so that it is the same whether the run is
+logged as the stage ends or later from files. An execution knows the key of the record of every stage that it ran or
+found up to date. A stage belongs to the one that knows its very record; else to the newest one that has not come to
+this stage yet and whose records all are those that lie in ``reports/runs``; else it begins a new one.
+"""
+
+import json
+import re
+from pathlib import Path
+
+from mlflow.entities import Metric, Param, Run
+from mlflow.utils.mlflow_tags import MLFLOW_RUN_NOTE
+
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.run_record import STAGES, RunRecord, comes_after
+from cylinder_friction.tracking.store import Store
+
+RUNS_FOLDER = "reports/runs"
+STAGE_TAG = "stage"
+"""Tag of a top-level run and of a stage's: which stage it is, or ``pipeline``."""
+EXECUTION = "pipeline"
+_KEYS = "stage_keys"
+_RAN = "stages_run"
+
+
+def execution_of(store: Store, record: RunRecord, root: Path, tags: dict[str, str], started_ms: int) -> str:
+    """Return the id of the execution that a stage's run belongs to; makes it where it is not there.
+
+    Args:
+        store: Open.
+        record: Of the stage.
+        root: Of the repository, for the records of the other stages.
+        tags: Commit, user and so on of an execution that is made.
+        started_ms: When it began then [ms since 1970].
+    """
+    keys = {stage: each.key() for stage, each in _records(root).items()} | {record.name: record.key()}
+    before = {stage: key for stage, key in keys.items() if comes_after(record.name, stage)}
+    found = _find(store, record.name, keys)
+    if found is None:
+        name = f"{EXECUTION} {_next_number(store)}"
+        tags = {**tags, STAGE_TAG: EXECUTION, _KEYS: "{}", _RAN: ""}
+        found = store.client.create_run(store.experiment_id, started_ms, tags, run_name=name)
+    run_id = str(found.info.run_id)
+    known = {**before, record.name: record.key(), **_keys(found)}
+    store.client.set_tag(run_id, _KEYS, json.dumps(known))
+    return run_id
+
+
+def stage_ended(store: Store, run_id: str, record: RunRecord, root: Path, ended_ms: int) -> None:
+    """Show in the run of an execution what one of its stages came to: what was trained, and the errors of that."""
+    run = store.client.get_run(run_id)
+    ran = sorted({*filter(None, run.data.tags[_RAN].split(", ")), record.name}, key=STAGES.index)
+    known = {**_records(root), record.name: record}
+    known = {stage: known[stage] for stage, key in _keys(run).items() if stage in known and known[stage].key() == key}
+    params = [Param(name, str(value)) for name, value in (known["train"].params if "train" in known else {}).items()]
+    metrics = [
+        Metric(allowed(name), value, ended_ms, 0)
+        for stage in ("compare", "register")
+        if stage in known
+        for name, value in known[stage].metrics.items()
+    ]
+    store.client.log_batch(run_id, metrics, params)
+    others = [stage for stage in STAGES if stage in known and stage not in ran]
+    notes = [
+        f"Ran: {', '.join(ran)}.",
+        f"Up to date, from an earlier execution: {', '.join(others)}." if others else "",
+    ]
+    notes += [known[stage].note for stage in ("register", "compare") if stage in known]
+    store.client.set_tag(run_id, MLFLOW_RUN_NOTE, "\n\n".join(filter(None, notes)))
+    store.client.set_tag(run_id, _RAN, ", ".join(ran))
+    store.client.set_terminated(run_id, "FINISHED", max(ended_ms, run.info.end_time or 0))
+
+
+def allowed(name: str) -> str:
+    """Return a name that MLflow takes: letters, digits, ``_ - . / :`` and spaces."""
+    return re.sub(r"[^\w\-./: ]", "_", name)
+
+
+def _find(store: Store, stage: str, keys: dict[str, str]) -> Run | None:
+    """Return the execution that a stage with a record of this key belongs to."""
+    executions = store.client.search_runs([store.experiment_id], f"tags.{STAGE_TAG} = '{EXECUTION}'")  # newest first
+    knowing = [run for run in executions if _keys(run).get(stage) == keys[stage]]
+    waiting = [run for run in executions if stage not in _keys(run) and _keys(run).items() <= keys.items()]
+    return next(iter([*knowing, *waiting]), None)
+
+
+def _keys(run: Run) -> dict[str, str]:
+    keys: dict[str, str] = json.loads(run.data.tags[_KEYS])
+    return keys
+
+
+def _next_number(store: Store) -> int:
+    names = (
+        run.info.run_name or ""
+        for run in store.client.search_runs([store.experiment_id], f"tags.{STAGE_TAG} = '{EXECUTION}'")
+    )
+    return 1 + max((int(name.rpartition(" ")[2]) for name in names if name.rpartition(" ")[2].isdigit()), default=0)
+
+
+def _records(root: Path) -> dict[str, RunRecord]:
+    """Return the records that lie in the repository, by stage; one that cannot be read is left out."""
+    records = {}
+    for stage in STAGES:
+        try:
+            records[stage] = RunRecord.from_dict(read_json(root / RUNS_FOLDER / f"{stage}.json"))
+        except (OSError, ValueError, TypeError):
+            continue
+    return records
