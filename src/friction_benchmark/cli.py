@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from cylinder_friction.commands.cli import INTERRUPTED, refusals
+from cylinder_friction.extras import explained
 from friction_benchmark.servo_rig import command as servo_rig
 
 if TYPE_CHECKING:
@@ -26,7 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     name = f"friction-benchmark {options.command}"
     try:
-        _run(options)
+        with explained():
+            _run(options)
     except KeyboardInterrupt:
         print(f"\n{name}: interrupted; {_kept(options.command)}", file=sys.stderr)
         return INTERRUPTED

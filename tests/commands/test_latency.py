@@ -16,6 +16,7 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import RunRecord
+from cylinder_friction.tracking import log_run
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -31,7 +32,7 @@ def logged(tmp_path: Path, labelled_recordings: list[Recording], monkeypatch: py
     monkeypatch.chdir(tmp_path)
     write_recording(Path("data/processed/test"), labelled_recordings[0])
     records: list[RunRecord] = []
-    monkeypatch.setattr(command, "track_or_warn", lambda record, root: records.append(record))
+    monkeypatch.setattr(log_run, "track_or_warn", lambda record, root: records.append(record))
     return records
 
 

@@ -7,6 +7,8 @@ from collections.abc import Collection, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from cylinder_friction.extras import MissingExtraError, explained
+
 COMMANDS = {
     "init": "make a project's folder: configuration, pipeline and an example log",
     "stage": "run one stage of the pipeline (dvc.yaml calls this)",
@@ -42,7 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
     try:
-        return int(options.run(options) or 0)
+        with explained():
+            return int(options.run(options) or 0)
     except KeyboardInterrupt:
         print(f"\n{name}: interrupted; {options.kept(options)}", file=sys.stderr)
         return INTERRUPTED
@@ -102,7 +105,7 @@ def refusals() -> tuple[type[Exception], ...]:
     from cylinder_friction.recordings.recording import RecordingError
     from cylinder_friction.tracking.repository import TrackingError
 
-    return ParamsError, RecordingError, TrackingError, FileNotFoundError, FileExistsError
+    return ParamsError, RecordingError, TrackingError, MissingExtraError, FileNotFoundError, FileExistsError
 
 
 if __name__ == "__main__":

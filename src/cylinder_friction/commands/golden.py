@@ -15,7 +15,6 @@ from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS, cylinder_from
-from cylinder_friction.stages._training import LearningData
 from cylinder_friction.testing.golden import (
     MODEL_FOLDER,
     golden_samples,
@@ -34,6 +33,8 @@ def train_golden_model(folder: Path, params: Params, inputs: Sequence[str] | Non
 
     Its inputs are those of the pipeline's estimators, whose position load and offset tracker it has too, or others.
     """
+    from cylinder_friction.stages._training import LearningData  # PyTorch
+
     data = LearningData.read()
     firsts = {recording.metadata.condition: recording for recording in reversed(data.train)}
     hybrid = HybridEstimator(

@@ -1,14 +1,15 @@
 """The command ``latency``: measure the cost of one estimate in every runtime on this machine."""
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError
-from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
-from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
@@ -24,7 +25,9 @@ from cylinder_friction.stages._stage import (
     RUNS_FOLDER,
     artifacts,
 )
-from cylinder_friction.tracking.log_run import track_or_warn
+
+if TYPE_CHECKING:
+    from cylinder_friction.deployment.latency.measuring import Effort, Measured
 
 EXPECTED = (NoCompilerError, ValueError)
 LATENCY_FILE = REPORTS_FOLDER / "latency.json"
@@ -45,6 +48,10 @@ def measure_latency(folders: Sequence[Path], effort: Effort) -> str:
         NoCompilerError: There is no C compiler.
         ValueError: A model cannot be exported.
     """
+    from cylinder_friction.deployment.latency.measuring import measure
+    from cylinder_friction.deployment.latency.report import as_dict, table
+    from cylinder_friction.tracking.log_run import track_or_warn
+
     chosen = list(folders) or list(FOLDERS)
     recordings = read_recordings(PROCESSED_FOLDERS["test"])[:RECORDINGS]
     if not recordings:
@@ -64,6 +71,8 @@ def measure_latency(folders: Sequence[Path], effort: Effort) -> str:
 
 def run_record(measured: Measured) -> RunRecord:
     """Return the run that is logged to MLflow; ``reports/latency.json`` and the test recordings must be there."""
+    from cylinder_friction.deployment.latency.report import metrics_of
+
     effort, quiet = measured.effort, measured.quiet
     return RunRecord(
         name="latency",
@@ -95,4 +104,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from cylinder_friction.deployment.latency.measuring import Effort
+
     print(measure_latency(options.models, Effort(options.steps)))

@@ -6,11 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, check_params
 from cylinder_friction.recordings.files import write_text
@@ -36,6 +31,12 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     Raises:
         ParamsError: There is no such folder, or Hydra knows no such group or key.
     """
+    from hydra import compose, initialize_config_dir
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
     if not conf.is_dir():
         raise ParamsError(f"{conf}: no such folder here; {IN_A_PROJECT}")
     GlobalHydra.instance().clear()

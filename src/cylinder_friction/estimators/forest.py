@@ -14,6 +14,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
 from cylinder_friction.estimators.linear import labelled_rows
 from cylinder_friction.estimators.onnx_files import read_forest, write_forest
+from cylinder_friction.extras import explained
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import StrictStream
@@ -119,7 +120,8 @@ def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan:
         plan: Trees, depth, leaf and the rows each tree draws; no more than there are.
         seed: Seeds those rows and the features tried at each split (a third of them).
     """
-    from sklearn.ensemble import RandomForestRegressor  # training alone needs scikit-learn
+    with explained():  # scikit-learn: only training needs it
+        from sklearn.ensemble import RandomForestRegressor
 
     fitted = RandomForestRegressor(
         n_estimators=plan.trees,

@@ -29,6 +29,7 @@ from cylinder_friction.estimators.training_plan import (
     SequenceData,
     TrainingPlan,
 )
+from cylinder_friction.extras import explained
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import Lstm, LstmState, LstmWeights
 from cylinder_friction.realtime.model import StepModel
@@ -270,8 +271,8 @@ def train_correction(
 
     Its output 0 stands for the mean, and 1 adds the scale; arguments as for ``train_network``, all errors in newtons.
     """
-    # PyTorch: only training waits for it
-    from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
+    with explained():  # PyTorch: only training waits for it
+        from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
 
     usable_n = np.concatenate([each.target[each.usable] for each in train])
     mean_n, scale_n = float(usable_n.mean()), float(usable_n.std()) or 1.0

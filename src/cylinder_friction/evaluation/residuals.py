@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from statsmodels.tsa.stattools import acf, q_stat
 
 from cylinder_friction.arrays import Array, Mask
 
@@ -135,6 +134,7 @@ def _ljung_box(residual_n: Array, usable: Mask) -> tuple[float, float]:
     lags = min(_LJUNG_BOX_LAGS, len(run) // 5)
     if lags < 1 or float(np.ptp(run)) == 0.0:
         return math.nan, math.nan
-    # As statsmodels' acorr_ljungbox, whose own autocorrelation takes time with the square of the run's length.
-    statistics, p_values = q_stat(acf(run, nlags=lags, fft=True)[1:], len(run))
-    return float(statistics[-1]), float(p_values[-1])
+    memory = _lagged_sums(run - run.mean(), lags)
+    behind = np.arange(1, lags + 1)
+    statistic = len(run) * (len(run) + 2) * float(((memory[1:] / memory[0]) ** 2 / (len(run) - behind)).sum())
+    return statistic, float(stats.chi2.sf(statistic, lags))

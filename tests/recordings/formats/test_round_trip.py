@@ -89,16 +89,16 @@ def test_a_format_is_told_by_content_also_within_gzip(tmp_path: Path, kind: str)
         (
             "mdf4",
             "asammdf",
-            r"reading MDF4 needs asammdf, which is not installed; pip install 'cylinder-friction\[mdf\]'",
+            r'reading MDF4 needs asammdf, which is not installed; pip install "cylinder-friction\[mdf\]"',
         ),
         (
             "tdms",
             "nptdms",
-            r"reading TDMS needs npTDMS, which is not installed; pip install 'cylinder-friction\[tdms\]'",
+            r'reading TDMS needs npTDMS, which is not installed; pip install "cylinder-friction\[tdms\]"',
         ),
-        ("hdf5", "h5py", r"reading HDF5 needs h5py, which is not installed; pip install 'cylinder-friction\[hdf5\]'"),
-        ("excel", "openpyxl", r"reading Excel workbooks needs openpyxl, .* pip install 'cylinder-friction\[excel\]'"),
-        ("matlab73", "h5py", r"reading MATLAB 7.3 needs h5py, .* pip install 'cylinder-friction\[hdf5\]'"),
+        ("hdf5", "h5py", r'reading HDF5 needs h5py, which is not installed; pip install "cylinder-friction\[hdf5\]"'),
+        ("excel", "openpyxl", r"reading Excel workbooks needs openpyxl, .* pip install .cylinder-friction\[excel\]."),
+        ("matlab73", "h5py", r"reading MATLAB 7.3 needs h5py, .* pip install .cylinder-friction\[hdf5\]."),
     ],
 )
 def test_a_missing_library_is_named_with_its_extra(

@@ -2,13 +2,15 @@
 
 import json
 from collections.abc import Mapping
-
-import onnxruntime
+from typing import TYPE_CHECKING
 
 from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
 from cylinder_friction.deployment.rendering import model_hash
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
+
+if TYPE_CHECKING:
+    import onnxruntime
 
 OUTPUTS = {
     "friction_n": "friction [N], positive when it opposes positive velocity",
@@ -62,9 +64,11 @@ def described(model: StepModel) -> dict[str, str]:
     }
 
 
-def session_options(metadata: Mapping[str, str]) -> onnxruntime.SessionOptions:
+def session_options(metadata: Mapping[str, str]) -> "onnxruntime.SessionOptions":
     """Return the options that a graph's metadata names; raises ``KeyError`` if the metadata names none."""
     stored = json.loads(metadata[ORT_CONFIG])["session_options"]
+    import onnxruntime  # only running a graph needs it, not writing one
+
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = stored["intra_op_num_threads"]
     options.inter_op_num_threads = stored["inter_op_num_threads"]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cylinder_friction.extras import not_installed
 from cylinder_friction.recordings.recording import RecordingError
 
 MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
@@ -24,9 +25,7 @@ def optional_library(name: str, what: str, extra: str, package: str = "") -> Any
 
 def missing_library(name: str, what: str, extra: str, package: str = "") -> RecordingError:
     """Return the error for a module that is not installed; ``package`` brings it, if not named as the module."""
-    return RecordingError(
-        f"reading {what} needs {package or name}, which is not installed; pip install 'cylinder-friction[{extra}]'"
-    )
+    return RecordingError(f"reading {what} needs {not_installed(package or name, extra)}")
 
 
 @contextmanager

@@ -1,0 +1,119 @@
+"""The core works without the extras; where one is missing, the message has the command that installs it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.extras import BROUGHT_BY, MissingExtraError, explained, not_installed
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+
+PROJECT = Path(__file__).parents[1]
+BLOCK = f"""
+import sys
+class Absent:
+    def find_spec(self, name, *_):
+        if name.partition(".")[0] in {sorted(BROUGHT_BY)}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+from cylinder_friction.commands.cli import main
+"""
+NEED_EXTRAS = ("deployment.latency", "deployment.scoring", "deployment.onnx_graphs.stream", "estimators.training",
+               "reporting.search_figures", "serving", "stages", "tracking", "tuning")  # fmt: skip
+IMPORT_ALL = """
+from importlib import import_module
+from cylinder_friction.import_graph import all_modules
+for module in all_modules():
+    package, _, name = module.partition(".")
+    if package == "cylinder_friction" and not name.startswith({}):
+        import_module(module)
+"""
+MAPPING = "conf/ingest/rig.yaml"
+LOG = "condition1_session01_recording01.csv"
+
+
+def without_extras(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", BLOCK + code], cwd=folder, capture_output=True, text=True)
+
+
+def test_every_module_of_the_core_imports_without_extras(tmp_path: Path) -> None:
+    done = without_extras(tmp_path, IMPORT_ALL.format(NEED_EXTRAS))
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_core_goes_from_a_log_to_friction_and_to_c(tmp_path: Path, small_hybrid: HybridEstimator) -> None:
+    small_hybrid.save(tmp_path / "hybrid")
+    commands = [
+        ["init", "project"],
+        ["ingest", "init", f"project/{LOG}"],
+        ["export", "c", "hybrid", "--output", "c"],
+        ["export", "onnx", "hybrid", "--output", "onnx"],
+    ]
+    inside = [
+        ["check"],
+        ["inspect", LOG],
+        ["estimate", LOG, "--channels", MAPPING],
+        ["estimate", LOG, "--channels", MAPPING, "--model", "../hybrid", "--output", "real_time"],
+        ["identify", LOG, "--channels", MAPPING, "--generations", "1"],
+    ]
+    run = "for command in {}: assert main(command) in {}, command\n"
+    code = run.format(commands, {0}) + "import os; os.chdir('project')\n" + run.format(inside, {0, 1})
+    done = without_extras(tmp_path, code)
+    assert done.returncode == 0, done.stdout + done.stderr
+    made = ("friction/friction.html", "real_time/friction.html", "friction_models", "reports/inspection.html")
+    assert all((tmp_path / "project" / path).exists() for path in made), done.stdout + done.stderr
+    assert {path.name for path in (tmp_path / "c").iterdir()} == {"friction.c", "friction.h"}
+
+
+@pytest.mark.parametrize(
+    ("command", "extra"),
+    [
+        ("params experiment=smoke", "pipeline"),
+        ("stage record", "serve"),
+        ("lineage models:/friction-estimator/1", "serve"),
+        ("serve --model models:/friction-estimator/1", "serve"),
+        ("ui", "serve"),
+        ("track", "pipeline"),
+    ],
+)
+def test_a_command_names_the_extra_it_needs(command: str, extra: str, tmp_path: Path) -> None:
+    (tmp_path / "conf").mkdir()
+    (tmp_path / "params.yaml").write_bytes((PROJECT / "params.yaml").read_bytes())
+    done = without_extras(tmp_path, f"sys.exit(main({command.split()}))")
+    assert done.returncode == 1
+    assert done.stderr.endswith(f'which is not installed; pip install "cylinder-friction[{extra}]"\n'), done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_so_does_training_from_python(tmp_path: Path) -> None:
+    code = (
+        "import numpy as np\n"
+        "from cylinder_friction.estimators.forest import ForestPlan, fit_forest\n"
+        "fit_forest(np.zeros((5, 1), dtype=np.float32), np.zeros(5), ForestPlan(), 0)"
+    )
+    done = without_extras(tmp_path, code)
+    assert 'this needs sklearn, which is not installed; pip install "cylinder-friction[train]"' in done.stderr
+
+
+def test_every_library_is_brought_by_the_extra_that_is_named() -> None:
+    extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    brings = {extra: {line.split(">")[0].split("=")[0].split("[")[0] for line in extras[extra]} for extra in extras}
+    brought = packages_distributions()
+    for library, extra in BROUGHT_BY.items():
+        by_others = {"omegaconf": "hydra-core", "dvc_data": "dvc", "dvc_objects": "dvc"}
+        assert {*brought[library], by_others.get(library)} & brings[extra], library
+
+
+def test_what_is_missing_for_other_reasons_is_not_explained_away() -> None:
+    with pytest.raises(ModuleNotFoundError, match="No module named 'absent'") as raised, explained():
+        import absent  # type: ignore[import-not-found]  # noqa: F401
+    assert not isinstance(raised.value, MissingExtraError)
+    assert not_installed("x", "y") == 'x, which is not installed; pip install "cylinder-friction[y]"'
