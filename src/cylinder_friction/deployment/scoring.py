@@ -41,6 +41,7 @@ class ServedGraph:
     def __init__(self, graph: Path | bytes) -> None:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.enable_cpu_mem_arena = False  # it would keep what the longest recording has ever taken
         source = graph if isinstance(graph, bytes) else str(graph)
         self._session = onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
         stated = self._session.get_modelmeta().custom_metadata_map
@@ -56,7 +57,10 @@ class ServedGraph:
 
     def run(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Return ``outputs`` of each row, shape ``(n, outputs)``, and flags, ``(n,)``; samples have ``(n, inputs)``."""
-        *numbers, flags = self._session.run([*self.outputs, "flags"], {"samples": samples, **self._given})
+        try:
+            *numbers, flags = self._session.run([*self.outputs, "flags"], {"samples": samples, **self._given})
+        except Exception as error:  # ONNX Runtime has no class for it
+            raise MemoryError(f"{len(samples)} rows") if "alloc" in str(error) else error from None
         return np.stack(numbers, axis=1), np.asarray(flags)
 
     def names_of(self, flags: int) -> str:
