@@ -13,7 +13,7 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import Response
+from starlette.responses import HTMLResponse, Response
 from starlette.routing import Route
 
 from cylinder_friction.deployment.scoring import ScoringError, score_columns
@@ -25,6 +25,7 @@ from cylinder_friction.serving.expected import Columns, Expected
 from cylinder_friction.serving.gate import Gate
 from cylinder_friction.serving.metrics import Metrics
 from cylinder_friction.serving.model_source import ModelSource
+from cylinder_friction.serving.openapi import openapi, page
 from cylinder_friction.serving.settings import ServeSettings
 from cylinder_friction.serving.tokens import TokenFile
 
@@ -52,6 +53,7 @@ def create_app(settings: ServeSettings, current_model_file: Path) -> Starlette:
     routes = [Route("/invocations", service.invocations, methods=["POST"])]
     routes += [Route(path, service.livez) for path in ("/livez", "/ping", "/health")]
     routes += [Route("/readyz", service.readyz), Route("/version", _version), Route("/metrics", service.show_metrics)]
+    routes += [Route("/openapi.json", service.show_openapi), Route("/docs", service.show_page)]
     log = AccessLog(settings.access_log) if settings.access_log else None
     gate = Middleware(Gate, service.metrics, tokens, log, frozenset(route.path for route in routes))
     return Starlette(
@@ -170,6 +172,14 @@ class Service:
         """Show the figures of all workers for Prometheus."""
         text, media = await asyncio.to_thread(self.metrics.text)
         return Response(text, media_type=media)
+
+    async def show_openapi(self, _: Request) -> Response:
+        """Describe the routes for programs."""
+        return Response(orjson.dumps(openapi(self.source.now, self.settings)), media_type=JSON)
+
+    async def show_page(self, _: Request) -> Response:
+        """Describe the routes for people."""
+        return HTMLResponse(page(openapi(self.source.now, self.settings)))
 
 
 async def _version(_: Request) -> Response:
