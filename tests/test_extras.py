@@ -79,7 +79,7 @@ def test_the_core_goes_from_a_log_to_friction_and_to_c(tmp_path: Path, small_hyb
         ("params experiment=smoke", "pipeline"),
         ("stage record", "serve"),
         ("lineage models:/friction-estimator/1", "serve"),
-        ("serve --model models:/friction-estimator/1", "serve"),
+        ("serve models:/friction-estimator/1", "serve"),
         ("ui", "serve"),
         ("track", "serve"),
     ],

@@ -11,6 +11,7 @@ BROUGHT_BY = {
     "onnxruntime": "serve",
     "mlflow": "serve",
     "starlette": "serve",
+    "uvicorn": "serve",
     "orjson": "serve",
     "prometheus_client": "serve",
     "optuna": "pipeline",

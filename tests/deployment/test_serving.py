@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
-from functools import partial
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from cylinder_friction.deployment.serve import curl, free_port, run_server, served_model
+from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.tracking.model_folder import example_rows
-from cylinder_friction.tracking.repository import TrackingError
+from cylinder_friction.tracking.store import tracking_uri
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
 
     from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -40,8 +38,26 @@ JSON = "application/json"
 def url(champion_root: Path) -> Iterator[str]:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        with served_model(CHAMPION, champion_root) as address:
-            yield address
+        patch.setenv("MLFLOW_TRACKING_URI", tracking_uri(champion_root))
+        port = free_port()
+        command = ["models", "serve", "-m", CHAMPION, "--env-manager", "local", "-p", str(port)]
+        with subprocess.Popen([sys.executable, "-m", "mlflow", *command], start_new_session=True) as server:
+            try:
+                yield ready(f"http://127.0.0.1:{port}", server)
+            finally:
+                os.killpg(server.pid, signal.SIGTERM)
+
+
+def ready(url: str, server: subprocess.Popen[bytes]) -> str:
+    deadline = time.monotonic() + 120.0
+    while server.poll() is None and time.monotonic() < deadline:
+        try:
+            urllib.request.urlopen(f"{url}/ping", timeout=5.0).close()
+        except OSError:
+            time.sleep(0.2)
+        else:
+            return url
+    raise AssertionError("the server did not start")
 
 
 def ask(url: str, body: Any, content_type: str = JSON) -> tuple[int, Any]:
@@ -167,82 +183,3 @@ def test_another_content_type_is_refused(url: str, content_type: str, status: in
 @pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "pressure_1_pa,pressure_2_pa,position_m\nhigh,1,2\n"])
 def test_a_bad_csv_is_refused(url: str, text: str) -> None:
     assert ask(url, text.encode(), "text/csv")[0] == 400
-
-
-def test_the_printed_curl_answers_in_newtons(url: str, champion_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    command = curl(url, example_rows(CHAMPION, champion_root))
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
-    outputs = ["flag_names", "flags", "friction_n", "in_training_range", "lower_n", "upper_n"]
-    assert [sorted(row) for row in json.loads(done.stdout)["predictions"]] == [outputs] * 5
-
-
-def test_a_model_that_is_not_there_is_said_before_anything_starts(
-    champion_root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    with pytest.raises(TrackingError, match=r"other@champion: the registry at .* has no such version .*`dvc repro`"):
-        example_rows("models:/other@champion", champion_root)
-
-
-def comes_true(condition: Callable[[], bool], within_s: float) -> bool:
-    """Wait until a condition holds; false where it does not in time."""
-    deadline = time.monotonic() + within_s
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return condition()
-
-
-def runs(pattern: str, at_least: int = 1) -> bool:
-    """Return whether so many processes have a command line that matches."""
-    found = subprocess.run(["pgrep", "-f", "--", pattern], capture_output=True, text=True, check=False)
-    return len(found.stdout.split()) >= at_least
-
-
-def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
-    champion_root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    folder = champion_root / ".cylinder-friction"
-    of_others = set(folder.glob("models-*.log"))
-    code = "import pathlib; from cylinder_friction.deployment.serve import run_server as run; "
-    code += f"run({CHAMPION!r}, pathlib.Path())"
-    served = subprocess.Popen([sys.executable, "-c", code], cwd=champion_root, stderr=subprocess.DEVNULL)
-    assert comes_true(lambda: bool(set(folder.glob("models-*.log")) - of_others), 120.0), "MLflow was not started"
-    (log,) = set(folder.glob("models-*.log")) - of_others
-    server = f"127.0.0.1 -.*{log.stem.removeprefix('models-')}"
-    assert comes_true(lambda: runs(server), 30.0), "the server was not started"
-    served.terminate()
-    assert served.wait(60.0) != 0
-    assert comes_true(lambda: not runs(server), 10.0), "the server still runs"
-    log.unlink()
-
-
-class KilledTwice(subprocess.Popen[bytes]):
-    """A server with a worker that ignores SIGTERM; who starts it gets SIGTERM at once, and again while ending it."""
-
-    def __init__(self, worker: str, _: Any, **options: Any) -> None:
-        super().__init__(["bash", "-c", f"(trap '' TERM; {worker}; true) & {worker}; true"], **options)
-        assert comes_true(lambda: runs(f"^{worker}", 2), 30.0)
-        signal.raise_signal(signal.SIGTERM)
-
-    def wait(self, timeout: float | None = None) -> int:
-        signal.raise_signal(signal.SIGTERM)
-        return super().wait(timeout)
-
-
-def test_two_kills_at_the_worst_moments_leave_neither_the_server_nor_its_worker(
-    champion_root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    worker = f"sleep 9{free_port()}"
-    parts = SimpleNamespace(Popen=partial(KilledTwice, worker), STDOUT=subprocess.STDOUT)
-    monkeypatch.setattr("cylinder_friction.deployment.serve.subprocess", parts)
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            run_server(CHAMPION, champion_root)
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    assert comes_true(lambda: not runs(worker), 10.0), "the server or its worker still runs"

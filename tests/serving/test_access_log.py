@@ -30,12 +30,13 @@ def test_workers_follow_a_rotated_log_and_old_files_are_dropped(tmp_path: Path) 
     assert sorted(each.name for each in tmp_path.iterdir()) == ["access.jsonl", "access.jsonl.1", "access.jsonl.2"]
 
 
-def test_a_small_log_stays(tmp_path: Path) -> None:
+def test_a_small_log_stays(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "access.jsonl"
     AccessLog(path).write({"number": 1})
     rotate(path, max_bytes=1000, files=2)
     assert lines(path) == [1]
     rotate(tmp_path / "none", max_bytes=1000, files=2)
+    assert caplog.records == []
 
 
 def test_a_log_that_cannot_be_written_is_reported_once_and_fails_no_request(

@@ -1,15 +1,87 @@
-"""The command ``serve``: serve a registered model and print a curl to try."""
+"""The command ``serve``: serve a registered model over HTTP and print a curl to try."""
 
 import argparse
+import json
+import logging
+import sys
 from pathlib import Path
+from typing import Any
 
-from cylinder_friction.deployment.serve import run_server
-from cylinder_friction.params.checking import load_params
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.serving.locating import LOCATED_FILE, locate
+from cylinder_friction.serving.settings import ServeSettings, ServingError
+
+EXPECTED = (ServingError,)
+_OPTIONS = {
+    "host": "name or address to listen on; beyond this machine only with tokens",
+    "port": "0 for a free one",
+    "workers": "processes that score",
+    "max_body_bytes": "largest body of a request",
+    "max_rows": "most rows of a request",
+    "timeout_s": "longest time for a body to arrive, and for its rows to be scored",
+    "max_concurrent": "most requests of a worker at a time",
+    "max_memory_bytes": "most memory of a worker",
+    "tokens": "file with the SHA-256 of a token in each line; requests need one of them",
+    "without_tokens": "listen beyond this machine although there are no tokens",
+    "tls_certificate": "PEM file",
+    "tls_key": "PEM file",
+    "access_log": "file that gets one JSON object per request",
+    "access_log_bytes": "size at which that file is rotated",
+    "access_log_files": "old files that are kept",
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", help="models:/NAME@champion or models:/NAME/VERSION; default: the champion")
+    parser.add_argument(
+        "model",
+        nargs="?",
+        help="models:/NAME@champion, models:/NAME/VERSION or a model's folder; default: the champion",
+    )
+    defaults = ServeSettings()
+    for name, words in _OPTIONS.items():
+        default, option = getattr(defaults, name), f"--{name.replace('_', '-')}"
+        if isinstance(default, bool):
+            parser.add_argument(option, action="store_true", help=words)
+        elif default is None:
+            parser.add_argument(option, type=Path, help=words)
+        else:
+            parser.add_argument(option, type=type(default), default=default, help=f"{words}; default: {default}")
+    parser.add_argument("--locate", type=Path, help=argparse.SUPPRESS)  # what the server runs in a process that ends
 
 
 def run(options: argparse.Namespace) -> int:
-    return run_server(options.model or f"models:/{load_params().registered_name}@champion", Path.cwd())
+    if options.locate is not None:
+        return _locate(options.model, options.locate)
+    from cylinder_friction.serving.processes import LOG_FORMAT, Supervisor
+
+    settings = ServeSettings(**{name: getattr(options, name) for name in _OPTIONS})
+    logging.basicConfig(format=LOG_FORMAT, level=logging.INFO)
+    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "serve"]
+    command += [*([options.model] if options.model else []), "--locate"]
+    return Supervisor(settings, command).run(lambda url, folder: _announce(url, folder, settings))
+
+
+def _locate(model: str | None, folder: Path) -> int:
+    from cylinder_friction.params.checking import load_params
+
+    locate(model or f"models:/{load_params().registered_name}@champion", Path.cwd(), folder)
+    return 0
+
+
+def _announce(url: str, folder: Path, settings: ServeSettings) -> None:
+    located = read_json(folder / LOCATED_FILE)
+    print(
+        f"serving {located['name']} version {located['version']} at {url} (stop with Ctrl-C)\n\n"
+        f"try it in another terminal:\n\n{curl(url, located['example'], settings)}\n\n"
+        "friction_n is in newtons, positive when it opposes extension, with bounds and flags. Send the rows of a\n"
+        f"recording in order, at the trained sample time. All routes: {url}/docs",
+        flush=True,
+    )
+
+
+def curl(url: str, rows: dict[str, Any], settings: ServeSettings) -> str:
+    """Return a command that asks the served model about some rows and can be pasted into a shell."""
+    options = "" if settings.tls_certificate is None else f" --cacert {settings.tls_certificate}"
+    options += ' -H "Authorization: Bearer $TOKEN"' if settings.tokens else ""
+    body = json.dumps({"dataframe_split": rows})
+    return f"curl -s{options} {url}/invocations -H 'Content-Type: application/json' \\\n  -d '{body}'"

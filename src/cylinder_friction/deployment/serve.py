@@ -1,6 +1,5 @@
-"""The registered model behind HTTP, and the MLflow UI: MLflow's own servers, on a free port, on this repository."""
+"""The MLflow UI: MLflow's own server, on a free port, on this repository."""
 
-import json
 import os
 import signal
 import socket
@@ -13,7 +12,6 @@ import urllib.request
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from cylinder_friction.tracking.repository import TrackingError
 
@@ -21,23 +19,6 @@ _HOST = "127.0.0.1"
 _START_TIMEOUT_S = 120.0
 _WITHOUT_JOBS = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
 """Spares the UI half a dozen processes that wait for evaluation jobs of language models."""
-
-
-def run_server(model: str, root: Path) -> int:
-    """Serve a registered model until interrupted; print how to request friction from it."""
-    from cylinder_friction.tracking.model_folder import example_rows
-
-    example = example_rows(model, root)  # real rows of a held-out recording
-    _end_on_a_polite_kill()
-    with served_model(model, root) as url:
-        sys.stdout.write(
-            f"serving {model} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl(url, example)}\n\n"
-            "friction_n is in newtons, positive when it opposes extension, with bounds and flags; in_training_range\n"
-            "is false where the estimate is an extrapolation. Send the rows of a recording in order, at the trained\n"
-            "sample time: a model that learns the sensors' offset gives in offset_n what it has learned so far.\n"
-        )
-        sys.stdout.flush()
-        return _wait_for_interrupt()
 
 
 def run_ui(root: Path) -> int:
@@ -50,19 +31,6 @@ def run_ui(root: Path) -> int:
         )
         sys.stdout.flush()
         return _wait_for_interrupt()
-
-
-@contextmanager
-def served_model(model: str, root: Path) -> Iterator[str]:
-    """Yield the URL of ``mlflow models serve`` on a free port, once it is ready.
-
-    Raises:
-        TrackingError: It ended, or was not ready in two minutes; the message holds its log.
-    """
-    port = free_port()
-    arguments = ["models", "serve", "-m", model, "--env-manager", "local", "-h", _HOST, "-p", str(port)]
-    with _mlflow(arguments, root, f"http://{_HOST}:{port}", "/ping") as url:
-        yield url
 
 
 @contextmanager
@@ -89,12 +57,6 @@ def runs_page(url: str, root: Path) -> str:
 
     with open_store(root, create=False) as store:
         return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning"
-
-
-def curl(url: str, rows: dict[str, Any]) -> str:
-    """Return a command that asks the served model about some rows and can be pasted into a shell."""
-    body = json.dumps({"dataframe_split": rows})
-    return f"curl -s {url}/invocations -H 'Content-Type: application/json' \\\n  -d '{body}'"
 
 
 def free_port() -> int:

@@ -52,6 +52,8 @@ def rotate(path: Path, max_bytes: int, files: int) -> None:
             older = _numbered(path, number - 1)
             if older.exists():
                 older.replace(_numbered(path, number))
+    except FileNotFoundError:  # no worker has opened it yet
+        pass
     except OSError as error:
         _log.error("%s: cannot be rotated (%s)", path, error)
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-import tempfile
 import warnings
 from collections.abc import Sequence
 from importlib import import_module, metadata
@@ -144,18 +143,6 @@ def estimator_folder(uri: str, root: Path, scratch: Path) -> Path:
     """
     with open_store(root, create=False) as store:
         return artifact_path(download_model(store, version_of(store, uri), scratch), ESTIMATOR_ARTIFACT)
-
-
-def example_rows(uri: str, root: Path) -> dict[str, Any]:
-    """Return the input example inside a registered model, as ``{"columns": [...], "data": [[...], ...]}``.
-
-    Raises:
-        TrackingError: The registry cannot be reached or has no such model.
-    """
-    with open_store(root, create=False) as store, tempfile.TemporaryDirectory() as scratch:
-        folder = download_model(store, version_of(store, uri), Path(scratch))
-        content = json.loads((folder / "input_example.json").read_text(encoding="utf-8"))
-    return {"columns": content["columns"], "data": content["data"]}
 
 
 def artifact_path(model_folder: Path, artifact: str) -> Path:

@@ -1,0 +1,42 @@
+"""A repository with a champion, served once for all tests that ask it."""
+
+from __future__ import annotations
+
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.tracking.gate import Candidate
+from cylinder_friction.tracking.registry import register
+from cylinder_friction.tracking.versions import origin_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.recordings.recording import Recording
+
+
+@pytest.fixture(scope="session")
+def champion_root(
+    written_pipeline: Path, labelled_recordings: list[Recording], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """A repository whose champion is the small hybrid; its store is its own, whatever MLFLOW_TRACKING_URI says."""
+    root = tmp_path_factory.mktemp("served") / "repository"
+    shutil.copytree(written_pipeline, root)
+    first = labelled_recordings[0]
+    candidate = Candidate(
+        "friction-estimator",
+        "models/hybrid",
+        hash_of(root / "models/hybrid"),
+        {"1": 2.0},
+        "md5",
+        origin_of(root, "data/raw/rig", ["data/processed/test"]),
+        {name: first.column(name)[:5].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
+        tolerance_percent=0.1,
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        register(candidate, root, lambda folder: {})
+    return root

@@ -1,0 +1,84 @@
+"""The MLflow UI as a process: it is ended with whoever started it, at the worst moments too."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from cylinder_friction.deployment.serve import free_port, run_ui
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
+
+
+def comes_true(condition: Callable[[], bool], within_s: float) -> bool:
+    """Wait until a condition holds; false where it does not in time."""
+    deadline = time.monotonic() + within_s
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return condition()
+
+
+def runs(pattern: str, at_least: int = 1) -> bool:
+    """Return whether so many processes have a command line that matches."""
+    found = subprocess.run(["pgrep", "-f", "--", pattern], capture_output=True, text=True, check=False)
+    return len(found.stdout.split()) >= at_least
+
+
+def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
+    champion_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    folder = champion_root / ".cylinder-friction"
+    of_others = set(folder.glob("server-*.log"))
+    code = "import pathlib; from cylinder_friction.deployment.serve import run_ui as run; "
+    code += "run(pathlib.Path())"
+    served = subprocess.Popen([sys.executable, "-c", code], cwd=champion_root, stderr=subprocess.DEVNULL)
+    assert comes_true(lambda: bool(set(folder.glob("server-*.log")) - of_others), 120.0), "MLflow was not started"
+    (log,) = set(folder.glob("server-*.log")) - of_others
+    server = f"127.0.0.1 --port {log.stem.removeprefix('server-')}"
+    assert comes_true(lambda: runs(server), 30.0), "the server was not started"
+    served.terminate()
+    assert served.wait(60.0) != 0
+    assert comes_true(lambda: not runs(server), 10.0), "the server still runs"
+    log.unlink()
+
+
+class KilledTwice(subprocess.Popen[bytes]):
+    """A server with a worker that ignores SIGTERM; who starts it gets SIGTERM at once, and again while ending it."""
+
+    def __init__(self, worker: str, _: Any, **options: Any) -> None:
+        super().__init__(["bash", "-c", f"(trap '' TERM; {worker}; true) & {worker}; true"], **options)
+        assert comes_true(lambda: runs(f"^{worker}", 2), 30.0)
+        signal.raise_signal(signal.SIGTERM)
+
+    def wait(self, timeout: float | None = None) -> int:
+        signal.raise_signal(signal.SIGTERM)
+        return super().wait(timeout)
+
+
+def test_two_kills_at_the_worst_moments_leave_neither_the_server_nor_its_worker(
+    champion_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    worker = f"sleep 9{free_port()}"
+    parts = SimpleNamespace(Popen=partial(KilledTwice, worker), STDOUT=subprocess.STDOUT)
+    monkeypatch.setattr("cylinder_friction.deployment.serve.subprocess", parts)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_ui(champion_root)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert comes_true(lambda: not runs(worker), 10.0), "the server or its worker still runs"
