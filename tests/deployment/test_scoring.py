@@ -89,16 +89,61 @@ def test_an_estimator_on_other_inputs_is_scored_on_them(labelled_recordings: lis
         score(served(ridge.step_model()), rows_of(recordings[0]))
 
 
-def test_interleaved_recordings_are_scored_separately_and_returned_in_the_order_of_the_rows(
+def test_recordings_are_scored_separately(small_graph: ServedGraph, labelled_recordings: list[Recording]) -> None:
+    one, other = rows_of(labelled_recordings[0], 200), rows_of(labelled_recordings[4], 150)
+    both = pd.concat([one.assign(recording="one"), other.assign(recording="other")])
+    alone = np.concatenate([score(small_graph, one)["friction_n"], score(small_graph, other)["friction_n"]])
+    assert np.abs(score(small_graph, both)["friction_n"].to_numpy() - alone).max() < 1e-3
+
+
+def joined(rows: pd.DataFrame, row: int, shift_m: float) -> pd.DataFrame:
+    return rows.assign(position_m=rows["position_m"] + np.where(np.arange(len(rows)) >= row, shift_m, 0.0))
+
+
+def test_motion_spikes_and_held_values_are_no_other_recording(
     small_graph: ServedGraph, labelled_recordings: list[Recording]
 ) -> None:
-    one, other = rows_of(labelled_recordings[0], 200), rows_of(labelled_recordings[4], 200)
-    mixed = pd.concat([one.assign(recording="one"), other.assign(recording="other")])
-    order = np.random.default_rng(1).permutation([0] * 200 + [1] * 200)
-    nth = [np.cumsum(order == which)[at] - 1 + 200 * which for at, which in enumerate(order)]
-    scored = score(small_graph, mixed.iloc[nth])
-    alone = np.concatenate([score(small_graph, one)["friction_n"], score(small_graph, other)["friction_n"]])
-    assert np.abs(scored["friction_n"].to_numpy() - alone[nth]).max() < 1e-3
+    for recording in labelled_recordings:
+        rows = rows_of(recording)
+        score(small_graph, rows)
+        place = rows["position_m"]
+        for bad in (place.where(place.index != 300, place[300] + 0.01), place.where(place.index != 0, 1e9)):
+            score(small_graph, rows.assign(position_m=bad))
+
+
+@pytest.mark.parametrize(("row", "count"), [(1, 500), (2, 500), (250, 500), (250, 251)])
+def test_a_jump_of_the_position_is_another_recording(
+    row: int, count: int, small_graph: ServedGraph, labelled_recordings: list[Recording]
+) -> None:
+    rows = joined(rows_of(labelled_recordings[0], count), row, 0.02)
+    with pytest.raises(ScoringError, match=rf"jumps from .* at row {row}, which no piston does: another recording"):
+        score(small_graph, rows)
+    named = rows.assign(recording=np.where(np.arange(count) < row, "one", "other"))
+    score(small_graph, named)
+    with pytest.raises(ScoringError, match=rf"at row {row + 500}, "):
+        score(
+            small_graph, pd.concat([rows_of(labelled_recordings[1], 500).assign(recording=1), rows.assign(recording=2)])
+        )
+
+
+def test_times_are_checked_within_each_recording(
+    small_graph: ServedGraph, labelled_recordings: list[Recording]
+) -> None:
+    rows = rows_of(labelled_recordings[0], 100)
+    jitter = 0.001 * np.random.default_rng(0).random(100)
+    ticks = 1e9 + 0.005 * np.arange(100) + jitter
+    plain = score(small_graph, rows)
+    pd.testing.assert_frame_equal(score(small_graph, rows.assign(time_s=ticks)), plain)
+    two = pd.concat([rows.assign(time_s=ticks, recording=name) for name in ("one", "other")])
+    score(small_graph, two)
+    with pytest.raises(
+        ScoringError, match=r"time_s goes on by -.* s at row 100, expected 0.005 s .* name each recording"
+    ):
+        score(small_graph, two.drop(columns="recording"))
+    with pytest.raises(ScoringError, match=r"time_s goes on by 0.00515 s on average, expected 0.005 s"):
+        score(small_graph, rows.assign(time_s=0.00515 * np.arange(100)))
+    with pytest.raises(ScoringError, match=r"column 'time_s' holds '8:00' at row 0"):
+        score(small_graph, rows.assign(time_s="8:00"))
 
 
 def test_one_row_is_a_first_sample(small_graph: ServedGraph, labelled_recordings: list[Recording]) -> None:
@@ -148,6 +193,16 @@ def changed(rows: pd.DataFrame, **columns: object) -> pd.DataFrame:
             "recording is (None|nan) at row 2; expected the",
         ),
         (lambda rows: changed(rows, recording=["", "a", "b", "b", "b"]), "recording is '' at row 0"),
+        (
+            lambda rows: changed(rows, recording=["a", "b", "b", "a", "a"]),
+            "recording 'a' comes back at row 3; expected",
+        ),
+        (
+            lambda rows: changed(rows, recording=["a", "a", 1, "b", "b"]),
+            "recording is 1 at row 2; expected .* all text",
+        ),
+        (lambda rows: changed(rows, recordings="a"), r"'recordings' is not known .is it 'recording'..; got"),
+        (lambda rows: changed(rows, **{"x" * 9999: 1}), r"column 'x{79}\.\.\. is not known; got .{0,900}$"),
         (lambda rows: changed(rows, recording=[["x"]] * 5), r"recording is \['x'\] at row 0"),
         (lambda rows: changed(rows, recording=[1.5] * 5), "recording is 1.5 at row 0"),
     ],

@@ -100,7 +100,6 @@ def test_a_recording_is_answered_row_by_row(
         records({**GOOD, "recording": "one"}, {**GOOD, "recording": "two"}),
         records({**GOOD, "recording": 1}, {**GOOD, "recording": 2}),
         records({"pressure_1_pa": 1200000, "pressure_2_pa": 910000, "position_m": 0.12}),
-        records({**GOOD, "oil_temperature_c": 40.0}),
     ],
 )
 def test_every_form_of_a_good_request_is_answered_alike(url: str, body: dict[str, Any]) -> None:
@@ -133,9 +132,9 @@ def test_out_of_range_is_flagged(url: str) -> None:
         (records({"pressure_1_pa": 1e6, "pressure_2_pa": 1e6}), "position_m"),
         (records({"pressure_1_bar": 10.0, "pressure_2_pa": 1e6, "position_m": 0.1}), "pressure_1_pa"),
         (records({**GOOD, "position_m": "far"}), "position_m"),
-        (records({**GOOD, "position_m": None}), "position_m is nan at row 0"),
-        (records(GOOD, {**GOOD, "pressure_2_pa": "NaN"}), "pressure_2_pa is nan at row 1"),
-        (records({**GOOD, "pressure_2_pa": "Infinity"}), "pressure_2_pa is inf at row 0"),
+        (records({**GOOD, "position_m": None}), "holds None at row 0"),
+        (records({**GOOD, "oil_temperature_c": 40.0}), "'oil_temperature_c' is not known"),
+        (records(GOOD, {**GOOD, "pressure_2_pa": "NaN"}), "holds 'NaN' at row 1"),
         (
             b'{"dataframe_records": [{"pressure_1_pa": NaN, "pressure_2_pa": 1e6, "position_m": 0.1}]}',
             "pressure_1_pa is",

@@ -38,7 +38,8 @@ def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> 
     assert {path.suffix for path in files} <= {"", ".py", ".json", ".onnx", ".yaml", ".txt"}
     assert not [path for path in files if path.read_bytes().startswith(b"\x80")], "that is how a pickle begins"
     loaded = mlflow.pyfunc.load_model(str(description.parent))
-    assert loaded.metadata.signature.inputs.required_input_names() == ["pressure_1_pa", "pressure_2_pa", "position_m"]
+    named = {"pressure_1_pa", "pressure_2_pa", "position_m", "recording", "time_s"}
+    assert loaded.metadata.metadata["inputs"].keys() == named
     outputs = ["friction_n", "lower_n", "upper_n", "flags", "flag_names", "in_training_range"]
     assert list(loaded.predict(loaded.input_example).columns) == outputs
     assert loaded.metadata.signature.outputs.required_input_names() == outputs

@@ -3,6 +3,8 @@
 This file needs NumPy and ONNX Runtime, and nothing of this project: it goes into the logged model beside the graph.
 """
 
+import difflib
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,9 +17,19 @@ from numpy.typing import NDArray
 NEWTONS = ("friction_n", "lower_n", "upper_n")
 OFFSET = ("offset_n", "offset_uncertainty_n")
 RECORDING_COLUMN = "recording"
+TIME_COLUMN = "time_s"
 LOAD_COLUMN = "load_force_n"
+POSITION_COLUMN = "position_m"
 MEMORY_S = 1.0
 """How long a sample outside the training range makes those after it doubtful: filters and network remember it."""
+
+TIME_JITTER = 0.5
+"""Share of the sample time by which one step of ``time_s`` may differ from it."""
+RATE_TOLERANCE = 0.02
+"""Share of the sample time by which the mean step of ``time_s`` may differ from it."""
+JUMP_SHARE, JUMP_RATIO, JUMP_ROWS = 0.01, 5.0, 3
+"""A step of the position over this share of its range, so many times as long as each of so many before and after, is
+no motion: another recording begins. A sensor's spike makes two such steps, and motion that begins many."""
 
 Column = NDArray[Any] | Sequence[Any]
 
@@ -32,6 +44,7 @@ class ServedGraph:
     Attributes:
         inputs: Columns of a sample, in order.
         outputs: Names of the numbers it gives for each row: newtons, then what it learns of the sensors' offset.
+        sample_time_s: Between two rows [s].
         memory: Rows for which a sample outside the training range counts.
         lower, upper: Training range of each input, widened by 5 %.
         flags: Names of the flags by their bits.
@@ -48,7 +61,8 @@ class ServedGraph:
         ranges = json.loads(stated["training_range_with_margin"])
         self.inputs = tuple(ranges)
         self.lower, self.upper = np.array(list(ranges.values()), dtype=np.float64).T
-        self.memory = max(1, round(MEMORY_S / float(stated["sample_time_s"])))
+        self.sample_time_s = float(stated["sample_time_s"])
+        self.memory = max(1, round(MEMORY_S / self.sample_time_s))
         self.flags = {int(bit): str(name) for bit, name in json.loads(stated["flags"]).items()}
         self.position_load = stated.get("position_load", "")
         names = {port.name for port in self._session.get_outputs()}
@@ -74,8 +88,8 @@ def score_columns(graph: ServedGraph, columns: Mapping[str, Column]) -> dict[str
     Args:
         graph: Of a fitted estimator.
         columns: Raw samples at the model's sample time, ``graph.inputs``, each of shape ``(n,)``. With ``recording``,
-            names, each of its values is a sequence of its own, in row order, and rows of different recordings may
-            alternate; without it all rows are one.
+            names, each name is a sequence of its own, whose rows follow each other; without it all rows are one. With
+            ``time_s`` [s], the rows' times, they are checked; nothing else uses them. No other column is taken.
 
     Returns:
         ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds
@@ -87,16 +101,20 @@ def score_columns(graph: ServedGraph, columns: Mapping[str, Column]) -> dict[str
         one's friction is free of, and its standard uncertainty [N]. All have shape ``(n,)``.
 
     Raises:
-        ScoringError: There is no row, a column is missing, of another length or not numeric, a value is NaN or
-            infinite, or a recording has no name; or a load is given that the model does not take.
+        ScoringError: There is no row, a column is missing, unknown, of another length or not numeric, or a value is NaN
+            or infinite; a recording has no name, or comes back after another; rows that are one recording are
+            evidently several, by their times or their positions; or a load is given that the model does not take.
     """
-    _refuse_unused_load(graph, columns)
+    _refuse_unknown(graph, columns)
     samples = _checked_samples(columns, graph.inputs)
+    recordings = _recordings(columns, len(samples))
+    for rows in recordings:
+        _refuse_several(graph, columns, samples, rows)
     numbers, flags = np.empty((len(samples), len(graph.outputs))), np.empty(len(samples), dtype=np.int64)
     inside, in_range = ((samples >= graph.lower) & (samples <= graph.upper)).all(axis=1), np.empty(len(samples), bool)
-    for places in _places_by_recording(columns, len(samples)):
-        numbers[places], flags[places] = graph.run(np.ascontiguousarray(samples[places]))
-        in_range[places] = _all_within(inside[places], graph.memory)
+    for rows in recordings:
+        numbers[rows], flags[rows] = graph.run(samples[rows])
+        in_range[rows] = _all_within(inside[rows], graph.memory)
     different, which = np.unique(flags, return_inverse=True)
     names = np.array([graph.names_of(value) for value in different.tolist()], dtype=object)
     newtons = dict(zip(graph.outputs[:3], numbers.T, strict=False))
@@ -104,7 +122,8 @@ def score_columns(graph: ServedGraph, columns: Mapping[str, Column]) -> dict[str
     return {**newtons, "flags": flags, "flag_names": names[which], "in_training_range": in_range, **learned}
 
 
-def _refuse_unused_load(graph: ServedGraph, columns: Mapping[str, Column]) -> None:
+def _refuse_unknown(graph: ServedGraph, columns: Mapping[str, Column]) -> None:
+    """Refuse columns that change nothing: each may be one that was meant to."""
     if LOAD_COLUMN in columns and LOAD_COLUMN not in graph.inputs:
         load = graph.position_load
         why = f"knows: {load}" if load else "was trained without one and would take it for friction"
@@ -113,13 +132,19 @@ def _refuse_unused_load(graph: ServedGraph, columns: Mapping[str, Column]) -> No
             f"column {LOAD_COLUMN!r} is given, but this model {why}; expected {list(graph.inputs)}; serve a model that "
             f"has the load among its inputs, or leave the column out if {left_out}"
         )
+    known = [*graph.inputs, RECORDING_COLUMN, TIME_COLUMN]
+    if missing := [name for name in graph.inputs if name not in columns]:
+        raise ScoringError(f"column {missing[0]!r} is missing; got {_names(columns)}, expected {list(graph.inputs)}")
+    if unknown := [name for name in columns if name not in known]:
+        close = difflib.get_close_matches(unknown[0][:100], known, 1)
+        raise ScoringError(
+            f"column {_shown(unknown[0])} is not known{f' (is it {close[0]!r}?)' if close else ''}; got "
+            f"{_names(columns)}, expected {list(graph.inputs)} and perhaps {known[-2:]}; rename it or leave it out"
+        )
 
 
 def _checked_samples(columns: Mapping[str, Column], inputs: tuple[str, ...]) -> NDArray[np.float64]:
     """Return the inputs side by side, shape ``(n, inputs)``."""
-    for name in inputs:
-        if name not in columns:
-            raise ScoringError(f"column {name!r} is missing; got {_names(columns)}, expected {list(inputs)}")
     lengths = {name: len(columns[name]) for name in columns}
     if len(set(lengths.values())) > 1:
         raise ScoringError(f"columns have {lengths} values; expected equally many in each")
@@ -144,31 +169,83 @@ def _numbers(name: str, values: Column) -> NDArray[np.float64]:
         return values.astype(np.float64, copy=False)
     values = values.tolist() if isinstance(values, np.ndarray) else values
     if not {type(value) for value in values} <= {float, int}:
-        row, value = next((at, each) for at, each in enumerate(values) if type(each) not in (float, int))
-        raise ScoringError(
-            f"column {name!r} holds {_shown(value)} at row {row}, expected numbers in SI units; send each value as a "
-            "number, not as text, and leave out rows without one"
-        )
+        row = next(at for at, value in enumerate(values) if type(value) not in (float, int))
+        row = values.index(name) if name in values else row  # or a CSV's numbers, which are text beside it, are named
+        value, what = values[row], "each value must be a number, not text"
+        what = "the header again; remove it" if value == name else what
+        raise ScoringError(f"column {name!r} holds {_shown(value)} at row {row}, expected numbers in SI units; {what}")
     try:
         return np.array(values, dtype=np.float64)
     except OverflowError as error:
         raise ScoringError(f"column {name!r} holds a whole number beyond all float, expected SI units") from error
 
 
-def _places_by_recording(columns: Mapping[str, Column], count: int) -> list[NDArray[np.intp]]:
-    """Return the places of each recording's rows; all rows are one where no recording is named."""
+def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
+    """Return the rows of each recording; all rows are one where no recording is named."""
     if RECORDING_COLUMN not in columns:
-        return [np.arange(count)]
-    names = columns[RECORDING_COLUMN]
-    by_name: dict[str, list[int]] = {}
-    for row, name in enumerate(names.tolist() if isinstance(names, np.ndarray) else names):
-        if not isinstance(name, str | int) or isinstance(name, bool) or name == "":
+        return [slice(0, count)]
+    given = columns[RECORDING_COLUMN]
+    names = given.tolist() if isinstance(given, np.ndarray) else list(given)
+    for row, name in enumerate(names):
+        if type(name) not in (str, int) or name == "" or type(name) is not type(names[0]):
             raise ScoringError(
-                f"{RECORDING_COLUMN} is {_shown(name)} at row {row}; expected the name of a recording in every row, or "
-                "no such column when all rows are one recording"
+                f"{RECORDING_COLUMN} is {_shown(name)} at row {row}; expected the name of a recording in every row, "
+                "all text or all whole numbers, or no such column when all rows are one recording"
             )
-        by_name.setdefault(str(name), []).append(row)
-    return [np.array(places) for places in by_name.values()]
+    rows: list[slice] = []
+    seen = set()
+    for name, same in itertools.groupby(names):
+        begin = rows[-1].stop if rows else 0
+        if name in seen:
+            raise ScoringError(
+                f"{RECORDING_COLUMN} {_shown(name)} comes back at row {begin}; expected the rows of a recording to "
+                "follow each other; put them together in the order of time, or name two recordings differently"
+            )
+        seen.add(name)
+        rows.append(slice(begin, begin + sum(1 for _ in same)))
+    return rows
+
+
+def _refuse_several(
+    graph: ServedGraph, columns: Mapping[str, Column], samples: NDArray[np.float64], rows: slice
+) -> None:
+    """Refuse rows that are taken for one recording and evidently are several, or have another sample time."""
+    advice = f"name each recording in {RECORDING_COLUMN!r}, or send it by itself"
+    if TIME_COLUMN in columns:
+        steps_s = np.diff(_numbers(TIME_COLUMN, columns[TIME_COLUMN])[rows])
+        expected_s = graph.sample_time_s
+        wrong = ~(np.abs(steps_s - expected_s) <= TIME_JITTER * expected_s)
+        if wrong.any():
+            at = int(wrong.argmax())
+            raise ScoringError(
+                f"{TIME_COLUMN} goes on by {steps_s[at]:g} s at row {rows.start + at + 1}, expected {expected_s:g} s "
+                f"from row to row; where another recording begins, {advice}; resample one that was taken otherwise"
+            )
+        if len(steps_s) and abs(mean_s := float(steps_s.mean()) - expected_s) > RATE_TOLERANCE * expected_s:
+            raise ScoringError(
+                f"{TIME_COLUMN} goes on by {mean_s + expected_s:g} s on average, expected {expected_s:g} s from row to "
+                "row; resample the recording"
+            )
+    if POSITION_COLUMN in graph.inputs:
+        place = graph.inputs.index(POSITION_COLUMN)
+        row = _jump(samples[rows, place], float(graph.lower[place]), float(graph.upper[place]))
+        if row is not None:
+            before, after = samples[rows.start + row - 1 : rows.start + row + 1, place]
+            raise ScoringError(
+                f"{POSITION_COLUMN} jumps from {before:g} to {after:g} at row {rows.start + row}, which no piston "
+                f"does: another recording begins there; {advice}"
+            )
+
+
+def _jump(position_m: NDArray[np.float64], lower: float, upper: float) -> int | None:
+    """Return the first row whose position no motion leads to; see ``JUMP_SHARE``. Invalid positions do not count."""
+    within = (position_m >= lower) & (position_m <= upper)
+    steps = np.abs(np.diff(np.where(within, position_m, 0.0)))
+    for at in np.flatnonzero((steps > JUMP_SHARE * (upper - lower)) & within[1:] & within[:-1]).tolist():
+        around = np.concatenate([steps[max(0, at - JUMP_ROWS) : at], steps[at + 1 : at + 1 + JUMP_ROWS]])
+        if len(around) and steps[at] > JUMP_RATIO * around.max():
+            return int(at) + 1
+    return None
 
 
 def _all_within(inside: NDArray[np.bool_], memory: int) -> NDArray[np.bool_]:

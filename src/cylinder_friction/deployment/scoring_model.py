@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import mlflow
-import pandas as pd  # MLflow reads predict's type hints at run time
+import numpy as np
+import pandas as pd
 from mlflow.exceptions import MlflowException
 from mlflow.protos.databricks_pb2 import INVALID_PARAMETER_VALUE
 from mlflow.pyfunc.model import PythonModel
@@ -28,15 +29,38 @@ class FrictionScoringModel(PythonModel):
         self._graph = self._scoring.ServedGraph(Path(context.artifacts["graph"]))
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
-        """Return what ``score_columns`` does, one row for each row given; rows that cannot be scored give 400."""
+        """Return what ``score_columns`` does, one row for each row given; rows that cannot be scored give 400.
+
+        Args:
+            context: MLflow's; not used.
+            model_input: A data frame, or a dictionary of columns, as MLflow's server makes it of ``inputs`` and
+                ``instances``.
+            params: Not used.
+        """
         try:
-            if not model_input.columns.is_unique:
-                twice = sorted({str(name) for name in model_input.columns[model_input.columns.duplicated()]})
-                raise self._scoring.ScoringError(f"columns {twice} are there more than once; expected each once")
-            columns = {str(name): values.to_numpy() for name, values in model_input.items()}
-            return pd.DataFrame(self._scoring.score_columns(self._graph, columns), model_input.index)
+            scored = self._scoring.score_columns(self._graph, self._columns(model_input))
+            return pd.DataFrame(scored, getattr(model_input, "index", None), copy=False)
         except self._scoring.ScoringError as error:
             raise MlflowException(str(error), error_code=INVALID_PARAMETER_VALUE) from error
+
+    def _columns(self, rows: Any) -> dict[str, Any]:
+        """Return the columns of rows whose index, if they have one, only counts them."""
+        refused = self._scoring.ScoringError
+        if isinstance(rows, dict) and all(np.ndim(values) == 1 for values in rows.values()):
+            return rows
+        if not isinstance(rows, pd.DataFrame):
+            raise refused("got no rows with named columns; expected a list of values for each column")
+        if not rows.columns.is_unique:
+            twice = sorted({str(name) for name in rows.columns[rows.columns.duplicated()]})
+            raise refused(f"columns {twice} are there more than once; expected each once")
+        index = rows.index
+        if not (index.step == 1 if isinstance(index, pd.RangeIndex) else list(index) == list(range(len(index)))):
+            raise refused(
+                f"the index, {index.name or 'without a name'}, begins with {index[:2].tolist()!r:.80}; expected row "
+                "numbers from 0 without gaps: a CSV has more values than its header, recordings were put together, or "
+                "rows were left out; send what it holds as a column, or leave it out where rows are whole recordings"
+            )
+        return {str(name): values.to_numpy() for name, values in rows.items()}
 
 
 mlflow.models.set_model(FrictionScoringModel())

@@ -50,6 +50,8 @@ def _from_split(split: Any, form: str, expected: Expected) -> tuple[Columns, int
     expected.refuse_rows(len(rows))
     if "index" in split and len(split["index"]) != len(rows):
         raise RequestError(422, f"{form}: index has {len(split['index'])} values, data {len(rows)} rows")
+    if "index" in split and split["index"] != list(range(len(rows))):
+        raise RequestError(422, f"{form}: index does not count the rows from 0; send what it holds as a column")
     if not set(map(type, rows)) <= {list} or not set(map(len, rows)) <= {len(names)}:
         at = next(at for at, row in enumerate(rows) if not isinstance(row, list) or len(row) != len(names))
         got = f"{len(rows[at])} values" if isinstance(rows[at], list) else _kind(rows[at])

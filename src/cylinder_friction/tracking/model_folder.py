@@ -3,7 +3,6 @@
 import json
 import re
 import warnings
-from collections.abc import Sequence
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
@@ -15,14 +14,14 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
+from cylinder_friction.deployment.descriptions import described_inputs
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, difference_n, recorded
 from cylinder_friction.deployment.onnx_graphs.export import SEQUENCE_FILE
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.scoring import ServedGraph
-from cylinder_friction.estimators.base import DESCRIPTION_FILE
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.columns import LOAD_FORCE
-from cylinder_friction.recordings.files import read_json, write_bytes, write_json
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.recordings.files import write_bytes, write_json
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
@@ -51,15 +50,17 @@ OUTPUTS = Schema(
 )
 
 
-def signature_of(inputs: Sequence[str]) -> ModelSignature:
-    """Return the signature of an estimator with these inputs.
+def inputs_of(model: StepModel) -> dict[str, str]:
+    """Return the columns that the served model takes and what they mean, for the metadata of the logged model.
 
-    A load that is no input is named as well, as MLflow drops columns that it does not know: it is there to be refused.
+    Its signature has outputs alone: MLflow would leave out columns that a signature does not name, and make numbers of
+    booleans and text, before the model could refuse them.
     """
-    optional = [ColSpec(DataType.string, "recording", required=False)]
-    if LOAD_FORCE not in inputs:
-        optional.append(ColSpec(DataType.double, LOAD_FORCE, required=False))
-    return ModelSignature(Schema([*(ColSpec(DataType.double, name) for name in inputs), *optional]), OUTPUTS)
+    optional = {
+        "recording": "optional: the name of each row's recording, whose rows follow each other",
+        "time_s": "optional: each row's time, to be checked [s]",
+    }
+    return {each.column: each.meaning for each in described_inputs(model.inputs)} | optional
 
 
 def save_model_folder(
@@ -91,7 +92,8 @@ def save_model_folder(
             ESTIMATOR_ARTIFACT: str(estimator),
             LINEAGE_ARTIFACT: str(lineage_path),
         },
-        signature=signature_of(read_json(estimator / DESCRIPTION_FILE)["input"]),
+        signature=ModelSignature(outputs=OUTPUTS),
+        metadata={"inputs": inputs_of(model)},
         input_example=example,
         pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
         mlflow_model=mlflow_model,

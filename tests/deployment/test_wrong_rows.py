@@ -1,0 +1,204 @@
+"""Every line of the table in docs/serving.md, tried on MLflow's own parser and server code with a logged model."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import mlflow
+import numpy as np
+import pandas as pd
+import pytest
+from mlflow.exceptions import MlflowException
+from mlflow.models import Model
+from mlflow.pyfunc.scoring_server import invocations
+
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.tracking.model_folder import save_model_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mlflow.pyfunc import PyFuncModel
+
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.recordings.recording import Recording
+
+JSON, CSV, PARQUET = "application/json", "text/csv", "application/vnd.apache.parquet"
+PAGE = Path(__file__).parents[2] / "docs/serving.md"
+LINE = re.compile(r"^\| (?P<sent>[^|]+?) +\| (?P<status>[245]\d\d) \| (?P<what>[^|]+) \|$", re.MULTILINE)
+TABLE = {found["sent"]: (int(found["status"]), found["what"]) for found in LINE.finditer(PAGE.read_text("utf-8"))}
+P1, P2, X = SAMPLE_COLUMNS
+ENOUGH = 0.9
+"""Share of rows that a line's flag must be set in; the page has the shares of the default hybrid."""
+SAMPLE_TIME_S = 0.005
+Request = tuple[str | bytes, str]
+
+
+def split(rows: pd.DataFrame, **columns: Any) -> Request:
+    content = rows.assign(**columns).to_dict("split")
+    return json.dumps({"dataframe_split": {key: content[key] for key in ("columns", "data")}}), JSON
+
+
+def at_row_7(rows: pd.DataFrame, column: str, value: Any) -> Request:
+    values = rows[column].astype(object) if column in rows else pd.Series(["a"] * len(rows), dtype=object)
+    values[7] = value
+    return split(rows, **{column: values})
+
+
+def csv(rows: pd.DataFrame, change: Callable[[list[str]], list[str]] = list) -> Request:
+    return "\n".join(change(rows.to_csv(index=False).splitlines())), CSV
+
+
+def parquet(rows: pd.DataFrame) -> Request:
+    file = io.BytesIO()
+    rows.to_parquet(file)
+    return file.getvalue(), PARQUET
+
+
+def scaled(rows: pd.DataFrame, pressure: float, position: float = 1.0) -> Request:
+    return split(rows * [pressure, pressure, position])
+
+
+def stopped(rows: pd.DataFrame) -> Request:
+    stands = pd.concat([rows.iloc[[500]]] * 400, ignore_index=True)
+    return split(stands, **{P1: 1.03 * rows[P1].max(), P2: rows[P2].min()})
+
+
+def ticks(rows: pd.DataFrame, *, step_s: float = SAMPLE_TIME_S, later_s: float = 0.0) -> Request:
+    times = step_s * np.arange(len(rows))
+    times[10:] += later_s
+    return split(rows, time_s=times)
+
+
+def joined(rows: pd.DataFrame, recording: str | None) -> Request:
+    """Return the rows twice, the second time from where the position is another."""
+    away = int((rows[X] - rows[X].iloc[199]).abs().argmax())
+    both = pd.concat([rows[:200], rows[away:]], ignore_index=True)
+    return split(both) if recording is None else split(both, recording=recording)
+
+
+def halves(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows[:400].assign(recording=["a"] * 200 + ["b"] * 200)
+
+
+CASES: dict[str, Callable[[pd.DataFrame], Request]] = {
+    "pressures in bar": lambda rows: scaled(rows, 1e-5),
+    "pressures in kPa": lambda rows: scaled(rows, 1e-3),
+    "pressures in MPa": lambda rows: scaled(rows, 1e-6),
+    "pressures in psi": lambda rows: scaled(rows, 1.0 / 6894.757),
+    "both pressures zero": lambda rows: scaled(rows, 0.0),
+    "all zero": lambda rows: scaled(rows, 0.0, 0.0),
+    "pressures swapped": lambda rows: split(rows.rename(columns={P1: P2, P2: P1})),
+    "position in millimetres": lambda rows: scaled(rows, 1.0, 1e3),
+    "the piston at an end stop": stopped,
+    "a value that no working sensor gives": lambda rows: split(rows.iloc[[0, *[1] * 99]], **{P1: [1e6] + [1e9] * 99}),
+    "plausible values outside the training range": lambda rows: split(
+        rows, **{X: 1.5 * rows[X].max() - 0.5 * rows[X].min()}
+    ),
+    "the first 3 s of each recording": lambda rows: split(rows[:600]),
+    "a column is missing": lambda rows: split(rows[[P1, P2]]),
+    "a column twice": lambda rows: (
+        json.dumps({"dataframe_split": {"columns": [P1, P2, X, X], "data": [[1e6, 1e6, 0.1, 0.1]]}}),
+        JSON,
+    ),
+    "a column twice in CSV": lambda rows: csv(rows, lambda lines: [f"{line},{line.split(',')[2]}" for line in lines]),
+    "a misspelt column": lambda rows: split(rows, recordings="a"),
+    "an unknown column": lambda rows: split(rows, velocity_m_s=0.0),
+    "a load, to a model that knows none": lambda rows: split(rows, load_force_n=0.0),
+    "text among numbers": lambda rows: at_row_7(rows, P1, "high"),
+    "numbers as text": lambda rows: split(rows, **{X: "0.1"}),
+    "booleans": lambda rows: split(rows, **{X: True}),
+    "a boolean among numbers": lambda rows: at_row_7(rows, X, True),
+    "a header again in the middle of a CSV": lambda rows: csv(rows, lambda lines: lines + lines),
+    "CSV rows with one value more than the header": lambda rows: csv(
+        rows, lambda lines: [lines[0], *(f"{line},7" for line in lines[1:])]
+    ),
+    "CSV without a header": lambda rows: csv(rows, lambda lines: lines[1:]),
+    "recordings as the index of a Parquet file": lambda rows: parquet(halves(rows).set_index("recording")),
+    "an index that begins again": lambda rows: parquet(pd.concat([rows[:200], rows[:200]])),
+    "every second row": lambda rows: parquet(rows[::2]),
+    "`null`": lambda rows: at_row_7(rows, X, None),
+    "an infinite value": lambda rows: at_row_7(rows, X, np.inf),
+    "a whole number with 400 digits": lambda rows: at_row_7(rows, P1, 10**399),
+    "no row": lambda rows: split(rows[:0]),
+    "rows without names of columns": lambda rows: (json.dumps({"instances": rows.to_numpy().tolist()}), JSON),
+    "columns of different lengths": lambda rows: (
+        json.dumps({"inputs": {**rows.to_dict("list"), X: [0.1, 0.1]}}),
+        JSON,
+    ),
+    "a recording without a name": lambda rows: at_row_7(rows, "recording", None),
+    "an empty name of a recording": lambda rows: at_row_7(rows, "recording", ""),
+    "a fraction as the name of a recording": lambda rows: split(rows, recording=1.5),
+    "names of recordings as text and as numbers": lambda rows: at_row_7(rows, "recording", 1),
+    "recordings that alternate": lambda rows: split(pd.concat([halves(rows), halves(rows)])),
+    "two recordings without names": lambda rows: joined(rows, None),
+    "two recordings under one name": lambda rows: joined(rows, "monday"),
+    "times that jump back": lambda rows: ticks(rows, later_s=-0.05),
+    "times with a gap": lambda rows: ticks(rows, later_s=0.045),
+    "times of another sample time": lambda rows: ticks(rows, step_s=0.004),
+    "JSON that is none": lambda rows: ("{broken", JSON),
+    "another `Content-Type` than JSON, CSV or Parquet": lambda rows: ("rows", "text/plain"),
+}
+
+
+@pytest.fixture(scope="module")
+def model(
+    small_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path_factory: pytest.TempPathFactory
+) -> PyFuncModel:
+    folder = tmp_path_factory.mktemp("logged")
+    small_hybrid.save(folder / "hybrid")
+    example = pd.DataFrame(labelled_recordings[0].samples()[:5], columns=list(SAMPLE_COLUMNS))
+    save_model_folder(folder / "model", folder / "hybrid", {}, example, Model())
+    return mlflow.pyfunc.load_model(str(folder / "model"))
+
+
+@pytest.fixture(scope="module")
+def rows(labelled_recordings: list[Recording]) -> pd.DataFrame:
+    return pd.DataFrame(labelled_recordings[0].samples(), columns=list(SAMPLE_COLUMNS))
+
+
+def served(model: PyFuncModel, body: str | bytes, content_type: str) -> tuple[int, str]:
+    """Return status and body as ``mlflow models serve`` gives them."""
+    try:
+        done = invocations(body, content_type, model, model.metadata.get_input_schema())
+    except MlflowException as error:
+        return error.get_http_status_code(), error.serialize_as_json()
+    return done.status, done.response
+
+
+def test_every_line_of_the_table_is_tried() -> None:
+    assert list(TABLE) == list(CASES)
+
+
+@pytest.mark.parametrize("sent", CASES)
+def test_what_is_sent_gets_what_the_table_states(sent: str, model: PyFuncModel, rows: pd.DataFrame) -> None:
+    expected, what = TABLE[sent]
+    words = re.findall(r"`([^`]+)`", what)
+    status, response = served(model, *CASES[sent](rows))
+    assert status == expected, response[:500]
+    if status != 200:
+        message = response if status == 415 else json.loads(response)["message"]
+        assert words[0] in message
+        return
+    predictions = json.loads(response)["predictions"]
+    assert np.mean([bool({*words} & {*row["flag_names"].split()}) for row in predictions]) >= ENOUGH
+    assert "in_training_range" not in words or not any(row["in_training_range"] for row in predictions)
+
+
+def test_good_rows_in_every_form_get_the_same(model: PyFuncModel, rows: pd.DataFrame) -> None:
+    few = halves(rows).assign(time_s=np.tile(SAMPLE_TIME_S * np.arange(200), 2))
+    forms = {
+        "dataframe_split with its index": (json.dumps({"dataframe_split": few.to_dict("split")}), JSON),
+        "dataframe_records": (json.dumps({"dataframe_records": few.to_dict("records")}), JSON),
+        "inputs": (json.dumps({"inputs": few.to_dict("list")}), JSON),
+        "instances": (json.dumps({"instances": few.to_dict("records")}), JSON),
+        "CSV": csv(few),
+        "Parquet": parquet(few),
+    }
+    expected = served(model, *split(few))
+    assert expected[0] == 200
+    assert {name: served(model, *request) == expected for name, request in forms.items()} == dict.fromkeys(forms, True)
