@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
+from pathlib import Path
 
-from friction_benchmark.processes import ONE_THREAD
+from cylinder_friction.execution.workers import ONE_THREAD
 
 
 def twice(number: int) -> int:
@@ -28,3 +30,27 @@ def minutes_if_first(number: int) -> int:
 def slow_if_first(number: int) -> int:
     time.sleep(0.3 if number == 0 else 0.0)
     return number
+
+
+def place(_: int) -> tuple[str, str | None, list[str | None]]:
+    return str(Path.cwd()), os.environ.get("CYLINDER_FRICTION_WORKERS"), threads(0)
+
+
+def die_once(marker: str, number: int) -> int:
+    """Kill this process if nobody has done so before; otherwise the work of ``twice``, slowly."""
+    time.sleep(0.05)
+    try:
+        os.close(os.open(marker, os.O_CREAT | os.O_EXCL))
+    except FileExistsError:
+        return twice(number)
+    os.kill(os.getpid(), signal.SIGKILL)
+    return 0
+
+
+def fill_memory(megabytes: int) -> int:
+    """Take memory step by step, so that whoever watches over a limit sees it."""
+    held = []
+    for _ in range(megabytes // 20):
+        held.append(b"x" * 20_000_000)
+        time.sleep(0.05)
+    return len(held)

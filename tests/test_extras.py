@@ -27,7 +27,7 @@ sys.meta_path.insert(0, Absent())
 from cylinder_friction.commands.cli import main
 """
 NEED_EXTRAS = ("deployment.latency", "deployment.scoring", "deployment.onnx_graphs.stream", "estimators.training",
-               "reporting.search_figures", "serving", "stages", "tracking", "tuning")  # fmt: skip
+               "execution.cluster", "reporting.search_figures", "serving", "stages", "tracking", "tuning")  # fmt: skip
 IMPORT_ALL = """
 from importlib import import_module
 from cylinder_friction.import_graph import all_modules

@@ -20,6 +20,8 @@ BROUGHT_BY = {
     "dvc": "pipeline",
     "dvc_data": "pipeline",
     "dvc_objects": "pipeline",
+    "distributed": "cluster",
+    "threadpoolctl": "cluster",
 }
 """Module to extra, for everything but the readers of formats, which name theirs themselves."""
 

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
+from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.execution.workers import Died
 from cylinder_friction.import_graph import code_key
 from friction_benchmark.campaigns import simulate
 from friction_benchmark.datasets import inputs_of, labelled_recordings, twin_kind, unseen_kind
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
 from friction_benchmark.jobs import Context, PredictionJob, TuningJob, model_code
 from friction_benchmark.leaderboard import ScoringJob, denominators
-from friction_benchmark.processes import Died, Workers
 from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, Entry, ModelInfo, TaskResult
 from friction_benchmark.tasks import task_named
 from friction_benchmark.tuning import Tuned
@@ -42,7 +43,7 @@ class Runner:
         sources: Where the recordings are.
         cache: Folder in which all that is computed is kept.
         settings: How predictions are scored.
-        workers: Processes.
+        workers: Processes, where ``CYLINDER_FRICTION_WORKERS`` names no other workers.
         progress: Whether bars are drawn; None for only on a terminal.
         computed: How many jobs of each kind were not in the cache.
     """
@@ -69,7 +70,7 @@ class Runner:
         self.tuned: dict[tuple[str, str], Tuned | str] = {}
         self.predictions: dict[tuple[Task, str, str, int], str] = {}
         self.failures: dict[tuple[Task, str, str, int], str] = {}
-        with Workers(self.workers) as self.processes:
+        with workers_from_environment(self.workers) as self.processes:
             self._simulate()
             self.leaderboards, missing = self.plan.leaderboards(self.sources)
             self._tune()

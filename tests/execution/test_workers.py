@@ -9,17 +9,25 @@ from functools import partial
 
 import pytest
 
-from friction_benchmark.processes import ONE_THREAD, Died, Workers
+from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.execution.workers import (
+    ONE_THREAD,
+    VARIABLE,
+    Died,
+    Processes,
+    Workers,
+    WorkersError,
+)
 from process_work import die, minutes_if_first, slow_if_first, threads, twice
 
 
 def test_one_worker_does_all_in_order() -> None:
-    assert list(Workers(1).do_all([partial(twice, n) for n in range(3)])) == [(0, 0), (1, 2), (2, 4)]
+    assert list(Workers().do_all([partial(twice, n) for n in range(3)])) == [(0, 0), (1, 2), (2, 4)]
 
 
 @pytest.mark.slow
 def test_two_workers_do_the_same() -> None:
-    with Workers(2) as workers:
+    with Processes(2) as workers:
         for _ in range(2):
             assert sorted(workers.do_all([partial(twice, n) for n in range(5)])) == [(n, 2 * n) for n in range(5)]
 
@@ -27,7 +35,7 @@ def test_two_workers_do_the_same() -> None:
 @pytest.mark.slow
 def test_a_process_that_dies_costs_its_own_piece() -> None:
     pieces = [partial(die if n == 1 else slow_if_first, n) for n in range(4)]
-    with Workers(2) as workers:
+    with Processes(2) as workers:
         done = dict(workers.do_all(pieces))
     assert done.pop(1) == Died()
     assert done == {0: 0, 2: 2, 3: 3}
@@ -38,7 +46,7 @@ def test_an_interrupt_ends_what_is_running() -> None:
     started_s = time.monotonic()
 
     def interrupted() -> None:
-        with Workers(2) as workers:
+        with Processes(2) as workers:
             next(workers.do_all([partial(minutes_if_first, n) for n in range(2)]))
             raise KeyboardInterrupt
 
@@ -52,8 +60,31 @@ def test_an_interrupt_ends_what_is_running() -> None:
 def test_every_process_has_one_thread_and_this_one_its_own_settings(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(ONE_THREAD[0], "4")
     monkeypatch.delenv(ONE_THREAD[1], raising=False)
-    with Workers(2) as workers:
+    with Processes(2) as workers:
         found = dict(workers.do_all([partial(threads, n) for n in range(4)]))
     assert list(found.values()) == [["1"] * len(ONE_THREAD)] * 4
     assert os.environ[ONE_THREAD[0]] == "4"
     assert ONE_THREAD[1] not in os.environ
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "two", "2.5", "tcp://host", "http://host:8786", "missing.json"])
+def test_a_wrong_value_is_refused(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, value)
+    with pytest.raises(WorkersError) as caught:
+        workers_from_environment()
+    assert str(caught.value) == (
+        f"CYLINDER_FRICTION_WORKERS is '{value}'; expected a number of processes such as 2, the address of a Dask "
+        "scheduler such as tcp://host:8786, or the file that `dask scheduler --scheduler-file` wrote; unset, work is "
+        "done here"
+    )
+
+
+def test_the_variable_counts_more_than_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    assert workers_from_environment().here
+    default = workers_from_environment(3)
+    monkeypatch.setenv(VARIABLE, "2")
+    asked = workers_from_environment()
+    monkeypatch.setenv(VARIABLE, "1")
+    assert workers_from_environment(3).here
+    assert [each.at_once for each in (default, asked) if isinstance(each, Processes)] == [3, 2]

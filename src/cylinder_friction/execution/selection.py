@@ -1,0 +1,36 @@
+"""Which workers do the work, by the environment variable ``CYLINDER_FRICTION_WORKERS``.
+
+Unset: what the caller chose. ``2``: so many processes of one thread each on this machine. ``tcp://host:8786``,
+``tls://host:8786`` or a scheduler file: a Dask cluster. It is not a parameter, for it decides when work is done and
+nothing of what comes out.
+"""
+
+import os
+import re
+from pathlib import Path
+
+from cylinder_friction.execution.workers import VARIABLE, Processes, Workers, WorkersError
+
+
+def workers_from_environment(default: int = 1) -> Workers:
+    """Return the workers that ``CYLINDER_FRICTION_WORKERS`` names, to be used in a ``with`` statement.
+
+    Args:
+        default: Processes of this machine where the variable is unset; 1: no others than this one.
+
+    Raises:
+        WorkersError: Its value means nothing.
+        MissingExtraError: It names a cluster, and Dask is not installed.
+    """
+    text = os.environ.get(VARIABLE, "").strip()
+    if not text or (text.isascii() and text.isdecimal() and int(text) > 0):
+        count = int(text or default)
+        return Processes(count) if count > 1 else Workers()
+    if re.fullmatch(r"(tcp|tls)://[^\s/]+:\d+", text) or Path(text).is_file():
+        from cylinder_friction.execution.cluster import Cluster  # Dask: only where it is asked for
+
+        return Cluster(text)
+    raise WorkersError(
+        f"{VARIABLE} is {text!r}; expected a number of processes such as 2, the address of a Dask scheduler such as "
+        "tcp://host:8786, or the file that `dask scheduler --scheduler-file` wrote; unset, work is done here"
+    )

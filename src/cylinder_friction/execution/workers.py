@@ -1,0 +1,207 @@
+"""Independent pieces of work, done by whoever is there; a worker that is lost costs its own piece of work, no other."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from multiprocessing.process import BaseProcess
+
+VARIABLE = "CYLINDER_FRICTION_WORKERS"
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+LOOK_AFTER_S = 30.0
+"""While nothing finishes, workers are looked after so often."""
+
+Work = Callable[[], Any]
+"""Whatever can be pickled and called, such as a ``functools.partial`` of a module's function."""
+
+
+class WorkersError(RuntimeError):
+    """Work could not be done: no such workers, workers unlike each other, or pieces that no worker survived."""
+
+
+@dataclass(frozen=True)
+class Died:
+    """A piece of work whose worker died twice: once beside others and once alone."""
+
+    reason: str = "the process that did it died; it may have run out of memory"
+
+
+class Workers:
+    """Does all work in this process, piece after piece; the other kinds of workers derive from it.
+
+    Attributes:
+        here: Whether pieces run in this process, so that they may return what is large.
+    """
+
+    here = True
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        pass
+
+    def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
+        """Yield the number of each piece and what it returned, or ``Died``, as they finish.
+
+        Pieces are independent of each other; an exception in one is raised here, so each should catch its own.
+        """
+        for number, piece in enumerate(pieces):
+            yield number, piece()
+
+    def in_order(self, pieces: Sequence[Work]) -> Iterator[Any]:
+        """Yield what each piece returned, or ``Died``, in the order of the pieces."""
+        finished: dict[int, Any] = {}
+        following = 0
+        for number, result in self.do_all(pieces):
+            finished[number] = result
+            while following in finished:
+                yield finished.pop(following)
+                following += 1
+
+    def all_in_order(self, pieces: Sequence[Work], names: Sequence[str]) -> Iterator[Any]:
+        """Yield what each piece returned, in the order of the pieces.
+
+        Raises:
+            WorkersError: In the end, with the names of the pieces that no worker survived.
+        """
+        lost: dict[str, str] = {}
+        for name, result in zip(names, self.in_order(pieces), strict=True):
+            if isinstance(result, Died):
+                lost[name] = result.reason
+            else:
+                yield result
+        if lost:
+            done = f"; the other {len(names) - len(lost)} of {len(names)} are done" if len(lost) < len(names) else ""
+            raise WorkersError("; ".join(f"{name}: {reason}" for name, reason in lost.items()) + done)
+
+
+class ExecutorWorkers(Workers):
+    """Work given to a ``concurrent.futures.Executor``.
+
+    Attributes:
+        at_once: So many pieces are handed out at a time.
+        lost: Raised for a piece whose worker died.
+    """
+
+    here = False
+    at_once: int
+    lost: tuple[type[Exception], ...]
+
+    def executor(self) -> Executor:
+        """Return what does the work, started if need be."""
+        raise NotImplementedError
+
+    def died(self, error: Exception, executor: Executor) -> Died:
+        """Return why a piece is lost, and make sure that the next one finds workers; ``executor`` had the piece."""
+        raise NotImplementedError
+
+    def prepared(self, piece: Work) -> Work:
+        """Return a piece with what its worker needs beside it."""
+        return piece
+
+    def look_after(self) -> None:
+        """Make sure that there are workers; called now and then while nothing finishes."""
+
+    def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
+        suspects: list[tuple[int, Work]] = []
+        for number, result in self._round(list(enumerate(pieces))):
+            if isinstance(result, Died):  # it, or what ran beside it
+                suspects.append((number, pieces[number]))
+            else:
+                yield number, result
+        for suspect in sorted(suspects, key=lambda each: each[0]):
+            yield from self._round([suspect])
+
+    def _round(self, waiting: list[tuple[int, Work]]) -> Iterator[tuple[int, Any]]:
+        running: dict[Future[Any], tuple[int, Executor]] = {}
+        waiting.reverse()
+        while waiting or running:
+            # No more at a time than there are processes: if one dies, few are under suspicion.
+            while waiting and len(running) < self.at_once:
+                number, piece = waiting.pop()
+                executor = self.executor()
+                running[executor.submit(self.prepared(piece))] = number, executor
+            finished, _ = wait(running, timeout=LOOK_AFTER_S, return_when=FIRST_COMPLETED)
+            if not finished:
+                self.look_after()
+            for future in finished:
+                number, executor = running.pop(future)
+                try:
+                    result = future.result()
+                except self.lost as error:
+                    result = self.died(error, executor)
+                yield number, result
+
+
+class Processes(ExecutorWorkers):
+    """Processes of this machine that stay for one batch of work after another.
+
+    Args:
+        count: How many.
+    """
+
+    lost = (BrokenProcessPool,)
+
+    def __init__(self, count: int) -> None:
+        self.at_once = count
+        self._processes: ProcessPoolExecutor | None = None
+        self._children: list[BaseProcess] = []
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is not None:  # Ctrl-C among them: what is running would go on for minutes
+            for process in self._children:
+                process.terminate()
+        self._stop()
+
+    def executor(self) -> Executor:
+        """Return processes that inherit nothing but the environment, in which every library has one thread."""
+        if self._processes is None:
+            others = multiprocessing.active_children()
+            with _one_thread():
+                self._processes = ProcessPoolExecutor(
+                    self.at_once,
+                    mp_context=multiprocessing.get_context("spawn"),
+                    initializer=signal.signal,  # Ctrl-C reaches every process; this one ends the others
+                    initargs=(signal.SIGINT, signal.SIG_IGN),
+                )
+                # They begin as they are asked; all of them must while the environment is as it should be.
+                wait([self._processes.submit(os.getpid) for _ in range(self.at_once)])
+            self._children = [child for child in multiprocessing.active_children() if child not in others]
+        return self._processes
+
+    def died(self, _error: Exception, executor: Executor) -> Died:
+        if executor is self._processes:  # and not yet replaced: all of its pieces are lost, one after the other
+            self._stop()
+        return Died()
+
+    def _stop(self) -> None:
+        if self._processes is not None:
+            self._processes.shutdown(cancel_futures=True)
+            self._processes, self._children = None, []
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Have every library take one thread, and no worker workers of its own."""
+    names = (*ONE_THREAD, VARIABLE)
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

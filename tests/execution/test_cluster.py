@@ -1,0 +1,133 @@
+"""Work on a real Dask scheduler with two workers, on loopback."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction.execution import cluster as cluster_module
+from cylinder_friction.execution.cluster import common_environment, environment
+from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, WorkersError
+from cylinder_friction.extras import MissingExtraError
+from dask_cluster import LoopbackCluster, loopback_cluster
+from process_work import die, die_once, fill_memory, place, twice
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopbackCluster]:
+    with loopback_cluster(tmp_path_factory.mktemp("cluster")) as started:
+        yield started
+
+
+@pytest.fixture
+def on_cluster(cluster: LoopbackCluster, monkeypatch: pytest.MonkeyPatch) -> LoopbackCluster:
+    monkeypatch.setenv(VARIABLE, cluster.address)
+    return cluster
+
+
+@pytest.mark.parametrize("way", ["address", "file"])
+def test_results_come_in_the_order_of_the_pieces(
+    way: str, cluster: LoopbackCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(getattr(cluster, way)))
+    with workers_from_environment() as workers:
+        assert list(workers.in_order([partial(twice, n) for n in range(50)])) == [2 * n for n in range(50)]
+
+
+def test_a_piece_runs_in_the_folder_of_the_command_with_one_thread_and_no_workers_of_its_own(
+    on_cluster: LoopbackCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with workers_from_environment() as workers:
+        assert list(workers.in_order([partial(place, 0)])) == [(str(tmp_path), None, ["1"] * len(ONE_THREAD))]
+
+
+def test_a_killed_worker_costs_nothing(on_cluster: LoopbackCluster, tmp_path: Path) -> None:
+    pieces = [partial(die_once, str(tmp_path / "killed"), n) for n in range(20)]
+    with workers_from_environment() as workers:
+        assert list(workers.in_order(pieces)) == [2 * n for n in range(20)]
+    assert (tmp_path / "killed").exists()
+
+
+def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(
+    on_cluster: LoopbackCluster,
+) -> None:
+    names = [f"recording {n}" for n in range(6)]
+    done = []
+    with workers_from_environment() as workers, pytest.raises(WorkersError) as caught:
+        done.extend(workers.all_in_order([partial(die if n == 2 else twice, n) for n in range(6)], names))
+    assert done == [0, 2, 6, 8, 10]
+    message = str(caught.value)
+    assert message.startswith("recording 2: 2 workers died of it, the last one tcp://127.0.0.1:")
+    assert "with a memory limit of" in message
+    assert message.endswith("GiB; it may have run out of memory; the other 5 of 6 are done")
+
+
+def test_a_piece_over_the_memory_limit_is_reported_with_the_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with loopback_cluster(tmp_path, workers=0) as cluster:
+        cluster.add_worker("--nthreads", "1", "--memory-limit", "300MB")
+        monkeypatch.setenv(VARIABLE, cluster.address)
+        with workers_from_environment() as workers:
+            (lost,) = workers.in_order([partial(fill_memory, 600)])
+    assert isinstance(lost, Died)
+    assert "with a memory limit of 0.279 GiB; it may have run out of memory" in lost.reason
+
+
+def test_a_worker_of_two_threads_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with loopback_cluster(tmp_path, workers=0) as cluster:
+        cluster.add_worker("--nthreads", "2")
+        monkeypatch.setenv(VARIABLE, cluster.address)
+        with workers_from_environment() as workers, pytest.raises(WorkersError) as caught:
+            list(workers.in_order([partial(twice, 1)]))
+    assert "has threads 2 (expected 1); results would not be equal bit for bit" in str(caught.value)
+
+
+def test_workers_unlike_each_other_are_refused_and_workers_unlike_this_machine_are_noted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    own = environment()
+    other = {**own, "processor": "zen9 1234"}
+    assert common_environment(own, {"tcp://a:1": own, "tcp://b:1": own}) == own
+    assert common_environment(own, {"tcp://a:1": other, "tcp://b:1": other}) == other
+    assert f"note: all workers have processor zen9 1234 (here {own['processor']})" in capsys.readouterr().out
+    with pytest.raises(WorkersError, match=r"worker tcp://b:1 has processor zen9 1234 .expected"):
+        common_environment(own, {"tcp://a:1": own, "tcp://b:1": other})
+    with pytest.raises(WorkersError, match=r"worker tcp://a:1 has numpy 1.0 .expected .*start all workers with"):
+        common_environment(own, {"tcp://a:1": {**own, "numpy": "1.0"}})
+
+
+def test_a_cluster_without_scheduler_or_worker_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_module, "CONNECT_S", 0.5)
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.5)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        monkeypatch.setenv(VARIABLE, f"tcp://127.0.0.1:{free.getsockname()[1]}")
+    with workers_from_environment() as workers, pytest.raises(WorkersError) as caught:
+        list(workers.in_order([partial(twice, 1)]))
+    assert "no Dask scheduler responds within" in str(caught.value)
+    assert "start one with `dask scheduler`, or unset CYLINDER_FRICTION_WORKERS" in str(caught.value)
+    with loopback_cluster(tmp_path, workers=0) as cluster:
+        monkeypatch.setenv(VARIABLE, cluster.address)
+        with (
+            workers_from_environment() as workers,
+            pytest.raises(WorkersError, match="has had no worker for 0 s; start"),
+        ):
+            list(workers.in_order([partial(twice, 1)]))
+
+
+def test_a_missing_library_is_named_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "tcp://127.0.0.1:1")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.delitem(sys.modules, cluster_module.__name__)
+    with pytest.raises(MissingExtraError, match=r'needs distributed, .*; pip install "cylinder-friction\[cluster\]"'):
+        workers_from_environment()
