@@ -42,7 +42,7 @@ from cylinder_friction.serving.settings import ServeSettings
 Array = NDArray[np.float64]
 LONG_S = 10.0
 LARGEST_REFUSAL_BYTES = 1024
-TOLERANCE_N = 1e-3
+TOLERANCE_N = 0.01
 AT_FIRST = {"WARMING", "OFFSET_UNKNOWN"}
 """Flags of every recording's first rows, however right they are."""
 MAX_ROWS = 30_000
