@@ -92,6 +92,22 @@ def test_run_lengths_count_as_the_rows_they_stand_for() -> None:
 
 
 @pytest.mark.parametrize(
+    ("metadata", "message"),
+    [
+        ('{"index_columns": [{"kind": "range", "start": 0, "stop": 4, "step": 2}]}', "the index leaves out rows"),
+        ('{"index_columns": [{"kind": "range", "start": 5, "stop": 7, "step": 1}]}', "the index leaves out rows"),
+        ("{", "the metadata of pandas in the schema cannot be read"),
+        ("[1]", "the metadata of pandas in the schema cannot be read"),
+    ],
+)
+def test_an_index_with_gaps_is_refused(metadata: str, message: str) -> None:
+    table = pa.table({"a": [1.0, 2.0]}).replace_schema_metadata({"pandas": metadata})
+    for decode, body in ((from_arrow, arrow_body(table)), (from_parquet, parquet_body(table))):
+        with pytest.raises(RequestError, match=message):
+            decode(body, EXPECTED)
+
+
+@pytest.mark.parametrize(
     ("text", "expected"),
     [
         ("a,b\n1,2\n", {"a": [1.0], "b": [2.0]}),

@@ -109,13 +109,20 @@ def from_parquet(body: bytes, expected: Expected) -> Columns:
 
 
 def _refuse_columns(schema: pa.Schema) -> None:
-    """Refuse columns that are there twice, or neither numbers nor text; raises ``RequestError`` (422)."""
+    """Refuse columns that are there twice, or neither numbers nor text, and pandas' rows with gaps (422)."""
     refuse_names(schema.names)
     for field in schema:
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
         if not any(fits(kind) for fits in _TYPES):
             what = str(field.type)[:SHOWN]
             raise RequestError(422, f"column {shown(field.name)} holds {what}; expected double, or text in 'recording'")
+    try:
+        indices = [*(schema.pandas_metadata or {}).get("index_columns", [])]
+    except (ValueError, TypeError, AttributeError):
+        raise RequestError(422, "the metadata of pandas in the schema cannot be read; leave them out") from None
+    for index in indices:  # those that are columns are seen as such
+        if isinstance(index, dict) and (index.get("start"), index.get("step")) != (0, 1):
+            raise RequestError(422, "the index leaves out rows; expected row numbers from 0 without gaps; reset it")
 
 
 def _columns(table: pa.Table, expected: Expected) -> Columns:
