@@ -20,7 +20,7 @@ from cylinder_friction.deployment.scoring import ScoringError, score_columns
 from cylinder_friction.serving.access_log import AccessLog
 from cylinder_friction.serving.decoding import ARROW, JSON, decoder_of, refuse_too_many
 from cylinder_friction.serving.encoding import to_json
-from cylinder_friction.serving.errors import RequestError
+from cylinder_friction.serving.errors import RETRY, RequestError
 from cylinder_friction.serving.expected import Columns, Expected
 from cylinder_friction.serving.gate import Gate
 from cylinder_friction.serving.metrics import Metrics
@@ -32,7 +32,6 @@ from cylinder_friction.serving.tokens import TokenFile
 POLL_S = 1.0
 SMALL_BYTES = 32 << 10
 """JSON up to this size is scored at once, in a few milliseconds: handing it to a thread would take longer."""
-RETRY = {"Retry-After": "1"}
 
 
 def create_app(settings: ServeSettings, current_model_file: Path) -> Starlette:
@@ -140,8 +139,6 @@ class Service:
             raise RequestError(422, str(error)) from None
         except RecursionError:
             raise RequestError(400, "the body is nested too deeply; expected rows of numbers") from None
-        except MemoryError:
-            raise RequestError(503, "the request needs more memory than there is; send fewer rows", RETRY) from None
         notes |= {"rows": len(scored["flags"]), "model_version": model.model.version}
         self.metrics.count_rows(scored["flags"], scored["in_training_range"])
         if media == JSON:

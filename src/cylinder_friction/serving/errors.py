@@ -7,6 +7,7 @@ import orjson
 
 MESSAGE_BYTES = 800
 SHOWN = 80
+RETRY = {"Retry-After": "1"}
 
 
 class RequestError(Exception):

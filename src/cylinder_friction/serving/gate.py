@@ -10,7 +10,7 @@ from typing import Any
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cylinder_friction.serving.access_log import AccessLog
-from cylinder_friction.serving.errors import RequestError, error_body
+from cylinder_friction.serving.errors import RETRY, RequestError, error_body
 from cylinder_friction.serving.metrics import Metrics
 from cylinder_friction.serving.tokens import TokenFile
 
@@ -53,6 +53,9 @@ class Gate:
             await self._app(scope, receive, send_and_note)
         except RequestError as error:
             await _send_error(send_and_note, error, request_id)
+        except MemoryError:
+            message = "the request needs more memory than there is; send fewer rows"
+            await _send_error(send_and_note, RequestError(503, message, RETRY), request_id)
         except Exception:
             _log.exception("request %s failed", request_id)
             if reply["bytes"] == 0:

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.deployment.scoring import OFFSET, RECORDING_COLUMN
+from cylinder_friction.deployment.scoring import OFFSET, RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.serving.decoding import ARROW, CSV, JSON, MAX_RECORDINGS, PARQUET
 from cylinder_friction.serving.expected import MAX_COLUMNS
@@ -118,13 +118,23 @@ def _schemas(now: ModelInService) -> Schema:
         name: {"type": "number", "description": f"trained on {low:.4g} to {high:.4g}, widened by 5 %"}
         for name, low, high in zip(graph.inputs, graph.lower, graph.upper, strict=True)
     }
-    name = {"type": ["string", "integer"], "minLength": 1, "description": "name of the recording; optional"}
+    optional = {
+        RECORDING_COLUMN: {
+            "type": ["string", "integer"],
+            "minLength": 1,
+            "description": "optional: name of the recording",
+        },
+        TIME_COLUMN: {
+            "type": "number",
+            "description": f"optional: time [s], checked to go on by {graph.sample_time_s:g} s",
+        },
+    }
     outputs = {name: {"type": kind, "description": text} for name, (kind, text) in _OUTPUTS.items()}
     for learned in set(OFFSET) - set(graph.outputs):
         del outputs[learned]
     outputs["flags"]["description"] += "; " + ", ".join(f"{bit} {name}" for bit, name in graph.flags.items())
     refusal = {key: {"type": "string"} for key in ("error_code", "message", "request_id")}
-    sample = {**_object(inputs), "properties": {**inputs, RECORDING_COLUMN: name}}
+    sample = {**_object(inputs), "properties": {**inputs, **optional}}
     return {"Sample": sample, "Estimate": _object(outputs), "Refusal": _object(refusal)}
 
 
