@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.files import read_json, whole_file, write_json
 from friction_benchmark.tuning import Tuned
 
 if TYPE_CHECKING:
@@ -91,17 +91,14 @@ class Cache:
 
     def keep_prediction(self, key: str, prediction: Prediction) -> None:
         """Write a prediction whole: first beside its place, then moved there."""
-        path = self._prediction(key)
-        path.parent.mkdir(parents=True, exist_ok=True)
         step_us = np.nan if prediction.step_us is None else prediction.step_us
         arrays: dict[str, Any] = {"costs": np.array([prediction.multiply_adds, prediction.training_s, step_us])}
         for name, estimates in prediction.estimates.items():
             numbers = np.stack([estimates.friction_n, estimates.lower_n, estimates.upper_n])
             arrays[f"numbers/{name}"] = numbers.astype(np.float32)
             arrays[f"outside/{name}"] = np.packbits(estimates.outside)
-        draft = path.with_name(f".{key}.{os.getpid()}.npz")
-        np.savez(draft, **arrays)
-        draft.replace(path)
+        with whole_file(self._prediction(key)) as draft:
+            np.savez(draft, **arrays)
 
     def prediction(self, key: str) -> Prediction:
         estimates: dict[str, Estimates] = {}

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from cylinder_friction.execution.workers import Workers
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.params.checking import Params
@@ -157,7 +158,7 @@ def test_load_and_mass_are_identified_session_by_session(workplace: Path, cylind
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position", inertia="identified")
     used = SavitzkyGolay()
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
-    found = label.identify_sessions(metadata, labeller, used)
+    found = label.identify_sessions(metadata, labeller, used, Workers())
     assert sorted(found) == ["1-a", "1-b", "1-c", "2-a", "2-b", "2-c"]
     label.write_identified(found)
     before = label.IDENTIFIED_FILE.read_bytes()
@@ -167,11 +168,11 @@ def test_load_and_mass_are_identified_session_by_session(workplace: Path, cylind
         # Six kilograms beside 280 N of friction are beyond such motion: the given mass stays.
         assert content["motion"]["mass_known"] is False
         assert content["moving_mass_kg"] == cylinder.moving_mass_kg
-    metrics = label.write_labelled([metadata[0].name], labeller, used, found)
+    metrics = label.write_labelled(metadata[:1], labeller, used, found, Workers())
     (labelled,) = read_recordings(LABELLED_FOLDER)
     assert metrics["usable_rows"] == labelled.usable().sum() > 0.7 * len(labelled)
     assert {"load_force_n", "friction_n"} <= set(labelled.table.columns)
-    label.write_identified(label.identify_sessions(metadata, labeller, used))
+    label.write_identified(label.identify_sessions(metadata, labeller, used, Workers()))
     assert label.IDENTIFIED_FILE.read_bytes() == before
 
 
@@ -184,7 +185,7 @@ def test_a_session_that_does_not_tell_its_load_is_named(workplace: Path, cylinde
     metadata = [read_metadata(each) for each in recording_paths(SIGNALS_FOLDER)]
     problem = "load and friction cannot be separated"
     with pytest.raises(RecordingError, match=f"session '{recording.metadata.session}': {problem}"):
-        label.identify_sessions(metadata, labeller, SavitzkyGolay())
+        label.identify_sessions(metadata, labeller, SavitzkyGolay(), Workers())
 
 
 def test_truth_of_another_campaign_is_refused(workplace: Path, cylinder: Cylinder, made: list[Recording]) -> None:

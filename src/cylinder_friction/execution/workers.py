@@ -56,18 +56,12 @@ class Workers:
 
         Pieces are independent of each other; an exception in one is raised here, so each should catch its own.
         """
-        for number, piece in enumerate(pieces):
-            yield number, piece()
+        yield from enumerate(self.in_order(pieces))
 
     def in_order(self, pieces: Sequence[Work]) -> Iterator[Any]:
         """Yield what each piece returned, or ``Died``, in the order of the pieces."""
-        finished: dict[int, Any] = {}
-        following = 0
-        for number, result in self.do_all(pieces):
-            finished[number] = result
-            while following in finished:
-                yield finished.pop(following)
-                following += 1
+        for piece in pieces:
+            yield piece()
 
     def all_in_order(self, pieces: Sequence[Work], names: Sequence[str]) -> Iterator[Any]:
         """Yield what each piece returned, in the order of the pieces.
@@ -122,6 +116,15 @@ class ExecutorWorkers(Workers):
                 yield number, result
         for suspect in sorted(suspects, key=lambda each: each[0]):
             yield from self._round([suspect])
+
+    def in_order(self, pieces: Sequence[Work]) -> Iterator[Any]:
+        finished: dict[int, Any] = {}
+        following = 0
+        for number, result in self.do_all(pieces):
+            finished[number] = result
+            while following in finished:
+                yield finished.pop(following)
+                following += 1
 
     def _round(self, waiting: list[tuple[int, Work]]) -> Iterator[tuple[int, Any]]:
         running: dict[Future[Any], tuple[int, Executor]] = {}

@@ -43,6 +43,13 @@ class _Sums:
         self.largest = max(self.largest, float(np.abs(error).max(initial=0.0)))
         self.truth += float(np.abs(truth_n).sum())
 
+    def merge(self, other: "_Sums") -> None:
+        self.rows += other.rows
+        self.absolute += other.absolute
+        self.signed += other.signed
+        self.largest = max(self.largest, other.largest)
+        self.truth += other.truth
+
 
 @dataclass
 class Audit:
@@ -74,6 +81,11 @@ class Audit:
                 for group in (condition, ALL_CONDITIONS):
                     sums = self._sums.setdefault((name, group, stratum), _Sums())
                     sums.add(error[rows], true_friction_n[rows])
+
+    def merge(self, other: "Audit") -> None:
+        """Add what another audit collected; recordings one by one in their order give the very bits of ``add``."""
+        for key, sums in other._sums.items():
+            self._sums.setdefault(key, _Sums()).merge(sums)
 
     def rows(self) -> list[AuditRow]:
         """Return the audit, sorted by filter, condition and stratum; a stratum without rows is left out."""

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,18 +12,36 @@ from typing import Any
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """Yield a new empty folder that takes the place of ``folder`` only if the block ends without an error."""
-    draft = folder.with_name(f".{folder.name}.draft")
-    shutil.rmtree(draft, ignore_errors=True)
+    """Yield a new empty folder that takes the place of ``folder`` only if the block ends without an error.
+
+    No two have one name, so that a worker that outlives an earlier run cannot write into this one's.
+    """
+    drafts = folder.with_name(f".{folder.name}.draft")
+    shutil.rmtree(drafts, ignore_errors=True)
+    draft = drafts / uuid.uuid4().hex
     draft.mkdir(parents=True)
     try:
         yield draft
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
-    if folder.exists():
-        shutil.rmtree(folder)
-    draft.rename(folder)
+        if folder.exists():
+            shutil.rmtree(folder)
+        draft.rename(folder)
+    finally:
+        shutil.rmtree(drafts, ignore_errors=True)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield the path of a file to write, which takes the place of ``path`` only if the block ends without an error.
+
+    Whoever writes has a draft of its own: on a cluster the same work may be done twice.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{uuid.uuid4().hex}.draft{path.suffix}")
+    try:
+        yield draft
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -32,10 +51,8 @@ def write_text(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole: first beside its place, then moved over it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.draft")
-    draft.write_bytes(content)
-    draft.replace(path)
+    with whole_file(path) as draft:
+        draft.write_bytes(content)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -1,5 +1,6 @@
 """A folder of logged files becomes a folder of recordings; what is unusable is set aside with the reason."""
 
+import shutil
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -9,13 +10,14 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
+from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Hashes, window_hashes
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_of
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.long_logs import (
-    ROWS_AT_ONCE,
     Draft,
     LongRecording,
+    on_disk,
     pieces_in_turn,
     pieces_or_drafts,
 )
@@ -71,10 +73,10 @@ class Ingested:
         return "\n".join(lines)
 
 
-def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested:
+def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Workers | None = None) -> Ingested:
     """Write ``into`` whole, one Parquet file per usable recording, and the others' reasons as ``quarantine_file``.
 
-    One bad file never stops the others, and memory holds one file at a time.
+    One bad file never stops the others, and memory holds one file at a time, or one in each of the ``workers``.
 
     Raises:
         RecordingError: The mapping is wrong, there is no file, or none is usable.
@@ -92,12 +94,17 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path) -> Ingested
     notes = [*source.recipe.names.lines_without_file(files), *_not_read(source, paths)]
     result = Ingested(len(files), notes)
     with whole_folder(into) as folder:
-        for outcome in convert_files(files, source.recipe):
+        elsewhere = folder / ".converted"
+        for outcome in convert_in_parts(files, source.recipe, elsewhere, workers=workers):
             if isinstance(outcome, Quarantined):
                 result.quarantined.append(outcome)
-            else:
+                continue
+            if isinstance(outcome, Recording):
                 write_recording(folder, outcome)
-                result.recordings.append((outcome.metadata, len(outcome)))
+            else:
+                outcome.paths[0].rename(folder / f"{outcome.metadata.name}.parquet")
+            result.recordings.append((outcome.metadata, len(outcome)))
+        shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
         for name in others:
             (folder / f"{name}.parquet").unlink()
@@ -117,7 +124,11 @@ def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recordi
 
 
 def convert_in_parts(
-    files: Mapping[str, Path], recipe: Recipe, folder: Path | None = None, rows: int = ROWS_AT_ONCE
+    files: Mapping[str, Path],
+    recipe: Recipe,
+    folder: Path | None = None,
+    rows: int | None = None,
+    workers: Workers | None = None,
 ) -> Iterator[Recording | LongRecording | Quarantined]:
     """Yield the recordings of each file in turn, those of a long one in parts, and for what is unusable the reason.
 
@@ -127,44 +138,112 @@ def convert_in_parts(
     Args:
         files: By their paths below the source, with ``/``, from which condition and session are taken.
         recipe: Its channels have passed ``check_mapping``.
-        folder: Where the parts of long files are kept; None: every file is read whole.
-        rows: A longer file is processed in parts of about so many rows.
+        folder: Where the parts of long files are kept, and what workers elsewhere convert.
+        rows: A longer file is processed in parts of about so many rows; None: every file is read whole.
+        workers: Convert files side by side; None: one after the other, here.
     """
-    read = pieces_of if folder is None else partial(pieces_or_drafts, rows=rows, folder=folder)
-    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, None if folder is None else rows)
+    workers = workers or Workers()
+    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
+    kept = None if workers.here else folder
+    pieces = [
+        partial(convert_file, relative, path, recipe, _zero_of(relative, recipe, zeros), folder, rows, kept)
+        for relative, path in files.items()
+    ]
     digests: dict[str, str] = {}
     sources: dict[str, str] = {}
     duplicates = DuplicateDetection()
-    for relative, path in tqdm(files.items(), desc="ingest", unit="file", disable=None):
-        try:
-            digest = hash_of(path)
-            if digest in digests:
-                raise RecordingError(f"holds the same bytes as {digests[digest]}; a copy would be counted twice")
-            digests[digest] = relative
-            names = recipe.names.names(relative)
-            pieces: Sequence[Piece | Draft] = read(path, recipe)
-        except (RecordingError, OSError) as error:
-            yield Quarantined(relative, str(error))
+    converted = workers.in_order(pieces)
+    for relative, file in zip(files, tqdm(converted, "ingest", len(files), unit="file", disable=None), strict=True):
+        if isinstance(file, Died):
+            yield Quarantined(relative, file.reason)
             continue
-        for number, found in enumerate(pieces, start=1):
-            piece = found.first() if isinstance(found, Draft) else found
-            metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
-            finish = found.checked if isinstance(found, Draft) else partial(checked, piece)
+        if file.digest in digests:
+            reason = f"holds the same bytes as {digests[file.digest]}; a copy would be counted twice"
+            yield Quarantined(relative, reason)
+            continue
+        if file.digest:
+            digests[file.digest] = relative
+        for outcome in file.outcomes:
+            if isinstance(outcome, Quarantined):
+                yield outcome
+                continue
+            name = outcome.recording.metadata.name
             try:
-                recording = finish(metadata, recipe, zeros.get(metadata.session))
-                refuse_duplicate(metadata.name, piece, sources, duplicates)
+                refuse_duplicate(name, outcome.hashes, sources, duplicates)
             except RecordingError as error:
-                where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
-                yield Quarantined(relative, str(error), where)
+                yield Quarantined(relative, str(error), outcome.where)
             else:
-                sources[metadata.name] = relative
-                yield recording
+                sources[name] = relative
+                yield outcome.recording
 
 
-def refuse_duplicate(name: str, piece: Piece, sources: Mapping[str, str], duplicates: DuplicateDetection) -> None:
+@dataclass(frozen=True)
+class ConvertedPiece:
+    """A piece of a file that is usable as far as the file itself shows."""
+
+    recording: Recording | LongRecording
+    hashes: dict[int, Hashes]  # Of its windows, by which a duplicate is known
+    where: str  # Which piece of the file; empty where it is the only one
+
+
+@dataclass(frozen=True)
+class ConvertedFile:
+    """What became of one file, whatever the others hold."""
+
+    digest: str  # SHA-256 of its bytes; empty where they cannot be read
+    outcomes: list[ConvertedPiece | Quarantined] = field(default_factory=list)
+
+
+def convert_file(
+    relative: str,
+    path: Path,
+    recipe: Recipe,
+    zero: ZeroReading | NoZero | None,
+    folder: Path | None,
+    rows: int | None,
+    kept: Path | None,
+) -> ConvertedFile:
+    """Return the recordings of one file; see ``convert_in_parts``.
+
+    Args:
+        relative, path, recipe, folder, rows: As there.
+        zero: What the pressure sensors of its session read while vented.
+        kept: Recordings are written there rather than returned; None: they are returned.
+    """
+    digest = ""
+    try:
+        digest = hash_of(path)
+        names = recipe.names.names(relative)
+        pieces: Sequence[Piece | Draft] = (
+            pieces_of(path, recipe)
+            if folder is None or rows is None
+            else pieces_or_drafts(path, recipe, rows=rows, folder=folder)
+        )
+    except (RecordingError, OSError) as error:
+        return ConvertedFile(digest, [Quarantined(relative, str(error))])
+    result = ConvertedFile(digest)
+    for number, found in enumerate(pieces, start=1):
+        piece = found.first() if isinstance(found, Draft) else found
+        metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
+        finish = found.checked if isinstance(found, Draft) else partial(checked, piece)
+        where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
+        try:
+            recording = finish(metadata, recipe, zero)
+        except RecordingError as error:
+            result.outcomes.append(Quarantined(relative, str(error), where))
+            continue
+        if kept is not None and isinstance(recording, Recording):
+            recording = on_disk(recording, kept)
+        result.outcomes.append(ConvertedPiece(recording, window_hashes(piece.table), where))
+    return result
+
+
+def refuse_duplicate(
+    name: str, hashes: dict[int, Hashes], sources: Mapping[str, str], duplicates: DuplicateDetection
+) -> None:
     if name in sources:
         raise RecordingError(f"has the name {name!r}, which {sources[name]} has already")
-    match = duplicates.add(name, piece.table)
+    match = duplicates.add(name, hashes)
     if match is not None:
         raise RecordingError(
             f"is the same measurement as recording {match.name!r}, or overlaps it ({100.0 * match.share:.0f} % of "
@@ -204,18 +283,35 @@ def _not_read(source: Source, matching: list[Path]) -> list[str]:
 
 
 def session_zeros(
-    files: Mapping[str, Path], recipe: Recipe, rows: int | None = None
+    files: Mapping[str, Path], recipe: Recipe, rows: int | None = None, workers: Workers | None = None
 ) -> dict[str, ZeroReading | NoZero]:
     """Return what the pressure sensors of each session read while vented, from the recordings that show it.
 
     A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
     cannot be read is skipped here; the run over the files reports why. A file of more ``rows`` is read in parts.
     """
-    read = pieces_of if rows is None else partial(pieces_in_turn, rows=rows)
     readings: defaultdict[str, list[ZeroReading | NoZero]] = defaultdict(list)
-    for relative, path in tqdm(files.items(), desc="zeros", unit="file", disable=None):
-        with suppress(RecordingError, OSError):
-            names = recipe.names.names(relative)
-            for piece in read(path, recipe):
-                readings[names.session].append(find_zero(piece.table, recipe.zero, recipe.channels, names.name))
+    found = (workers or Workers()).in_order([partial(zeros_of, *each, recipe, rows) for each in files.items()])
+    for own in tqdm(found, desc="zeros", total=len(files), unit="file", disable=None):
+        for session, reading in () if isinstance(own, Died) else own:
+            readings[session].append(reading)
     return {session: session_zero(read) for session, read in readings.items()}
+
+
+def _zero_of(relative: str, recipe: Recipe, zeros: Mapping[str, ZeroReading | NoZero]) -> ZeroReading | NoZero | None:
+    with suppress(RecordingError):
+        return zeros.get(recipe.names.names(relative).session)
+    return None
+
+
+def zeros_of(relative: str, path: Path, recipe: Recipe, rows: int | None) -> list[tuple[str, ZeroReading | NoZero]]:
+    """Return the session of one file and what its pressure sensors read while vented, piece by piece."""
+    read = pieces_of if rows is None else partial(pieces_in_turn, rows=rows)
+    readings: list[tuple[str, ZeroReading | NoZero]] = []
+    with suppress(RecordingError, OSError):
+        names = recipe.names.names(relative)
+        readings.extend(  # piece by piece, so that those before an error are kept
+            (names.session, find_zero(piece.table, recipe.zero, recipe.channels, names.name))
+            for piece in read(path, recipe)
+        )
+    return readings

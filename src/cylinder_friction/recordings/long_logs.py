@@ -8,6 +8,7 @@ samples are too many at its end.
 
 import math
 import tempfile
+import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -301,6 +302,12 @@ class LongRecording:
     def _read(self, path: Path) -> Recording:
         recording = replace(read_recording(path), metadata=self.metadata, noise=self.noise)
         return recording.with_columns(**{name: recording.column(name) - zero for name, zero in self.zeros.items()})
+
+
+def on_disk(recording: Recording, folder: Path) -> LongRecording:
+    """Write a recording into a folder, under a name of its own; return it as one that lies there."""
+    path = write_recording(folder, recording, uuid.uuid4().hex)
+    return LongRecording(recording.metadata, (path,), (slice(0, len(recording)),))
 
 
 class Draft:

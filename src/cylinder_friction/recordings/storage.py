@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.files import whole_file
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 _METADATA_KEY = b"cylinder_friction"
@@ -24,10 +25,9 @@ def write_recording(folder: Path, recording: Recording, stem: str = "") -> Path:
 
 def write_parts(path: Path, parts: Iterable[Recording]) -> Path:
     """Write the parts of a recording, at least one, into one file and returns its path; memory holds one at a time."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     remaining = map(_arrow_table, parts)
     first = next(remaining)
-    with _writer(path, first) as writer:
+    with whole_file(path) as draft, _writer(draft, first) as writer:
         for table in itertools.chain([first], remaining):
             writer.write_table(table)
     return path

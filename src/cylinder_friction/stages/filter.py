@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
+from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.recordings.files import whole_folder, write_json
-from cylinder_friction.recordings.storage import iterate_recordings, recording_paths, write_recording
+from cylinder_friction.recordings.storage import read_recording, recording_paths, write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method, warn_of_rates
 from cylinder_friction.signals.smooth_signals import filtered
@@ -15,7 +17,10 @@ from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import FILTERS_FILE, RECORDINGS_FOLDER, SIGNALS_FOLDER, cylinder_from, flat
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from cylinder_friction.params.checking import Params
+    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 
 def run(params: Params) -> RunRecord:
@@ -30,17 +35,25 @@ def run(params: Params) -> RunRecord:
     chosen = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))[params.filter.method]
     rows = 0
     sample_times_s: set[float] = set()
-    count = len(recording_paths(RECORDINGS_FOLDER))
-    with whole_folder(SIGNALS_FOLDER) as folder:
+    paths = recording_paths(RECORDINGS_FOLDER)
+    with workers_from_environment() as workers, whole_folder(SIGNALS_FOLDER) as folder:
         write_json(folder / FILTERS_FILE.name, params.filter.model_dump())
-        for recording in tqdm(iterate_recordings(RECORDINGS_FOLDER), "filter", count, unit="recording", disable=None):
-            write_recording(folder, filtered(recording, chosen))
-            rows += len(recording)
-            sample_times_s.add(recording.sample_time_s)
+        pieces = [partial(write_filtered, path, chosen, folder) for path in paths]
+        done = workers.all_in_order(pieces, [path.stem for path in paths])
+        for own_rows, sample_time_s in tqdm(done, "filter", len(paths), unit="recording", disable=None):
+            rows += own_rows
+            sample_times_s.add(sample_time_s)
     warn_of_rates(chosen, sample_times_s)
     return RunRecord(
         name="filter",
         params=flat(params.filter),
-        metrics={"recordings": float(count), "rows": float(rows)},
+        metrics={"recordings": float(len(paths)), "rows": float(rows)},
         datasets=datasets({"recordings": RECORDINGS_FOLDER}) | datasets({"signals": SIGNALS_FOLDER}, written=True),
     )
+
+
+def write_filtered(path: Path, chosen: SignalFilter, folder: Path) -> tuple[int, float]:
+    """Write one recording with its smooth signals into a folder; return its rows and its sample time [s]."""
+    recording = read_recording(path)
+    write_recording(folder, filtered(recording, chosen))
+    return len(recording), recording.sample_time_s

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
+from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import write_json
@@ -35,7 +36,8 @@ def run(params: Params) -> RunRecord:
         RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or not one is usable.
     """
     refuse_unlike_load(params.ingest)
-    ingested = ingest_folder(source_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE)
+    with workers_from_environment() as workers:
+        ingested = ingest_folder(source_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE, workers)
     write_json(INGESTED_FILE, params.ingest.model_dump(include={"source", "truth", "load", "oil_temperature"}))
     tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(

@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
+from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.labelling.audit import Audit, AuditRow
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
@@ -38,6 +40,7 @@ from cylinder_friction.stages._stage import (
 )
 
 if TYPE_CHECKING:
+    from cylinder_friction.execution.workers import Workers
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import LabelParams
@@ -64,16 +67,18 @@ def run(params: Params) -> RunRecord:
     filters = filters_by_method(cylinder_from(params.cylinder), **filtering)
     labeller = labeller_from(params, ingested["load"])
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
-    names = [entry.name for entry in metadata]
-    identified = identify_sessions(metadata, labeller, filters[method])
-    write_identified(identified)
-    metrics = write_labelled(names, labeller, filters[method], identified)
-    audit, audited = audit_labels(names, ingested["truth"], settings.event_window_s, labeller, filters, identified)
+    with workers_from_environment() as workers:
+        identified = identify_sessions(metadata, labeller, filters[method], workers)
+        write_identified(identified)
+        metrics = write_labelled(metadata, labeller, filters[method], identified, workers)
+        folder = Path(ingested["truth"])
+        known = [each for each in metadata if ingested["truth"] and (folder / f"{each.name}.parquet").is_file()]
+        audit = audit_labels(known, folder, settings.event_window_s, labeller, filters, identified, workers)
     write_audit(audit)
     return RunRecord(
         name="label",
         params=flat(settings) | {"filter": method, "load": ingested["load"]},
-        metrics=metrics | {"audited_recordings": float(audited)} | _audit_metrics(audit, method),
+        metrics=metrics | {"audited_recordings": float(len(known))} | _audit_metrics(audit, method),
         artifacts=artifacts(AUDIT_FOLDER, IDENTIFIED_FILE),
         datasets=datasets({"signals": SIGNALS_FOLDER}) | datasets({"labelled": LABELLED_FOLDER}, written=True),
     )
@@ -104,7 +109,7 @@ def labeller_from(params: Params, load: LoadMode) -> Labeller:
 
 
 def identify_sessions(
-    metadata: Sequence[RecordingMetadata], labeller: Labeller, used_filter: SignalFilter
+    metadata: Sequence[RecordingMetadata], labeller: Labeller, used_filter: SignalFilter, workers: Workers
 ) -> dict[str, SessionIdentification]:
     """Return load and mass of each session; nothing where neither is to be identified.
 
@@ -116,8 +121,17 @@ def identify_sessions(
     names: dict[str, list[str]] = {}
     for entry in sorted(metadata, key=lambda entry: entry.session):
         names.setdefault(entry.session, []).append(entry.name)
-    sessions = {session: _filtered(own, f"identify {session}") for session, own in names.items()}
-    return labeller.identify_sessions(sessions, used_filter)
+    if not labeller.needs_identification:
+        return {}
+    pieces = [partial(identify_session, *each, labeller, used_filter) for each in names.items()]
+    return dict(zip(names, _shown(workers.all_in_order(pieces, list(names)), names, "identify"), strict=True))
+
+
+def identify_session(
+    session: str, names: Sequence[str], labeller: Labeller, used_filter: SignalFilter
+) -> SessionIdentification:
+    """Return load and mass of a session from the recordings of these names."""
+    return labeller.identify_sessions({session: map(_signals, names)}, used_filter)[session]
 
 
 def write_identified(identified: Mapping[str, SessionIdentification]) -> None:
@@ -127,38 +141,70 @@ def write_identified(identified: Mapping[str, SessionIdentification]) -> None:
 
 
 def write_labelled(
-    names: Sequence[str],
+    metadata: Sequence[RecordingMetadata],
     labeller: Labeller,
     used_filter: SignalFilter,
     identified: Mapping[str, SessionIdentification],
+    workers: Workers,
 ) -> dict[str, float]:
     """Write the recordings with their labels; return how many recordings, rows and usable rows."""
     rows, usable = 0, 0
+    names = [each.name for each in metadata]
     with whole_folder(LABELLED_FOLDER) as folder:
-        for recording in _filtered(names, "label"):
-            labelled = labeller.labelled(recording, used_filter, identified.get(recording.metadata.session))
-            write_recording(folder, labelled)
-            rows, usable = rows + len(labelled), usable + int(labelled.usable().sum())
+        pieces = [
+            partial(write_label, each.name, labeller, used_filter, identified.get(each.session), folder)
+            for each in metadata
+        ]
+        for own_rows, own_usable in _shown(workers.all_in_order(pieces, names), names, "label"):
+            rows, usable = rows + own_rows, usable + own_usable
     return {"recordings": float(len(names)), "rows": float(rows), "usable_rows": float(usable)}
 
 
+def write_label(
+    name: str, labeller: Labeller, used_filter: SignalFilter, identified: SessionIdentification | None, folder: Path
+) -> tuple[int, int]:
+    """Write one recording with its label into a folder; return how many rows and usable rows."""
+    labelled = labeller.labelled(_signals(name), used_filter, identified)
+    write_recording(folder, labelled)
+    return len(labelled), int(labelled.usable().sum())
+
+
 def audit_labels(
-    names: Sequence[str],
-    truth_folder: str,
+    metadata: Sequence[RecordingMetadata],
+    truth_folder: Path,
     event_window_s: float,
     labeller: Labeller,
     filters: Mapping[str, SignalFilter],
     identified: Mapping[str, SessionIdentification],
-) -> tuple[list[AuditRow], int]:
-    """Return the audit of every filter and the number of recordings whose truth is known, below ``truth_folder``."""
-    folder = Path(truth_folder)
-    known = [name for name in names if truth_folder and (folder / f"{name}.parquet").is_file()]
+    workers: Workers,
+) -> list[AuditRow]:
+    """Return the audit of every filter on recordings whose truth lies in a folder."""
+    names = [each.name for each in metadata]
+    pieces = [
+        partial(audit_label, each.name, truth_folder, event_window_s, labeller, filters, identified.get(each.session))
+        for each in metadata
+    ]
     audit = Audit(event_window_s)
-    for recording in _filtered(known, "audit labels"):
-        truth = read_truth(folder, recording)
-        assert truth is not None
-        labeller.audit(recording, truth, filters, audit, identified.get(recording.metadata.session))
-    return audit.rows(), len(known)
+    for own in _shown(workers.all_in_order(pieces, names), names, "audit labels"):
+        audit.merge(own)
+    return audit.rows()
+
+
+def audit_label(
+    name: str,
+    truth_folder: Path,
+    event_window_s: float,
+    labeller: Labeller,
+    filters: Mapping[str, SignalFilter],
+    identified: SessionIdentification | None,
+) -> Audit:
+    """Return the audit of every filter on one recording."""
+    recording = _signals(name)
+    truth = read_truth(truth_folder, recording)
+    assert truth is not None
+    audit = Audit(event_window_s)
+    labeller.audit(recording, truth, filters, audit, identified)
+    return audit
 
 
 def write_audit(rows: Sequence[AuditRow]) -> None:
@@ -177,10 +223,13 @@ def write_audit(rows: Sequence[AuditRow]) -> None:
         write_text(folder / "audit.csv", text.getvalue())
 
 
-def _filtered(names: Sequence[str], what: str) -> Iterator[Recording]:
-    """Yield the named recordings one at a time, with a progress bar."""
-    for name in tqdm(names, what, unit="recording", disable=None):
-        yield read_recording(SIGNALS_FOLDER / f"{name}.parquet")
+def _signals(name: str) -> Recording:
+    return read_recording(SIGNALS_FOLDER / f"{name}.parquet")
+
+
+def _shown(results: Iterator[Any], names: Collection[str], what: str) -> Iterator[Any]:
+    """Yield results with a progress bar."""
+    yield from tqdm(results, what, len(names), unit="piece", disable=None)
 
 
 def _audit_metrics(rows: Sequence[AuditRow], method: str) -> dict[str, float]:

@@ -58,9 +58,9 @@ def test_the_same_measurement_is_known_again(
     seen = DuplicateDetection()
     tables = {**rig_tables, "made": made(1)}
     for name, table in tables.items():
-        assert seen.add(name, table) is None
+        assert seen.add(name, window_hashes(table)) is None
     for name, table in tables.items():
-        match = seen.add("again", again(table))
+        match = seen.add("again", window_hashes(again(table)))
         assert match is not None
         assert match.name == name
         assert match.share >= least_share
@@ -68,34 +68,34 @@ def test_the_same_measurement_is_known_again(
 
 def test_the_whole_is_known_after_its_part() -> None:
     seen = DuplicateDetection()
-    assert seen.add("part", made(1).iloc[3000:6000]) is None
-    assert seen.add("whole", made(1)) == Match("part", 1.0)
+    assert seen.add("part", window_hashes(made(1).iloc[3000:6000])) is None
+    assert seen.add("whole", window_hashes(made(1))) == Match("part", 1.0)
 
 
 def test_a_recording_that_repeats_another_is_not_remembered() -> None:
     seen = DuplicateDetection()
-    seen.add("first", made(1).iloc[:5000])
-    assert seen.add("second", made(1)) is not None
-    assert seen.add("rest of the second", made(1).iloc[5000:]) is None
+    seen.add("first", window_hashes(made(1).iloc[:5000]))
+    assert seen.add("second", window_hashes(made(1))) is not None
+    assert seen.add("rest of the second", window_hashes(made(1).iloc[5000:])) is None
 
 
 @pytest.mark.parametrize("noise_pa", [500.0, 5e3, 5e4])
 def test_a_repeated_programme_is_not_a_repeated_measurement(noise_pa: float) -> None:
     seen = DuplicateDetection()
     for seed in range(20):
-        assert seen.add(str(seed), made(seed, noise_pa=noise_pa)) is None
+        assert seen.add(str(seed), window_hashes(made(seed, noise_pa=noise_pa))) is None
 
 
 def test_a_motion_that_repeats_within_a_recording_matches_nobody() -> None:
     once = made(1, rows=2000)
-    assert DuplicateDetection().add("periodic", pd.concat([once] * 5)) is None
+    assert DuplicateDetection().add("periodic", window_hashes(pd.concat([once] * 5))) is None
 
 
 def test_cranes_are_two_recordings(crane_tables: dict[str, pd.DataFrame]) -> None:
     seen = DuplicateDetection()
-    assert [seen.add(name, table) for name, table in crane_tables.items()] == [None, None]
+    assert [seen.add(name, window_hashes(table)) for name, table in crane_tables.items()] == [None, None]
     for name, table in crane_tables.items():
-        match = seen.add("again", as_logged(table.iloc[1000:], 1e5, 3))
+        match = seen.add("again", window_hashes(as_logged(table.iloc[1000:], 1e5, 3)))
         assert match is not None
         assert match.name == name
 
@@ -107,8 +107,8 @@ def test_a_drive_force_is_known_again() -> None:
         return table[["position_m"]].assign(drive_force_n=force)
 
     seen = DuplicateDetection()
-    assert [seen.add(str(seed), forced(seed)) for seed in range(5)] == [None] * 5
-    assert seen.add("again", forced(3).round({"drive_force_n": 1}).iloc[700:]) is not None
+    assert [seen.add(str(seed), window_hashes(forced(seed))) for seed in range(5)] == [None] * 5
+    assert seen.add("again", window_hashes(forced(3).round({"drive_force_n": 1}).iloc[700:])) is not None
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_drive_force_is_known_again() -> None:
 )
 def test_what_says_nothing_matches_nothing(table: pd.DataFrame) -> None:
     seen = DuplicateDetection()
-    assert [seen.add(name, table) for name in "ab"] == [None, None]
+    assert [seen.add(name, window_hashes(table)) for name in "ab"] == [None, None]
 
 
 @given(st.integers(0, 3000), st.integers(2500, 5000))

@@ -53,16 +53,12 @@ class DuplicateDetection:
         self._counts: list[dict[int, int]] = []
         self._hashes, self._owners = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int32)
 
-    def add(self, name: str, table: pd.DataFrame) -> Match | None:
-        """Return the earlier recording that ``table`` repeats; else remember it under ``name`` and return None.
+    def add(self, name: str, hashed: dict[int, Hashes]) -> Match | None:
+        """Return the earlier recording that one repeats; else remember it under ``name`` and return None.
 
-        A recording is not compared with itself: a motion may repeat within one recording.
-
-        Args:
-            table: ``position_m`` and both pressures or ``drive_force_n``, as logged: a zero offset that is subtracted
-                may differ between two exports.
+        A recording is not compared with itself: a motion may repeat within one recording. ``hashed`` are its
+        ``window_hashes``.
         """
-        hashed = window_hashes(table)
         match = self._best_match(hashed)
         if match is None:
             hashes = np.sort(np.concatenate(list(hashed.values())))
@@ -92,7 +88,12 @@ class DuplicateDetection:
 
 
 def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
-    """Return the hashes kept of a recording, sorted and each once, by the power of two that it was rounded to."""
+    """Return the hashes kept of a recording, sorted and each once, by the power of two that it was rounded to.
+
+    Args:
+        table: ``position_m`` and both pressures or ``drive_force_n``, as logged: a zero offset that is subtracted may
+            differ between two exports.
+    """
     position_m = table["position_m"].to_numpy(dtype=np.float64)
     force = DRIVE_FORCE in table.columns
     first, second = (DRIVE_FORCE, DRIVE_FORCE) if force else ("pressure_1_pa", "pressure_2_pa")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
+from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, window_hashes
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, tables_of, zeroed
@@ -40,7 +40,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
                 yield subject
                 continue
             try:
-                refuse_duplicate(recording.name, piece, sources, duplicates)
+                refuse_duplicate(recording.name, window_hashes(piece.table), sources, duplicates)
             except RecordingError as error:
                 subject = subject.found(Finding("duplicate", "refused", str(error)))
             else:
