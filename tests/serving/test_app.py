@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -212,3 +214,11 @@ def test_the_access_log_has_a_line_per_request(serve: Serve, tmp_path: Path, row
     assert two["bytes_in"] == 1
     assert one["client"] == "127.0.0.1"
     assert 0.0 < one["seconds"] < 10.0
+
+
+def test_a_worker_needs_neither_mlflow_nor_pandas() -> None:
+    """They would double its memory."""
+    code = "import sys, cylinder_friction.serving.worker, cylinder_friction.serving.tables; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"mlflow", "pandas", "torch", "numba", "scipy", "onnx"} & {*done.stdout.split()}
+    assert "onnxruntime" in done.stdout.split()

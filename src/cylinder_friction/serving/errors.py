@@ -5,7 +5,7 @@ from http import HTTPStatus
 
 import orjson
 
-MESSAGE_BYTES = 800
+MESSAGE_BYTES = 600
 SHOWN = 80
 RETRY = {"Retry-After": "1"}
 
@@ -27,7 +27,7 @@ class RequestError(Exception):
 def error_body(status: int, message: str, request_id: str) -> bytes:
     """Return the JSON of a refusal; it has MLflow's keys and the request's ID, and is short whatever was sent."""
     short = message.encode(errors="replace")[:MESSAGE_BYTES].decode(errors="ignore")
-    printable = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in short)
+    printable = "".join(letter if letter.isprintable() else "?" for letter in short)
     code = HTTPStatus(status).name
     return orjson.dumps({"error_code": code, "message": printable, "request_id": request_id})
 
