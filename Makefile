@@ -5,11 +5,12 @@ BIN := $(abspath $(VENV))/bin
 export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
+NOT_SERVED_THERE := --follow-imports silent --exclude 'serving/(processes|worker)'
 FAST := $(addprefix tests/,recordings signals labelling evaluation realtime reporting tuning tracking/test_gate.py \
 	commands/test_cli.py pipeline/test_stage_dependencies.py test_configuration.py test_import_graph.py test_cylinder.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds lock docs
+.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds release lock docs
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -64,6 +65,8 @@ lint: install-dev ## check style, types, imports, the stages' dependencies and t
 	ruff format --check src tests performance docs tools examples
 	ruff check src tests performance docs tools examples
 	mypy
+	mypy --platform win32 --cache-dir .mypy_cache/win32 $(NOT_SERVED_THERE) src
+	mypy --platform darwin --cache-dir .mypy_cache/darwin src
 	lint-imports
 	python tools/import_cycles.py
 	python tools/stage_dependencies.py
@@ -98,6 +101,9 @@ seeds: install ## the comparison for three campaign seeds (about half an hour)
 
 readme: | $(BIN)/cylinder-friction ## put the pipeline's latest table and picture into README.md
 	cylinder-friction readme
+
+release: install-dev ## build sdist and wheel into dist/, check them, and write the bill of materials
+	python tools/release.py
 
 lock: ## resolve the lock files anew from pyproject.toml
 	tools/lock.sh

@@ -50,6 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    if sys.platform == "win32":
+        raise ServingError(
+            "this server's processes share a socket, which Windows lacks; serve under WSL or in a container, or with "
+            "`mlflow models serve`, which has the same model without limits, tokens and metrics"
+        )
     if options.locate is not None:
         return _locate(options.model, options.locate)
     from cylinder_friction.serving.processes import LOG_FORMAT, Supervisor

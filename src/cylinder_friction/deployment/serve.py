@@ -10,8 +10,10 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+import psutil
 
 from cylinder_friction.tracking.repository import TrackingError
 
@@ -107,7 +109,14 @@ def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log_path: Path
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    """End the server and its workers, which are one process group of their own."""
+    """End the server and its workers, which are one process group of their own; on Windows they are its children."""
+    if sys.platform == "win32":
+        with suppress(psutil.Error):
+            for child in psutil.Process(process.pid).children(recursive=True):
+                child.kill()
+        process.kill()
+        process.wait()
+        return
     for sign in (signal.SIGTERM, signal.SIGKILL):
         try:
             os.killpg(process.pid, sign)
@@ -157,7 +166,8 @@ def _interrupts_held_back() -> Iterator[None]:
 def _wait_for_interrupt() -> int:
     """Wait for Ctrl-C or a polite kill."""
     try:
-        signal.pause()
+        while True:
+            time.sleep(3600.0)
     except KeyboardInterrupt:
         sys.stdout.write("\n")
     return 0

@@ -1,10 +1,11 @@
 """Where runs and models are kept: SQLite in the repository, or any server that ``MLFLOW_TRACKING_URI`` names."""
 
-import fcntl
+import errno
 import logging
 import os
 import socket
 import sqlite3
+import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -171,8 +172,25 @@ def _refuse_what_is_no_store(uri: str, *, create: bool) -> None:
 def _locked(path: Path) -> Iterator[None]:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+        _lock(file.fileno())
         yield
+
+
+def _lock(file: int) -> None:
+    """Wait for the lock of an open file, which ends with it, also where the process is killed."""
+    if sys.platform != "win32":
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX)
+        return None
+    import msvcrt
+
+    while True:
+        try:
+            return msvcrt.locking(file, msvcrt.LK_LOCK, 1)
+        except OSError as error:
+            if error.errno != errno.EDEADLK:  # given after ten seconds of trying
+                raise
 
 
 @contextmanager

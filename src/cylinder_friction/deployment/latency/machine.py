@@ -2,8 +2,9 @@
 
 import os
 import platform
-import resource
 import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+
+if sys.platform != "win32":
+    import resource
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, find_compiler
 
@@ -20,7 +24,7 @@ QUIET_SHARE = 0.02  # Where others had more of the core than this, the figures a
 @contextmanager
 def one_core() -> Iterator[int | None]:
     """Keep this process on its last core, the one least troubled by interrupts; None where the system cannot."""
-    if not hasattr(os, "sched_setaffinity"):
+    if sys.platform != "linux":
         yield None
         return
     before = os.sched_getaffinity(0)
@@ -49,10 +53,10 @@ class QuietWatch:
     """Compares the cores' busy times at its beginning and at ``end``."""
 
     def __init__(self, core: int | None) -> None:
-        self._core, self._busy, self._own = core, _busy_seconds(), _own_seconds()
+        self._core, self._busy, self._own = core, _busy_seconds(), time.process_time()
 
     def end(self) -> Quiet:
-        now, own_s = _busy_seconds(), _own_seconds() - self._own
+        now, own_s = _busy_seconds(), time.process_time() - self._own
         load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         if self._core is None or self._core not in now:
             return Quiet(None, None, load)
@@ -71,13 +75,15 @@ class QuietWatch:
 
 
 def preemptions() -> int:
-    """Return how often the system has taken the core away from this thread."""
-    return resource.getrusage(getattr(resource, "RUSAGE_THREAD", resource.RUSAGE_SELF)).ru_nivcsw
+    """Return how often the system has taken the core away from this thread; 0 on Windows, which does not count it."""
+    if sys.platform != "win32":
+        return resource.getrusage(getattr(resource, "RUSAGE_THREAD", resource.RUSAGE_SELF)).ru_nivcsw
+    return 0
 
 
 def scheduling() -> str:
     """Return how the system schedules this process: ``other`` as any program, ``fifo`` as control loops run."""
-    if not hasattr(os, "sched_getscheduler"):
+    if sys.platform != "linux":
         return "unknown"
     names = {os.SCHED_OTHER: "other", os.SCHED_FIFO: "fifo", os.SCHED_RR: "round robin", os.SCHED_BATCH: "batch"}
     return names.get(os.sched_getscheduler(0), "unknown")
@@ -109,11 +115,6 @@ def _busy_seconds() -> dict[int, tuple[float, float]]:
         total = sum(times[:8])  # those of guests are among those of users
         result[core] = (total - times.idle - getattr(times, "iowait", 0.0), total)
     return result
-
-
-def _own_seconds() -> float:
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
 
 
 def _processor() -> str:
