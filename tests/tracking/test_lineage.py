@@ -243,6 +243,10 @@ def test_data_on_a_remote_holds_without_being_pulled(registered: Path, tmp_path:
     assert (found.holds, found.found) == (True, "on DVC's remote 'shelf'")
     (shelf / "files/md5" / files[0]["md5"][:2] / files[0]["md5"][2:]).unlink()
     assert set(broken(lineage(URI, registered))) == {"data raw/rig"}
+    (registered / ".dvc/config").write_text("['remote \"cloud\"']\n    url = gs://bucket\n", encoding="utf-8")
+    links = broken(lineage(URI, registered))
+    assert set(links) == {"data raw/rig"}
+    assert "; DVC's remote 'cloud' cannot be read (" in links["data raw/rig"]
 
 
 def test_a_model_whose_files_are_gone_is_a_broken_link(registered: Path) -> None:

@@ -5,7 +5,9 @@ import ast
 from pathlib import Path
 
 from cylinder_friction.run_record import STAGES
+from cylinder_friction.tuning.study_store import StudyStoreError
 
+EXPECTED = (StudyStoreError,)
 _STAGES_FOLDER = Path(__file__).parents[1] / "stages"
 _RESUMED = {"search": "finished trials", "train": "finished epochs", "baselines": "finished epochs"}
 

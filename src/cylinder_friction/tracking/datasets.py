@@ -4,7 +4,7 @@ import json
 
 from mlflow.entities import Dataset as MlflowDataset
 from mlflow.entities import DatasetInput, InputTag
-from mlflow.types import ColSpec, DataType, Schema
+from mlflow.types import ColSpec, DataType, Schema, TensorSpec
 from mlflow.utils.mlflow_tags import MLFLOW_DATASET_CONTEXT
 
 from cylinder_friction.run_record import Dataset
@@ -25,14 +25,16 @@ def dataset_input(role: str, dataset: Dataset) -> DatasetInput:
     Its source is a path within the repository, which MLflow resolves by itself: where the repository lies on another
     machine, nobody knows.
     """
-    schema = Schema([ColSpec(_TYPES.get(kind, DataType.string), name) for name, kind in dataset.columns.items()])
+    columns: list[ColSpec | TensorSpec] = [
+        ColSpec(_TYPES.get(kind, DataType.string), name) for name, kind in dataset.columns.items()
+    ]
     return DatasetInput(
         MlflowDataset(
             name=role,
             digest=digest_of(dataset),
             source_type="local",
             source=json.dumps({"uri": dataset.path}),
-            schema=json.dumps({"mlflow_colspec": schema.to_dict()}),
+            schema=json.dumps({"mlflow_colspec": Schema(columns).to_dict()}) if columns else None,
             profile=json.dumps({"num_rows": dataset.rows, "num_elements": dataset.rows * len(dataset.columns)}),
         ),
         [InputTag(MLFLOW_DATASET_CONTEXT, "written" if dataset.written else role)],

@@ -207,11 +207,7 @@ def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[Link]:
         )  # fmt: skip
         name = f"{LOCK_FILE} {path.removeprefix('data/')}"
         yield Link(name, locked is not None, f"{md5} {f'in {locked}' if locked else f'in no commit of {LOCK_FILE}'}")
-        lies = where_data_lies(root, path, md5)
-        name = f"data {path.removeprefix('data/')}"
-        yield Link(
-            name, lies is not None, lies or "neither on disk nor whole in DVC's cache, nor on a remote; run `dvc pull`"
-        )
+        yield Link(f"data {path.removeprefix('data/')}", *where_data_lies(root, path, md5))
 
 
 def _params_link(root: Path, origin: dict[str, Any]) -> Link:

@@ -183,6 +183,8 @@ def recorded_version(store: Store, registered: Registered, root: Path, *, make: 
 
 def champion_of(store: Store, model_name: str) -> ModelVersion | None:
     """Return the version in use, if there is one."""
+    if not store.client.search_registered_models(f"name = '{model_name}'"):
+        return None  # a server with logins refuses (403) to look for an alias of what is not there
     try:
         return store.client.get_model_version_by_alias(model_name, ALIAS)
     except MlflowException as error:

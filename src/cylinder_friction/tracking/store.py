@@ -80,7 +80,8 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
         create: Whether a store that is not there yet is made.
 
     Raises:
-        TrackingError: There is no store, the server does not respond, or MLflow cannot open it.
+        TrackingError: There is no store, the server does not respond, MLflow cannot open it, or refuses what the block
+            asks for.
     """
     uri, root = tracking_uri(root), repository_root(root)
     _refuse_what_is_no_store(uri, create=create)
@@ -92,13 +93,19 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
             client = MlflowClient(tracking_uri=uri, registry_uri=uri)
             experiment_id = _experiment(client, uri, root, EXPERIMENT)
         except Exception as error:  # of the server, of its database's driver, of a file
-            reason = " ".join(str(error).split())[:_LONGEST_REASON]
             raise TrackingError(
-                f"{uri} is no MLflow store that can be opened ({reason}); correct MLFLOW_TRACKING_URI, or unset it to "
-                "use the repository's own store"
+                f"{uri} is no MLflow store that can be opened ({_reason(error)}); correct MLFLOW_TRACKING_URI, or the "
+                "login in ~/.mlflow/credentials, or unset it to use the repository's own store"
             ) from error
         _quiet()  # creating the schema sets its own levels
-        yield Store(uri, root, client, experiment_id)
+        try:
+            yield Store(uri, root, client, experiment_id)
+        except MlflowException as error:
+            raise TrackingError(f"{uri}: MLflow refused a request ({_reason(error)})") from error
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split())[:_LONGEST_REASON]
 
 
 def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:

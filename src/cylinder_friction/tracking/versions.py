@@ -21,6 +21,7 @@ from cylinder_friction.tracking.repository import LineageError
 
 LOCK_FILE = "dvc.lock"
 PARAMS_FILE = "params.yaml"
+_LONGEST_REASON = 200
 EVALUATING_SECTIONS = ("lugre", "compare", "register")
 """Sections of the parameters that do not shape the model; all others belong to its origin."""
 
@@ -97,27 +98,31 @@ def dvc_hash(path: Path) -> str:
     return str(found.hash_info.value)
 
 
-def where_data_lies(root: Path, path: str, md5: str) -> str | None:
-    """Return where data of this very content lies; None where it lies nowhere.
+def where_data_lies(root: Path, path: str, md5: str) -> tuple[bool, str]:
+    """Return whether data of this very content lies anywhere, and where, or why not, in words.
 
     On disk and in DVC's cache every byte is read and hashed; a remote, which keeps files by their hash, is asked
     whether it has them.
     """
     place = root / path
     if place.exists() and dvc_hash(place) == md5:
-        return f"on disk at {path}"
+        return True, f"on disk at {path}"
+    nowhere = ["neither on disk nor whole in DVC's cache, nor on a remote"]
     try:
         repo = Repo(str(root))
     except NotDvcRepoError:
-        return None
+        return False, f"{nowhere[0]}; this is no DVC repository"
     cache = repo.cache.local
     if _whole_in_cache(cache, md5):
-        return f"in DVC's cache at {Path(cache.path)}"
+        return True, f"in DVC's cache at {Path(cache.path)}"
     for name in repo.config["remote"]:
-        remote = repo.cloud.get_remote_odb(name)
-        if _all_on_remote(remote, md5):
-            return f"on DVC's remote {name!r}"
-    return None
+        try:
+            if _all_on_remote(repo.cloud.get_remote_odb(name), md5):
+                return True, f"on DVC's remote {name!r}"
+        except Exception as error:  # each kind of store has its own: no library for it, no key, no connection
+            reason = " ".join(str(error).split())[:_LONGEST_REASON]
+            nowhere.append(f"DVC's remote {name!r} cannot be read ({reason})")
+    return False, "; ".join([*nowhere, "run `dvc pull`"])
 
 
 def _all_on_remote(remote: HashFileDB, md5: str) -> bool:
@@ -128,7 +133,7 @@ def _all_on_remote(remote: HashFileDB, md5: str) -> bool:
         if not md5.endswith(".dir"):
             return True
         tree = Tree.load(remote, HashInfo("md5", md5))
-    except (OSError, ObjectFormatError):
+    except (FileNotFoundError, ObjectFormatError):
         return False
     tree.digest()
     wanted = {file.value for _, _, file in tree}

@@ -69,7 +69,7 @@ def run_search(
         return objective(params, report)
 
     def trial_of(trial: FrozenTrial) -> Trial:
-        reported = list(trial.intermediate_values.values())
+        reported = [value for _, value in sorted(trial.intermediate_values.items())]
         complete = trial.state == TrialState.COMPLETE
         value = trial.value if complete else None
         return Trial(dict(trial.params), reason_of(trial) or "complete", value, cost(trial.params), reported)

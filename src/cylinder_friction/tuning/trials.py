@@ -11,9 +11,9 @@ from typing import Any
 
 import optuna
 from optuna.distributions import BaseDistribution
-from optuna.storages import JournalStorage
-from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
+
+from cylinder_friction.tuning.study_store import study_storage
 
 Values = dict[str, Any]
 Report = Callable[[float], None]
@@ -54,30 +54,30 @@ def run_trials(
         space: Where to look.
         plan: How long.
         objective: See ``Objective``.
-        journal: File of the finished trials, read at the start and appended to; None keeps them in memory.
+        journal: File of the finished trials, read at the start and appended to, or what ``study_storage`` takes in its
+            place; None keeps them in memory.
         first: Values of the first trial; None: it is proposed like the others.
         after_trial: Called with each trial as it finishes, those of an earlier run first.
         failures: Errors of the objective that end its trial, with the message as the reason, and not the tuning.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     pruner = optuna.pruners.MedianPruner(n_startup_trials=plan.startup_trials, n_warmup_steps=2)
-    study = optuna.create_study(
-        storage=None if journal is None else _storage(journal), study_name="tuning", pruner=pruner, load_if_exists=True
-    )
-    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING, TrialState.WAITING)):
-        study.tell(trial.number, state=TrialState.FAIL)  # a kill left it
-    finished = _finished(study)
-    for trial in finished:
-        after_trial(trial)
-    while len(finished) < plan.trials:
-        study.sampler = optuna.samplers.TPESampler(
-            seed=plan.seed * 10_007 + len(finished), n_startup_trials=plan.startup_trials
-        )
-        if first is not None and not finished:
-            study.enqueue_trial(dict(first))
-        _run(study, study.ask(dict(space)), objective, failures)
+    with study_storage(journal) as (storage, name):
+        study = optuna.create_study(storage=storage, study_name=name, pruner=pruner, load_if_exists=True)
+        for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING, TrialState.WAITING)):
+            study.tell(trial.number, state=TrialState.FAIL)  # a kill left it
         finished = _finished(study)
-        after_trial(finished[-1])
+        for trial in finished:
+            after_trial(trial)
+        while len(finished) < plan.trials:
+            study.sampler = optuna.samplers.TPESampler(
+                seed=plan.seed * 10_007 + len(finished), n_startup_trials=plan.startup_trials
+            )
+            if first is not None and not finished:
+                study.enqueue_trial(dict(first))
+            _run(study, study.ask(dict(space)), objective, failures)
+            finished = _finished(study)
+            after_trial(finished[-1])
     return finished
 
 
@@ -115,14 +115,3 @@ def _finished(study: optuna.Study) -> list[FrozenTrial]:
         for trial in study.get_trials(deepcopy=False)
         if trial.state == TrialState.COMPLETE or (trial.state.is_finished() and REASON in trial.user_attrs)
     ]
-
-
-def _storage(journal: Path) -> JournalStorage:
-    journal.parent.mkdir(parents=True, exist_ok=True)
-    Path(f"{journal}.lock").unlink(missing_ok=True)  # a kill while it was written left it, and Optuna would wait for it
-    if journal.is_file():
-        content = journal.read_bytes()
-        whole = content[: content.rfind(b"\n") + 1]
-        if whole != content:  # a kill cut the last line off, which Optuna refuses
-            journal.write_bytes(whole)
-    return JournalStorage(JournalFileBackend(str(journal)))
