@@ -5,6 +5,7 @@
 is gone, however that ended.
 """
 
+import asyncio
 import logging
 import resource
 import shutil
@@ -22,6 +23,7 @@ from cylinder_friction.serving.settings import ServeSettings, ServingError
 
 _TICKS_PER_S = 10
 _KEPT_CONNECTION_S = 65
+_ON_ITS_WAY_S = 0.2
 _STALLED = 3.0
 """After how many times the longest duration of a request a connection is closed on which nothing was finished."""
 
@@ -49,6 +51,13 @@ class Worker(uvicorn.Server):
         except OSError:
             self.should_exit = True
         return await super().on_tick(counter)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Take no more connections; requests that were on their way are served before those that idle are closed."""
+        for server in self.servers:
+            server.close()
+        await asyncio.sleep(_ON_ITS_WAY_S)
+        await super().shutdown(sockets)
 
     def _close_stalled(self) -> None:
         """Close connections whose client sends its request, or reads its response, too slowly."""
