@@ -82,15 +82,15 @@ COMMANDS = ("serve", "lineage", "rollback", "ui")
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_what_only_reads_makes_no_store(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.chdir(tmp_path)
     shutil.copy(Path(__file__).parents[2] / "params.yaml", tmp_path)
     assert main([command]) == 1
-    error = capsys.readouterr().err
+    error = capfd.readouterr().err
     assert "mlflow.db: there is no such store; run `dvc repro`, or `cylinder-friction track`" in error
-    assert error.count("\n") == 1
+    assert error.count("\n") == (2 if command == "serve" else 1), "serve looks for the model in another process"
     assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
 
 
