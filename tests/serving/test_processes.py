@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import http.client
 import json
 import os
 import pty
@@ -39,6 +40,7 @@ __all__ = ["champion_root", "golden_model"]
 pytestmark = pytest.mark.slow
 ROW = {"columns": ["pressure_1_pa", "pressure_2_pa", "position_m"], "data": [[1.2e6, 9.1e5, 0.12]]}
 PATIENCE_S = 60.0
+JSON = {"Content-Type": "application/json"}
 SHORT_SILENCE = "from cylinder_friction.serving import processes; processes._SILENT_S = 2.0"
 
 
@@ -62,7 +64,7 @@ class Served:
 
     def ask(self, context: ssl.SSLContext | None = None) -> Any:
         body = json.dumps({"dataframe_split": ROW}).encode()
-        request = urllib.request.Request(f"{self.url}/invocations", body, {"Content-Type": "application/json"})
+        request = urllib.request.Request(f"{self.url}/invocations", body, JSON)
         with urllib.request.urlopen(request, timeout=PATIENCE_S, context=context) as response:
             return json.loads(response.read())["predictions"]
 
@@ -257,6 +259,34 @@ def test_a_terminal_that_closes_ends_it(model: str) -> None:
         assert served.process.wait(PATIENCE_S) == 0
         assert gone(workers)
         assert is_free(port)
+
+
+def test_a_connection_that_stalls_is_closed_and_one_that_is_used_stays(model: str) -> None:
+    with serving(model, "--port", "0", "--timeout-s", "0.3") as served:
+        address = ("127.0.0.1", port_of(served))
+        used = http.client.HTTPConnection(*address, timeout=PATIENCE_S)
+        used.connect()
+        first = used.sock
+        with socket.create_connection(address, PATIENCE_S) as silent, socket.create_connection(address) as slow:
+            slow.sendall(b"POST /invocations HTTP/1.1\r\nHost: x\r\n")
+            ends_s = time.monotonic() + 4.0
+            while time.monotonic() < ends_s:
+                used.request("POST", "/invocations", json.dumps({"dataframe_split": ROW}), JSON)
+                with used.getresponse() as response:
+                    assert response.read()
+            for each in (silent, slow):
+                each.settimeout(1.0)
+                assert not received(each)
+        assert used.sock is first
+        used.close()
+
+
+def received(connection: socket.socket) -> bytes:
+    """Return what came before the other side closed the connection."""
+    try:
+        return connection.recv(1)
+    except ConnectionResetError:
+        return b""
 
 
 def test_tls(model: str, tmp_path: Path) -> None:

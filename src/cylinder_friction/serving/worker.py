@@ -7,6 +7,7 @@ is gone, however that ended.
 
 import asyncio
 import logging
+import math
 import resource
 import shutil
 import socket
@@ -25,7 +26,7 @@ _TICKS_PER_S = 10
 _KEPT_CONNECTION_S = 65
 _ON_ITS_WAY_S = 0.2
 _STALLED = 3.0
-"""After how many times the longest duration of a request a connection is closed on which nothing was finished."""
+"""After how many times the longest duration of a request a connection is closed on which nothing went on."""
 
 
 class Worker(uvicorn.Server):
@@ -61,12 +62,13 @@ class Worker(uvicorn.Server):
 
     def _close_stalled(self) -> None:
         """Close connections whose client sends its request, or reads its response, too slowly."""
-        now, since = time.monotonic(), self._since
+        now, before = time.monotonic(), self._since
         self._since = {}
         for connection in list(self.server_state.connections):
             cycle = connection.cycle  # type: ignore[union-attr]  # of HTTP, as no WebSockets are served
-            state = (id(cycle), cycle is not None and cycle.response_complete)
-            known = since.get(connection)
+            done = cycle is not None and cycle.response_complete
+            state = (cycle, done, connection.transport.get_write_buffer_size())
+            known = before.get(connection)
             self._since[connection] = known if known is not None and known[0] == state else (state, now)
             if now - self._since[connection][1] > self._stalled_s:
                 connection.transport.abort()
@@ -86,7 +88,7 @@ def main(listening: int, supervisor: int, folder: Path) -> int:
             server_header=False,
             proxy_headers=False,
             timeout_keep_alive=_KEPT_CONNECTION_S,
-            timeout_graceful_shutdown=round(settings.timeout_s),
+            timeout_graceful_shutdown=math.ceil(settings.timeout_s),
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
         )
