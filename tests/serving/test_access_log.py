@@ -20,7 +20,7 @@ def lines(path: Path) -> list[int]:
 
 def test_workers_follow_a_rotated_log_and_old_files_are_dropped(tmp_path: Path) -> None:
     path = tmp_path / "access.jsonl"
-    workers = [AccessLog(path), AccessLog(path)]
+    workers = [AccessLog(path, 0.0), AccessLog(path, 0.0)]
     for number in range(40):
         workers[number % 2].write({"number": number})
         rotate(path, max_bytes=139, files=2)  # ten lines or so
@@ -44,7 +44,7 @@ def test_a_log_that_cannot_be_written_is_reported_once_and_fails_no_request(
 ) -> None:
     folder = tmp_path / "logs"
     folder.mkdir()
-    log = AccessLog(folder / "access.jsonl")
+    log = AccessLog(folder / "access.jsonl", 0.0)
     (folder / "access.jsonl").unlink()
     folder.rmdir()
     with caplog.at_level(logging.ERROR):

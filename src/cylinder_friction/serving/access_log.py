@@ -3,6 +3,7 @@
 import logging
 import os
 import stat
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ _log = logging.getLogger(__name__)
 class AccessLog:
     """Appends lines to a file, and follows it when it is rotated, by ``rotate`` or by another program."""
 
-    def __init__(self, path: Path) -> None:
-        """Open the log; raises ``OSError`` where it cannot be written."""
-        self._path = path
+    def __init__(self, path: Path, looks_every_s: float = 1.0) -> None:
+        """Open the log; raises ``OSError`` where it cannot be written. Now and then it looks whether it was moved."""
+        self._path, self._looks_every_s = path, looks_every_s
+        self._look_at_s = 0.0
         self._file = _opened(path)
         self._problem = ""
 
@@ -35,6 +37,9 @@ class AccessLog:
             self._problem = str(error)
 
     def _was_moved(self) -> bool:
+        if (now_s := time.monotonic()) < self._look_at_s:
+            return False
+        self._look_at_s = now_s + self._looks_every_s
         try:
             there = self._path.stat()
         except FileNotFoundError:

@@ -47,9 +47,10 @@ class Metrics:
         self.rows.inc(len(flags))
         self.outside.inc(len(flags) - int(in_range.sum()))
         values, counts = np.unique(flags, return_counts=True)
-        for bit, name in self._source.now.graph.flags.items():
-            if (number := int(counts[(values & bit) != 0].sum())) > 0:
-                self.flagged.labels(name).inc(number)
+        for value, number in zip(values.tolist(), counts.tolist(), strict=True):  # a few, also of a long recording
+            for bit, name in self._source.now.graph.flags.items():
+                if value & bit:
+                    self.flagged.labels(name).inc(number)
 
     def observe_model(self) -> None:
         """Take over how models were exchanged."""
