@@ -15,7 +15,6 @@ from cylinder_friction.deployment.scoring import RECORDING_COLUMN, Column
 from cylinder_friction.serving.errors import SHOWN, RequestError, shown
 from cylinder_friction.serving.expected import Columns, Expected, refuse_names
 
-pa.set_memory_pool(pa.system_memory_pool())  # another would keep what the largest body has ever taken
 _HEADER, _COMPRESSION = 2, 3
 """Fields of Message and of RecordBatch in Arrow's Message.fbs."""
 _UNREADABLE = (pa.ArrowException, ValueError, LookupError, EOFError, OSError, struct.error)

@@ -8,6 +8,7 @@ is gone, however that ended.
 import asyncio
 import logging
 import math
+import os
 import resource
 import shutil
 import socket
@@ -80,6 +81,7 @@ def main(listening: int, supervisor: int, folder: Path) -> int:
     try:
         settings = ServeSettings.from_json((folder / SETTINGS_FILE).read_text("utf-8"))
         _limit_memory(settings.max_memory_bytes)
+        os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # another keeps what the largest body has ever taken
         config = uvicorn.Config(
             create_app(settings, folder / CURRENT_FILE),
             ws="none",
