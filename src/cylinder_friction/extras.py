@@ -14,6 +14,7 @@ BROUGHT_BY = {
     "uvicorn": "serve",
     "orjson": "serve",
     "prometheus_client": "serve",
+    "websockets": "live",
     "optuna": "pipeline",
     "hydra": "pipeline",
     "omegaconf": "pipeline",

@@ -26,6 +26,7 @@ COMMANDS = {
     "rollback": "make the previous champion the champion again, or any version with --to",
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
+    "live": "friction of many cylinders in real time, with a page; --replay LOGS to try it",
     "golden": "the trajectories that every real-time runtime must meet",
     "export": "write a trained estimator in another form, for use elsewhere",
     "latency": "measure the cost of one step in every runtime on this machine",

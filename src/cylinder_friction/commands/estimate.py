@@ -47,7 +47,8 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 
 def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
-        function = partial(estimate_logs, model=_model(options.model, stack), file_format=options.format)
+        model = options.model and model_folder(options.model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        function = partial(estimate_logs, model=model, file_format=options.format)
         result, notes = run_on_logs(function, options)
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"bounds   {result.bounds}"])
     return 1 if result.refused or not result.recordings else 0
@@ -110,12 +111,13 @@ def cylinder_of(given: str | None) -> Cylinder:
     return Cylinder(**content)
 
 
-def _model(given: str | None, stack: ExitStack) -> Path | None:
-    if given is None or not given.startswith("models:/"):
-        return None if given is None else Path(given)
+def model_folder(given: str, scratch: Path) -> Path:
+    """Return the folder of a saved estimator: the one given, or a registered one's, copied below ``scratch``."""
+    if not given.startswith("models:/"):
+        return Path(given)
     from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
 
-    return estimator_folder(given, Path(), Path(stack.enter_context(tempfile.TemporaryDirectory())))
+    return estimator_folder(given, Path(), scratch)
 
 
 def _lines(result: FrictionOfLogs) -> list[str]:

@@ -1,0 +1,145 @@
+"""The service on the network: WebSocket in and out, a page, health and metrics; on this machine's loopback alone."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
+
+from cylinder_friction.live.connection import Connection, Peers
+from cylinder_friction.live.frames import EstimateBlock
+from cylinder_friction.live.history import move_into_history
+from cylinder_friction.live.metrics import metrics_text
+from cylinder_friction.live.service import LiveService, LiveSession
+from cylinder_friction.live.watching import Watchers
+
+KEEP_S, OVERDUE_S, HISTORY_S = 1.0, 0.05, 60.0
+LEFT_S = 10
+"""For so many seconds estimates stay in the journal, for a client that comes back."""
+STATIC = Path(__file__).parent / "static"
+_LOOPBACK = {"127.0.0.1", "localhost", "[::1]"}
+_log = logging.getLogger(__name__)
+
+
+def create_app(service: LiveService, history: Path) -> Starlette:
+    """Return the application around a service; it moves the journal into ``history`` while it runs, and at its end."""
+    peers, watchers = Peers(service), Watchers(service)
+
+    def on_estimates(session: LiveSession, block: EstimateBlock) -> None:
+        peers.send(session, block)
+        watchers.note(session, block)
+
+    service.on_estimates = on_estimates
+    lag = _Lag()
+
+    async def stream(socket: WebSocket) -> None:
+        if await _foreign(socket):
+            return
+        await Connection(socket, service, peers).run()
+
+    async def watch(socket: WebSocket) -> None:
+        if not await _foreign(socket):
+            await watchers.run(socket)
+
+    async def readyz(_: Request) -> Response:
+        ready = lag.worst_s < 1.0
+        body = {"ready": ready, "model": service.engine.model, "loop_lag_s": lag.worst_s, **service.load()}
+        return JSONResponse(body, 200 if ready else 503)
+
+    async def metrics(_: Request) -> Response:
+        return PlainTextResponse(metrics_text(service, peers, lag.worst_s), media_type="text/plain; version=0.0.4")
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        jobs = [
+            asyncio.create_task(each)
+            for each in (_keep(service, peers, history), _overdue(service, lag), watchers.tick())
+        ]
+        yield
+        for job in jobs:
+            job.cancel()
+        await asyncio.gather(*jobs, return_exceptions=True)
+        service.keep()
+        move_into_history(service.journal, history)
+
+    return Starlette(
+        routes=[
+            Route("/", lambda _: FileResponse(STATIC / "live.html")),
+            Route("/livez", lambda _: PlainTextResponse("alive\n")),
+            Route("/readyz", readyz),
+            Route("/metrics", metrics),
+            WebSocketRoute("/stream", stream),
+            WebSocketRoute("/watch", watch),
+            Mount("/static", StaticFiles(directory=STATIC)),
+        ],
+        lifespan=lifespan,
+    )
+
+
+class _Lag:
+    """How late the event loop was, at worst, within the last second."""
+
+    def __init__(self) -> None:
+        self.worst_s, self._next_s, self._since_s = 0.0, 0.0, time.monotonic()
+
+    def note(self, late_s: float) -> None:
+        self._next_s = max(self._next_s, late_s)
+        if time.monotonic() - self._since_s > 1.0:
+            self.worst_s, self._next_s, self._since_s = self._next_s, 0.0, time.monotonic()
+
+
+async def _overdue(service: LiveService, lag: _Lag) -> None:
+    while True:
+        due_s = time.monotonic() + OVERDUE_S
+        await asyncio.sleep(OVERDUE_S)
+        lag.note(time.monotonic() - due_s)
+        service.overdue()
+
+
+async def _keep(service: LiveService, peers: Peers, history: Path) -> None:
+    moved_s = time.monotonic()
+    while True:
+        await asyncio.sleep(KEEP_S)
+        saved, chunks = service.unkept()
+        keeping = asyncio.create_task(asyncio.to_thread(service.journal.keep, saved, chunks))
+        try:
+            await asyncio.shield(keeping)
+        except asyncio.CancelledError:
+            await keeping  # what was handed over is kept before the last of all is
+            raise
+        peers.acknowledge(service.kept(saved))
+        for name in service.close_idle():
+            _log.info("session %s closed: idle; its state is kept", name)
+        if time.monotonic() - moved_s > HISTORY_S:
+            left = LEFT_S * len(service.sessions)
+            await asyncio.to_thread(move_into_history, service.journal, history, left)
+            moved_s = time.monotonic()
+
+
+async def _foreign(socket: WebSocket) -> bool:
+    """Refuse a page of another origin, which a browser would let reach this machine's loopback."""
+    problem = foreign_origin(socket)
+    if problem:
+        await socket.accept()
+        await socket.send_text(json.dumps({"error": problem}))
+        await socket.close(1008)
+    return bool(problem)
+
+
+def foreign_origin(connection: HTTPConnection) -> str:
+    """Return what is wrong with the names under which a connection was opened; empty where nothing is."""
+    host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
+    if host.rpartition(":")[0] not in _LOOPBACK:
+        return f"host {host[:80]!r}: this service is for this machine alone; use 127.0.0.1"
+    if origin is not None and origin.partition("://")[2] != host:
+        return f"origin {origin[:80]!r}: only this service's own page may connect from a browser"
+    return ""

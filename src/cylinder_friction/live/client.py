@@ -1,0 +1,195 @@
+"""A client that loses nothing: it keeps what is not acknowledged, and sends it again after a break."""
+
+import json
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
+
+RETRY_S, PATIENCE_S = 0.2, 30.0
+ROWS_A_BLOCK = 1000
+
+
+class LiveClientError(RuntimeError):
+    """The service refused something, or cannot be reached; the message is its own."""
+
+
+class Client:
+    """Samples of one session into the service, estimates out, in order and once each.
+
+    After a break it connects again and sends what was not acknowledged; a sender that was started anew goes on at
+    ``next_index``. One client is for one thread.
+
+    Args:
+        url: Of the service, such as ``ws://127.0.0.1:5002/stream``.
+        session: Name of the cylinder's session, the same after every start.
+        inputs: Columns of a sample, as the model names them.
+        sample_time_s: Time between two samples [s].
+        start_time_s: When the sample of index 0 was taken [s, Unix]; None: now, less what was sent before.
+
+    Raises:
+        LiveClientError: The service refuses the session, or is not there within half a minute.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        session: str,
+        inputs: Sequence[str] = ("pressure_1_pa", "pressure_2_pa", "position_m"),
+        sample_time_s: float = 0.005,
+        start_time_s: float | None = None,
+    ) -> None:
+        self._url, self._session = url, session
+        self._opens: dict[str, Any] = {"session": session, "inputs": list(inputs), "sample_time_s": sample_time_s}
+        self._sample_time_s = sample_time_s
+        self._unacknowledged: deque[SampleBlock] = deque()
+        self._estimates: deque[EstimateBlock] = deque()
+        self._socket: ClientConnection | None = None
+        self._open_socket = ExitStack()
+        self._handle, self.acknowledged_index = 0, 0
+        self.next_index = self.estimated_index = self._connect()
+        self.start_time_s = time.time() - self.next_index * sample_time_s if start_time_s is None else start_time_s
+
+    def send(self, samples: Array) -> None:
+        """Send successive samples, shape ``(rows, inputs)``; returns when they are on their way."""
+        for begin in range(0, len(samples), ROWS_A_BLOCK):
+            part = np.ascontiguousarray(samples[begin : begin + ROWS_A_BLOCK], dtype=np.float64)
+            time_s = self.start_time_s + self.next_index * self._sample_time_s
+            block = SampleBlock(self._handle, self.next_index, time_s, part)
+            self._unacknowledged.append(block)
+            self.next_index += len(part)
+            self._send(block)
+
+    def estimates(self, timeout_s: float = 1.0) -> tuple[int, Array, NDArray[np.uint32]]:
+        """Return the next estimates: index of the first, newtons ``(rows, 3)``, flags; after ``timeout_s`` no rows."""
+        deadline = time.monotonic() + timeout_s
+        left_s = timeout_s
+        while not self._estimates and left_s >= 0.0 and self._receive(left_s):
+            left_s = deadline - time.monotonic()
+        if not self._estimates:
+            return self.estimated_index, np.zeros((0, 3)), np.zeros(0, np.uint32)
+        block = self._estimates.popleft()
+        return block.index, block.newtons, block.flags
+
+    def wait_until_kept(self, timeout_s: float = 30.0) -> None:
+        """Wait until all that was sent is acknowledged; estimates that come meanwhile stay to be fetched.
+
+        Raises:
+            LiveClientError: It was not within ``timeout_s``.
+        """
+        deadline = time.monotonic() + timeout_s
+        while self.acknowledged_index < self.next_index:
+            if time.monotonic() > deadline:
+                raise LiveClientError(
+                    f"session {self._session!r}: {self.next_index - self.acknowledged_index} samples are not "
+                    f"acknowledged after {timeout_s:g} s"
+                )
+            self._receive(0.2)
+
+    def close(self) -> None:
+        """Leave; the session stays, to be gone on with."""
+        self._socket = None
+        self._open_socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def _connect(self) -> int:
+        """Open the session; return the index that the service steps next."""
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                self._open_socket.close()
+                self._socket = self._open_socket.enter_context(
+                    connect(self._url, max_size=None, open_timeout=5.0, close_timeout=0.5)
+                )
+                self._socket.send(json.dumps({"open": self._opens}))
+                opened = self._opened(self._socket)
+                break
+            except (OSError, ConnectionClosed, TimeoutError) as error:
+                if time.monotonic() > deadline:
+                    raise LiveClientError(f"{self._url}: not reached in {PATIENCE_S:g} s ({error})") from error
+                time.sleep(RETRY_S)
+        self._handle, self.acknowledged_index = opened["handle"], opened["kept_index"]
+        return int(opened["next_index"])
+
+    def _opened(self, socket: ClientConnection) -> dict[str, Any]:
+        while True:
+            message = socket.recv(timeout=5.0)
+            content = json.loads(message) if isinstance(message, str) else {}
+            if "error" in content:
+                raise LiveClientError(content["error"])
+            if "opened" in content:
+                return dict(content["opened"])
+
+    def _send(self, block: SampleBlock) -> None:
+        try:
+            assert self._socket is not None
+            self._socket.send(pack_samples(block))
+        except (ConnectionClosed, OSError):
+            self._resume()
+
+    def _resume(self) -> None:
+        """Connect again, ask for the estimates that were not read, send what was not acknowledged."""
+        self._opens["estimates_from"] = self.estimated_index
+        self._connect()
+        self._forget_acknowledged()
+        blocks = [SampleBlock(self._handle, b.index, b.time_s, b.samples) for b in self._unacknowledged]
+        self._unacknowledged = deque(blocks)
+        for block in blocks:
+            try:
+                assert self._socket is not None
+                self._socket.send(pack_samples(block))
+            except (ConnectionClosed, OSError):
+                return self._resume()
+        return None
+
+    def _receive(self, timeout_s: float) -> bool:
+        """Take in the next message; return whether one came, or the connection was made anew."""
+        try:
+            assert self._socket is not None
+            message = self._socket.recv(timeout=timeout_s)
+        except TimeoutError:
+            return False
+        except (ConnectionClosed, OSError):
+            self._resume()
+            return True
+        if isinstance(message, str):
+            raise LiveClientError(message)
+        for block in unpack(message):
+            if isinstance(block, Acknowledgement):
+                self.acknowledged_index = max(self.acknowledged_index, block.index)
+                self._forget_acknowledged()
+            elif isinstance(block, EstimateBlock):
+                self._take(block)
+        return True
+
+    def _take(self, block: EstimateBlock) -> None:
+        """Keep what is new of estimates; after a break the service gives again what it had not kept."""
+        known = max(0, self.estimated_index - block.index)
+        if known < len(block.flags):
+            new = EstimateBlock(
+                block.handle, block.index + known, block.time_s, block.newtons[known:], block.flags[known:]
+            )
+            self._estimates.append(new)
+            self.estimated_index = new.index + len(new.flags)
+
+    def _forget_acknowledged(self) -> None:
+        while self._unacknowledged:
+            first = self._unacknowledged[0]
+            if first.index + len(first.samples) > self.acknowledged_index:
+                return
+            self._unacknowledged.popleft()

@@ -1,0 +1,129 @@
+"""Binary frames: samples in, estimates and acknowledgements out; the same over every link.
+
+A message is one block or several, of any sessions. A block is a header of 24 bytes and its numbers, little-endian:
+
+==========  ====  ==========================================================================================
+field       type  meaning
+==========  ====  ==========================================================================================
+kind        u8    1 samples, 2 estimates, 3 acknowledgement
+columns     u8    of samples: inputs of the model; of estimates: 3; else 0
+rows        u16   samples of the block; 0 in an acknowledgement
+handle      u32   which session; the service gives it when the session is opened
+index       u64   of the first row, counted by the sender from its own beginning; acknowledged: all rows before it
+time_s      f64   when the first row was sampled, in the sender's clock [s, Unix]
+==========  ====  ==========================================================================================
+
+Behind it: of samples rows × columns f64; of estimates rows × (friction, lower, upper) f64 [N], then rows × flags u32,
+and where rows are odd, four bytes of zeros, so that every block begins at a multiple of eight bytes.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array
+
+SAMPLES, ESTIMATES, ACKNOWLEDGEMENT = 1, 2, 3
+HEADER = struct.Struct("<BBHIQd")
+LARGEST_INDEX = 1 << 53
+"""Greater indices would not survive JSON."""
+NEWTONS = 3
+
+
+class FrameError(ValueError):
+    """A message that is no sequence of blocks; none of its blocks is used."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampleBlock:
+    """Successive samples of one session."""
+
+    handle: int
+    index: int  # Of the first
+    time_s: float  # When the first was sampled, in the sender's clock
+    samples: Array  # Shape ``(rows, columns)``
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateBlock:
+    """Their estimates."""
+
+    handle: int
+    index: int
+    time_s: float
+    newtons: Array  # Friction, lower and upper bound [N], shape ``(rows, 3)``
+    flags: NDArray[np.uint32]  # Shape ``(rows,)``
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """All samples of a session before ``index`` are kept, whatever happens to the service."""
+
+    handle: int
+    index: int
+
+
+def pack_samples(block: SampleBlock) -> bytes:
+    """Return one block of samples as bytes."""
+    rows, columns = block.samples.shape
+    head = HEADER.pack(SAMPLES, columns, rows, block.handle, block.index, block.time_s)
+    return head + block.samples.astype("<f8", copy=False).tobytes()
+
+
+def pack_estimates(block: EstimateBlock) -> bytes:
+    """Return one block of estimates as bytes."""
+    rows = len(block.flags)
+    head = HEADER.pack(ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s)
+    padding = b"\0\0\0\0" if rows % 2 else b""
+    return b"".join((head, block.newtons.tobytes(), block.flags.tobytes(), padding))
+
+
+def pack_acknowledgement(block: Acknowledgement) -> bytes:
+    """Return one acknowledgement as bytes."""
+    return HEADER.pack(ACKNOWLEDGEMENT, 0, 0, block.handle, block.index, 0.0)
+
+
+def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement]:
+    """Return the blocks of a message; raises ``FrameError`` where it is none, before any block is returned."""
+    return list(_blocks(message))
+
+
+def _blocks(message: bytes) -> Iterator[SampleBlock | EstimateBlock | Acknowledgement]:
+    at, end = 0, len(message)
+    if not end:
+        raise FrameError("got an empty message; expected one block at least")
+    while at < end:
+        if end - at < HEADER.size:
+            raise FrameError(f"byte {at}: {end - at} bytes are left, expected a header of {HEADER.size}")
+        kind, columns, rows, handle, index, time_s = HEADER.unpack_from(message, at)
+        size = _size(kind, columns, rows, at)
+        at += HEADER.size
+        if index + rows > LARGEST_INDEX:
+            raise FrameError(f"byte {at}: index {index} is beyond 2^53")
+        if end - at < size:
+            raise FrameError(f"byte {at}: {end - at} bytes are left, expected {size} for {rows} rows")
+        if kind == SAMPLES:
+            numbers = np.frombuffer(message, "<f8", rows * columns, at).reshape(rows, columns)
+            yield SampleBlock(handle, index, time_s, numbers)
+        elif kind == ESTIMATES:
+            newtons = np.frombuffer(message, "<f8", rows * NEWTONS, at).reshape(rows, NEWTONS)
+            yield EstimateBlock(
+                handle, index, time_s, newtons, np.frombuffer(message, "<u4", rows, at + 8 * NEWTONS * rows)
+            )
+        else:
+            yield Acknowledgement(handle, index)
+        at += size
+
+
+def _size(kind: int, columns: int, rows: int, at: int) -> int:
+    """Return how many bytes stand behind a header."""
+    if kind == SAMPLES and rows and columns:
+        return 8 * rows * columns
+    if kind == ESTIMATES and rows and columns == NEWTONS:
+        return 8 * NEWTONS * rows + 4 * (rows + rows % 2)
+    if kind == ACKNOWLEDGEMENT and not rows and not columns:
+        return 0
+    raise FrameError(f"byte {at}: got kind {kind} with {columns} columns and {rows} rows, expected no such block")

@@ -1,0 +1,48 @@
+"""What Prometheus scrapes: sessions, samples by outcome, flags, what waits, how late the loop is."""
+
+from collections import Counter
+from collections.abc import Iterator
+
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from cylinder_friction.live.connection import Peers
+from cylinder_friction.live.service import LiveService
+
+_GAUGES = {
+    "sessions": "Open sessions.",
+    "held_rows": "Samples that wait for ones before them.",
+    "unkept_rows": "Estimates that are not kept yet.",
+}
+
+
+def metrics_text(service: LiveService, peers: Peers, loop_lag_s: float) -> str:
+    """Return the metrics in Prometheus's text format."""
+    registry = CollectorRegistry()
+    registry.register(_Live(service, peers, loop_lag_s))
+    return generate_latest(registry).decode()
+
+
+class _Live(Collector):
+    def __init__(self, service: LiveService, peers: Peers, loop_lag_s: float) -> None:
+        self._service, self._peers, self._lag_s = service, peers, loop_lag_s
+
+    def collect(self) -> Iterator[Metric]:
+        samples: Counter[str] = Counter()
+        for session in self._service.sessions.values():
+            samples.update(vars(session.order.counts))
+        by_outcome = CounterMetricFamily(
+            "cylinder_friction_live_samples", "Samples of the open sessions by outcome.", labels=["outcome"]
+        )
+        for outcome, count in samples.items():
+            by_outcome.add_metric([outcome], count)
+        yield by_outcome
+        refused = CounterMetricFamily("cylinder_friction_live_refused", "Messages refused.", labels=["kind"])
+        for kind, count in self._peers.refused.items():
+            refused.add_metric([kind], count)
+        yield refused
+        for name, value in self._service.load().items():
+            yield GaugeMetricFamily(f"cylinder_friction_live_{name}", _GAUGES[name], value)
+        yield GaugeMetricFamily("cylinder_friction_live_connections", "Clients.", self._peers.connections)
+        yield GaugeMetricFamily("cylinder_friction_live_loop_lag_seconds", "Worst of the last second.", self._lag_s)

@@ -1,0 +1,196 @@
+"use strict";
+/* The page of the live service: a table of all sessions; one session over time and against velocity. */
+
+const KEEP_S = 60, SPARK = 300, SLOPE_S = 0.1;
+const FLAGS = [["NOT_READY", "#888888"], ["WARMING", "#e69f00"], ["OUTSIDE", "#cc79a7"], ["INVALID_PRESSURE_1", "#d55e00"],
+  ["INVALID_PRESSURE_2", "#d55e00"], ["INVALID_POSITION", "#d55e00"], ["FROZEN", "#999933"], ["RECOVERING", "#e69f00"],
+  ["INVALID_OTHER", "#d55e00"], ["OFFSET_UNKNOWN", "#bbbbbb"], ["UNMODELLED_FORCE", "#882255"]];
+const by = (id) => document.getElementById(id);
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const sparks = new Map(), rows = new Map();
+let socket = null, shown = null, frozen = false, plots = null, sampleTimeS = 0.005;
+const data = { index: [], newtons: [[], [], []], samples: [[], [], []], flags: [] };
+
+function connect() {
+  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/watch`);
+  socket.onopen = () => socket.send(shown ?? "");
+  socket.onclose = () => { by("state").textContent = "not connected; trying again…"; setTimeout(connect, 1000); };
+  socket.onmessage = (event) => {
+    const content = JSON.parse(event.data);
+    if (content.sessions) table(content.sessions); else if (content.rows) take(content.rows);
+  };
+}
+
+function table(sessions) {
+  by("state").textContent = `${sessions.length} session${sessions.length === 1 ? "" : "s"}`;
+  by("none").hidden = sessions.length > 0;
+  by("sessions").hidden = sessions.length === 0;
+  const seen = new Set();
+  for (const each of sessions) {
+    seen.add(each.name);
+    const row = rows.get(each.name) ?? addRow(each.name);
+    const [friction, lower, upper] = each.newtons, cells = row.children;
+    text(cells[1], friction.toFixed(0));
+    text(cells[2], `${lower.toFixed(0)} to ${upper.toFixed(0)}`);
+    text(cells[3], each.flags.join(" ").toLowerCase().replaceAll("_", " "));
+    text(cells[4], each.index.toLocaleString("en"));
+    text(cells[5], (each.index - each.kept).toLocaleString("en"));
+    const spark = sparks.get(each.name);
+    spark.push(friction);
+    if (spark.length > SPARK) spark.shift();
+    const place = row.getBoundingClientRect();
+    if (place.bottom > 0 && place.top < innerHeight) draw(cells[6].firstChild, spark);
+    if (each.name === shown) counts(each.counts);
+  }
+  for (const [name, row] of rows) if (!seen.has(name)) { row.remove(); rows.delete(name); sparks.delete(name); }
+}
+
+function text(cell, value) { if (cell.textContent !== value) cell.textContent = value; }
+
+function addRow(name) {
+  const row = document.createElement("tr");
+  row.tabIndex = 0;
+  row.innerHTML = '<td></td><td></td><td class="wide"></td><td class="flags"></td><td class="wide"></td><td class="wide"></td><td><canvas width="240" height="44"></canvas></td>';
+  row.firstChild.textContent = name;
+  row.onclick = () => show(name);
+  row.onkeydown = (event) => { if (event.key === "Enter") show(name); };
+  by("sessions").tBodies[0].append(row);
+  rows.set(name, row);
+  sparks.set(name, []);
+  return row;
+}
+
+function draw(canvas, values) {
+  const pen = canvas.getContext("2d"), low = Math.min(...values), high = Math.max(...values, low + 1);
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.strokeStyle = css("--mark");
+  pen.lineWidth = 2;
+  pen.beginPath();
+  values.forEach((value, at) => pen.lineTo(at / SPARK * canvas.width, 2 + (high - value) / (high - low) * (canvas.height - 4)));
+  pen.stroke();
+}
+
+function counts(content) {
+  const parts = Object.entries(content).filter(([name, count]) => count && name !== "stepped");
+  by("counts").textContent = parts.map(([name, count]) => `${name}: ${count.toLocaleString("en")}`).join(", ");
+}
+
+function show(name) {
+  shown = name;
+  for (const column of [data.index, data.flags, ...data.newtons, ...data.samples]) column.length = 0;
+  by("detail").hidden = false;
+  by("detail-title").textContent = name;
+  freeze(false);
+  makePlots();
+  socket.send(name);
+  by("detail").scrollIntoView({ behavior: "smooth" });
+}
+
+function hide() { shown = null; by("detail").hidden = true; socket.send(""); }
+
+function take(part) {
+  if (shown === null) return;
+  data.index.push(...part.index);
+  data.flags.push(...part.flags);
+  for (const row of part.newtons) row.forEach((value, at) => data.newtons[at].push(value));
+  for (const row of part.samples) for (let at = 0; at < 3; at++) data.samples[at].push(row[at] ?? null);
+  const extra = data.index.length - KEEP_S / sampleTimeS;
+  if (extra > 0) for (const column of [data.index, data.flags, ...data.newtons, ...data.samples]) column.splice(0, extra);
+  if (!frozen) redraw();
+}
+
+function velocity() {
+  const half = Math.round(SLOPE_S / sampleTimeS / 2), x = data.samples[2];
+  return x.map((_, at) => (x[at - half] == null || x[at + half] == null) ? null : (x[at + half] - x[at - half]) / (2 * half * sampleTimeS));
+}
+
+function redraw() {
+  if (!plots) return;
+  const time = data.index.map((index) => index * sampleTimeS);
+  plots.friction.setData([time, data.newtons[1], data.newtons[2], data.newtons[0]]);
+  plots.inputs.setData([time, data.samples[0].map(bar), data.samples[1].map(bar), data.samples[2].map((x) => x === null ? null : 1e3 * x)]);
+  const speeds = velocity(), pairs = [];
+  for (let at = 0; at < speeds.length; at += 4) if (speeds[at] !== null && !(data.flags[at] & ~512)) pairs.push([1e3 * speeds[at], data.newtons[0][at]]);
+  pairs.sort((a, b) => a[0] - b[0]);
+  plots.velocity.setData([pairs.map((pair) => pair[0]), pairs.map((pair) => pair[1])]);
+  strip();
+}
+
+function bar(pascal) { return pascal === null ? null : pascal / 1e5; }
+
+function strip() {
+  const canvas = by("flags"), plot = plots.friction, pen = canvas.getContext("2d"), ratio = devicePixelRatio;
+  canvas.width = canvas.clientWidth * ratio;
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  const used = new Set(), left = plot.over.offsetLeft;
+  data.flags.forEach((flags, at) => {
+    if (!flags) return;
+    const x = (left + plot.valToPos(data.index[at] * sampleTimeS, "x")) * ratio;
+    FLAGS.forEach(([name, colour], bit) => { if (flags >> bit & 1) { used.add(bit); pen.fillStyle = colour; } });
+    pen.fillRect(x, 0, Math.max(1, ratio), canvas.height);
+  });
+  const legend = [...used].sort((a, b) => a - b).map((bit) => `<span><i style="background:${FLAGS[bit][1]}"></i>${FLAGS[bit][0].toLowerCase().replaceAll("_", " ")}</span>`);
+  by("legend").innerHTML = legend.length ? `Flags: ${legend.join("")}` : "No flags.";
+}
+
+function makePlots() {
+  if (plots) Object.values(plots).forEach((plot) => plot.destroy());
+  const ink = css("--ink"), line = css("--line"), mark = css("--mark"), warn = css("--warn");
+  const axis = (label, more) => ({ label, stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line }, labelSize: 20, font: "12px system-ui", labelFont: "12px system-ui", ...more });
+  const clock = axis("time [s]");
+  const make = (id, height, options, empty) => new uPlot({ width: by(id).clientWidth, height, ...options }, empty, by(id));
+  const x = { time: false };
+  plots = {
+    friction: make("friction", 300, {
+      title: "Friction with its bounds", scales: { x }, axes: [clock, axis("[N]")],
+      series: [{ label: "time [s]" }, { label: "lower", stroke: "transparent" }, { label: "upper", stroke: "transparent" }, { label: "friction [N]", stroke: mark, width: 1.5 }],
+      bands: [{ series: [2, 1], fill: mark + "40" }],
+    }, [[], [], [], []]),
+    inputs: make("inputs", 240, {
+      title: "Pressures and position", scales: { x, mm: {} }, axes: [clock, axis("[bar]"), axis("[mm]", { scale: "mm", side: 1, grid: { show: false } })],
+      series: [{ label: "time [s]" }, { label: "pressure 1 [bar]", stroke: mark }, { label: "pressure 2 [bar]", stroke: warn }, { label: "position [mm]", stroke: ink, scale: "mm", dash: [4, 3] }],
+    }, [[], [], [], []]),
+    velocity: make("velocity", 240, {
+      title: "Friction against velocity, rows without flags", scales: { x }, axes: [axis("velocity [mm/s]"), axis("[N]")],
+      series: [{ label: "velocity [mm/s]" }, { label: "friction [N]", stroke: mark, paths: () => null, points: { show: true, size: 3, fill: mark } }],
+    }, [[], []]),
+  };
+  redraw();
+}
+
+function freeze(on) { frozen = on; by("freeze").setAttribute("aria-pressed", String(on)); if (!on) redraw(); }
+
+function save() {
+  const { min, max } = plots.friction.scales.x, lines = ["index,time_s,pressure_1_pa,pressure_2_pa,position_m,friction_n,lower_n,upper_n,flags"];
+  data.index.forEach((index, at) => {
+    const time = index * sampleTimeS;
+    if (time < min || time > max) return;
+    lines.push([index, time.toFixed(6), ...data.samples.map((column) => column[at] ?? ""), ...data.newtons.map((column) => column[at]), data.flags[at]].join(","));
+  });
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([lines.join("\n") + "\n"], { type: "text/csv" }));
+  link.download = `${shown.replaceAll(/[^\w.-]/g, "_")}.csv`;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+function theme(dark) {
+  document.documentElement.classList.toggle("dark", dark);
+  localStorage.setItem("dark", dark);
+  if (plots) makePlots();
+}
+
+by("freeze").onclick = () => freeze(!frozen);
+by("save").onclick = save;
+by("close").onclick = hide;
+by("theme").onclick = () => theme(!document.documentElement.classList.contains("dark"));
+document.onkeydown = (event) => {
+  if (event.key === "t") theme(!document.documentElement.classList.contains("dark"));
+  else if (shown !== null && event.key === "Escape") hide();
+  else if (shown !== null && event.key === "s") save();
+  else if (shown !== null && event.key === " " && event.target.tagName !== "BUTTON") { event.preventDefault(); freeze(!frozen); }
+};
+addEventListener("resize", () => { if (plots) makePlots(); });
+const stored = localStorage.getItem("dark");
+theme(stored === null ? matchMedia("(prefers-color-scheme: dark)").matches : stored === "true");
+connect();

@@ -1,0 +1,103 @@
+"""What the page is sent: a row of each session some times a second, and one session's samples in full."""
+
+import asyncio
+import json
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from cylinder_friction.live.frames import EstimateBlock
+from cylinder_friction.live.service import LiveService, LiveSession
+from cylinder_friction.realtime.flags import Flag
+
+TICK_S = 0.2
+UNSENT_BLOCKS = 2000
+"""A page that reads no faster loses what is beyond this; the journal loses nothing."""
+
+
+class Watchers:
+    """All open pages."""
+
+    def __init__(self, service: LiveService) -> None:
+        self._service = service
+        self._latest: dict[str, EstimateBlock] = {}
+        self._pages: set[_Page] = set()
+        self._by_session: dict[str, set[_Page]] = {}
+
+    def note(self, session: LiveSession, block: EstimateBlock) -> None:
+        """Remember the latest estimates of a session, and all of one that a page looks at."""
+        self._latest[session.name] = block
+        for page in self._by_session.get(session.name, ()):
+            if len(page.blocks) < UNSENT_BLOCKS:
+                page.blocks.append((block, session.chunks[-1].samples))
+
+    async def run(self, socket: WebSocket) -> None:
+        """Serve a page until it leaves; it sends the name of the session that it shows, or nothing."""
+        await socket.accept()
+        page = _Page(socket)
+        self._pages.add(page)
+        try:
+            while True:
+                self._look_at(page, (await socket.receive_text())[:80])
+        except (WebSocketDisconnect, KeyError):
+            pass
+        finally:
+            self._pages.discard(page)
+            self._look_at(page, "")
+
+    async def tick(self) -> None:
+        """Send every page what is new, again and again; a page that is still busy with the last is left out."""
+        while True:
+            await asyncio.sleep(TICK_S)
+            if not self._pages:
+                continue
+            table = json.dumps({"sessions": [self._row(each) for each in self._service.sessions.values()]})
+            for page in self._pages:
+                if page.sending is None or page.sending.done():
+                    page.sending = asyncio.create_task(page.send(table))
+
+    def _look_at(self, page: "_Page", name: str) -> None:
+        for looking in self._by_session.values():
+            looking.discard(page)
+        page.blocks.clear()
+        if name in self._service.sessions:
+            self._by_session.setdefault(name, set()).add(page)
+
+    def _row(self, session: LiveSession) -> dict[str, Any]:
+        block = self._latest.get(session.name)
+        newtons = (0.0, 0.0, 0.0) if block is None else block.newtons[-1].tolist()
+        flags = 0 if block is None else int(block.flags[-1])
+        return {
+            "name": session.name,
+            "index": session.next_index,
+            "newtons": newtons,
+            "flags": Flag.names(flags),
+            "kept": session.kept_index,
+            "counts": vars(session.order.counts),
+        }
+
+
+class _Page:
+    def __init__(self, socket: WebSocket) -> None:
+        self._socket = socket
+        self.blocks: list[tuple[EstimateBlock, Any]] = []
+        self.sending: asyncio.Task[None] | None = None
+
+    async def send(self, table: str) -> None:
+        blocks, self.blocks = self.blocks, []
+        try:
+            await self._socket.send_text(table)
+            if blocks:
+                await self._socket.send_text(_detail(blocks))
+        except (RuntimeError, WebSocketDisconnect):
+            pass  # it has left
+
+
+def _detail(blocks: list[tuple[EstimateBlock, Any]]) -> str:
+    columns: dict[str, list[Any]] = {"index": [], "samples": [], "newtons": [], "flags": []}
+    for block, samples in blocks:
+        columns["index"] += range(block.index, block.index + len(block.flags))
+        columns["samples"] += [[None if value != value else value for value in row] for row in samples.tolist()]
+        columns["newtons"] += block.newtons.tolist()
+        columns["flags"] += block.flags.tolist()
+    return json.dumps({"rows": columns})

@@ -1,0 +1,24 @@
+"""A small hybrid's engine, and samples for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.live.engine import Engine
+
+if TYPE_CHECKING:
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.recordings.recording import Recording
+
+
+@pytest.fixture(scope="session")
+def engine(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Engine:
+    return Engine(small_hybrid, tmp_path_factory.mktemp("engine"))
+
+
+@pytest.fixture(scope="session")
+def samples(labelled_recordings: list[Recording]) -> Array:
+    return labelled_recordings[0].samples()

@@ -1,0 +1,158 @@
+"""The whole service as a process of its own: killed while samples flow, and looked at in a browser."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+from websockets.sync.client import connect
+
+from cylinder_friction.live.client import Client, LiveClientError
+from cylinder_friction.live.frames import SampleBlock, pack_samples
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+
+pytestmark = pytest.mark.slow
+KILLED_AFTER_S = {1: 0.0, 2: 0.9, 3: 1.4}
+"""After which turns the service is killed, and how long after: before samples are kept, while they are, later."""
+OPEN = {"session": "by hand", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
+
+
+@pytest.fixture(scope="module")
+def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("model") / "hybrid"
+    small_hybrid.save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def running(model: Path, folder: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """A live service, ready; killed at the end if it still runs."""
+    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model)]
+    process = subprocess.Popen([*command, "--port", str(port), "--folder", str(folder)])
+    try:
+        for _ in range(600):
+            try:
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=1.0).close()
+                break
+            except OSError:
+                assert process.poll() is None, "the service ended while starting"
+                time.sleep(0.05)
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_no_sample_is_lost_and_no_bit_changes_over_kills(
+    small_hybrid: HybridEstimator, samples: Array, model: Path, tmp_path: Path, port: int
+) -> None:
+    newtons, flags = small_hybrid.real_time().run(samples)
+    got: list[Array] = []
+    with ExitStack() as services:
+        process = services.enter_context(running(model, tmp_path, port))
+        client = services.enter_context(Client(f"ws://127.0.0.1:{port}/stream", "press"))
+        for turn, begin in enumerate(range(0, len(samples), 400)):
+            client.send(samples[begin : begin + 400])
+            if turn in KILLED_AFTER_S:
+                time.sleep(KILLED_AFTER_S[turn])
+                process.kill()
+                process.wait()
+                process = services.enter_context(running(model, tmp_path, port))
+        client.wait_until_kept()
+        while len(part := client.estimates(0.2)[1]):
+            got.append(part)
+        process.send_signal(signal.SIGTERM)
+        process.wait(timeout=10.0)
+    np.testing.assert_array_equal(np.concatenate(got), newtons)
+    history = pd.concat([pd.read_parquet(path) for path in sorted((tmp_path / "history").rglob("*.parquet"))])
+    assert history["index"].tolist() == list(range(len(samples)))
+    np.testing.assert_array_equal(history[["friction_n", "lower_n", "upper_n"]], newtons)
+    np.testing.assert_array_equal(history["flags"], flags)
+
+
+def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_path: Path, port: int) -> None:
+    """JSON gives newtons by hand; what is no message, no session's or another page's is named, and nothing ends."""
+    url = f"ws://127.0.0.1:{port}/stream"
+    with running(model, tmp_path, port):
+        with connect(url) as hand:
+            hand.send(json.dumps({"open": OPEN}))
+            handle = json.loads(hand.recv())["opened"]["handle"]
+            row = samples[0].tolist()
+            rows = [row, [None, *row[1:]]]
+            hand.send(json.dumps({"samples": {"session": "by hand", "index": 0, "rows": rows}}))
+            estimates = json.loads(hand.recv())["estimates"]
+            assert len(estimates["friction_n"]) == 2
+            assert "INVALID_PRESSURE_1" in estimates["flags"][1]
+            for wrong, words in (
+                ("{", "expected"),
+                (b"garbage", "expected a header"),
+                (json.dumps({"open": OPEN | {"inputs": ["position_m"]}}), "the model takes"),
+                (json.dumps({"samples": {"session": "nobody", "index": 0, "rows": rows}}), "not open"),
+            ):
+                hand.send(wrong)
+                assert words in json.loads(hand.recv())["error"]
+            with connect(url) as other:
+                other.send(pack_samples(SampleBlock(handle, 2, 0.0, samples[:1])))
+                assert "another connection has opened it" in json.loads(other.recv())["error"]
+        with connect(url, origin="http://elsewhere.example") as foreign:
+            assert "only this service's own page" in json.loads(foreign.recv())["error"]
+        with pytest.raises(LiveClientError, match="the model was trained at"):
+            Client(url, "press", sample_time_s=0.01)
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as reply:
+            metrics = reply.read().decode()
+    assert 'cylinder_friction_live_samples_total{outcome="stepped"} 2.0' in metrics
+    assert 'cylinder_friction_live_refused_total{kind="FrameError"} 1.0' in metrics
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+@pytest.mark.parametrize("width", [1400, 400])
+def test_the_page_shows_a_session(samples: Array, model: Path, tmp_path: Path, port: int, width: int) -> None:
+    from playwright.sync_api import sync_playwright
+
+    with running(model, tmp_path, port), Client(f"ws://127.0.0.1:{port}/stream", "press 7") as client:
+        client.send(samples[:400])
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            page = browser.new_page(viewport={"width": width, "height": 800})
+            problems: list[str] = []
+            page.on("pageerror", lambda error: problems.append(str(error)))
+            page.goto(f"http://127.0.0.1:{port}/")
+            page.get_by_text("press 7").click()
+            for begin in range(400, 1000, 100):
+                client.send(samples[begin : begin + 100])
+                page.wait_for_timeout(250)
+            page.wait_for_function("data.index.length >= 300")
+            shown = page.evaluate("[data.index.at(-1), data.newtons[0].at(-1)]")
+            overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+            page.keyboard.press("Escape")
+            assert page.locator("#detail").is_hidden()
+            browser.close()
+        newtons = np.concatenate([client.estimates(1.0)[1] for _ in range(7)])
+    assert problems == []
+    assert overflow <= 0
+    assert shown == [999, newtons[999, 0]]
