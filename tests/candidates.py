@@ -9,7 +9,7 @@ from mlflow import MlflowClient
 
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.gate import Candidate, Registered
 from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
@@ -58,6 +58,7 @@ def registered_in(root: Path, errors: dict[str, float] | None = None) -> Registe
         "register",
         metrics=error_metrics(candidate.errors_percent),
         tags={"gate_reason": registered.reason, "candidate_key": candidate.key()},
+        datasets={"test": Dataset("data/processed/test", hash_of(root / "data/processed/test"), {}, 1)},
     )
     (root / "reports/runs/register.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
     log_run(record, root)

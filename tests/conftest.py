@@ -187,12 +187,15 @@ def written_pipeline(
             if recording.name.endswith(str(chosen)):
                 write_recording(root / "data/processed" / role, recording)
     small_hybrid.save(root / "models/hybrid")
+    (root / "models/hybrid/chosen.json").write_text('{"layers": 1, "nodes": 4}', encoding="utf-8")
+    (root / "models/hybrid/training_data.json").write_text('{"train": {"a": "00", "b": "11"}}', encoding="utf-8")
     conditions = sorted({recording.metadata.condition for recording in labelled_recordings})
     numbers = {condition: {"label_percent": 2.0 + 0.1 * int(condition), "label_mae_n": 8.0} for condition in conditions}
     (root / "reports/figures").mkdir(parents=True)
     (root / "reports/figures/figure_5.png").write_bytes(_SMALLEST_PNG)
     (root / "reports/report.html").write_text("<h1>Comparison</h1>", encoding="utf-8")
     (root / "reports/metrics.json").write_text(json.dumps({"hybrid": numbers}), encoding="utf-8")
+    (root / "reports/coverage.json").write_text("[]", encoding="utf-8")
     params = {"record": {"seed": 1}, "train": {"seed": 2}, "register": {"tolerance_percent": 0.1}}
     (root / "params.yaml").write_text(yaml.safe_dump(params), encoding="utf-8")
     folders = ["data/raw/rig", *(f"data/processed/{role}" for role in ("train", "validation", "calibration", "test"))]

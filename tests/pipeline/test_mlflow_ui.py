@@ -75,14 +75,25 @@ def sees(page: Page, *texts: str) -> None:
         page.get_by_text(text).first.wait_for()
 
 
+def expand(page: Page, name: str) -> None:
+    page.get_by_role("row").filter(has_text=name).first.get_by_role("button").first.click()
+
+
+def test_the_first_screen_compares_executions_by_condition(page: Page, ui: str, finished_pipeline: Path) -> None:
+    page.goto(runs_page(ui, finished_pipeline))
+    page.get_by_role("link", name="pipeline 1", exact=True).first.wait_for()
+    sees(page, "Which is better, and in which condition?", *(f"error_percent/condition_{name}" for name in "1234"))
+
+
 def test_the_experiment_shows_every_stage_and_the_trials_below_the_search(
     page: Page, ui: str, finished_pipeline: Path
 ) -> None:
-    page.goto(runs_page(ui, finished_pipeline))
+    page.goto(runs_page(ui, finished_pipeline).replace("CHART", "TABLE"))
+    page.get_by_role("link", name="pipeline 1", exact=True).first.wait_for()
+    expand(page, "pipeline 1")
     for stage in ("compare", "search", "train"):
         page.get_by_role("link", name=stage, exact=True).first.wait_for()
-    row = page.get_by_role("row").filter(has_text="search").first
-    row.get_by_role("button").first.click()
+    expand(page, "search")
     trials = page.get_by_role("link", name=re.compile(r"^trial \d+$"))
     trials.first.wait_for()
     assert trials.count() >= 2
@@ -90,8 +101,14 @@ def test_the_experiment_shows_every_stage_and_the_trials_below_the_search(
 
 def test_the_comparison_shows_its_metrics(page: Page, ui: str, finished_pipeline: Path) -> None:
     with run_page(page, ui, finished_pipeline, "compare"):
-        page.get_by_placeholder("Search metrics").first.fill("hybrid.condition_1.label_percent")
-        sees(page, "hybrid.condition_1.label_percent")
+        page.get_by_placeholder("Search metrics").first.fill("error_percent/condition_1")
+        sees(page, "error_percent/condition_1")
+
+
+def test_the_comparison_shows_a_table_of_all_estimators(page: Page, ui: str, finished_pipeline: Path) -> None:
+    with run_page(page, ui, finished_pipeline, "compare", "/artifacts"):
+        page.get_by_text("errors_by_condition.json").first.click()
+        sees(page, "truth_percent", "force_balance_unfiltered")
 
 
 def test_the_comparison_shows_its_figures_and_its_report(page: Page, ui: str, finished_pipeline: Path) -> None:
@@ -110,5 +127,13 @@ def test_the_registered_version_shows_its_alias_and_the_way_back(page: Page, ui:
     page.goto(f"{ui}/#/models/{MODEL}")
     sees(page, "Version 1", "champion")
     page.goto(f"{ui}/#/models/{MODEL}/versions/{version.version}")
-    sees(page, "champion", "git_commit", version.tags["git_commit"], "data_raw_md5", version.tags["data_raw_md5"])
-    sees(page, "params_sha256", "gate_reason", "promoted: there is no incumbent")
+    sees(page, "champion", "Promoted: there is no incumbent", "Errors on held-out recordings, against true friction")
+    sees(page, "Valid range; what lies beyond is flagged", "checks every link", "data/raw/rig")
+
+
+def test_the_logged_model_appears_as_registered(page: Page, ui: str, finished_pipeline: Path) -> None:
+    client = MlflowClient(tracking_uri(finished_pipeline))
+    version = client.get_model_version_by_alias(MODEL, "champion")
+    model_id = str(version.source).removeprefix("models:/")
+    page.goto(f"{ui}/#/experiments/{client.get_logged_model(model_id).experiment_id}/models/{model_id}")
+    sees(page, "Model versions", MODEL, "error_percent/condition_1", "Datasets used")

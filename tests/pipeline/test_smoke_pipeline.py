@@ -85,12 +85,19 @@ def test_every_stage_has_its_run_and_every_trial_its_child_run(finished_pipeline
     parent = named["search"].info.run_id
     children = [run for run in runs if run.data.tags.get("mlflow.parentRunId") == parent]
     assert len(children) == 3
+    execution = named["pipeline 1"].info
+    for stage in STAGES:
+        ran = named[stage]
+        assert ran.data.tags["mlflow.parentRunId"] == execution.run_id
+        assert execution.start_time <= ran.info.start_time < ran.info.end_time <= execution.end_time
+        assert len([name for name in ran.data.metrics if not name.startswith("system/")]) <= 20
+    assert named["train"].info.end_time <= named["compare"].info.start_time
 
 
 def test_the_champion_is_registered_with_its_way_back(finished_pipeline: Path) -> None:
     version = client_of(finished_pipeline).get_model_version_by_alias(MODEL, "champion")
     head = run(finished_pipeline, "git", "rev-parse", "HEAD").stdout.strip()
-    assert version.tags["git_commit"] == head
+    assert json.loads(version.tags["lineage"])["git_commit"] == head
     shown = run_here(finished_pipeline, "cylinder-friction", "lineage")
     assert head[:12] in shown.stdout
     assert "links hold" in shown.stdout

@@ -15,6 +15,7 @@ import pytest
 from mlflow import MlflowClient
 
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.params.data import CylinderParams
 from cylinder_friction.params.learning import RegisterParams
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import register
@@ -35,6 +36,7 @@ import os, signal, sys
 import mlflow.store.model_registry.sqlalchemy_store, mlflow.store.tracking.sqlalchemy_store
 from types import SimpleNamespace
 from mlflow import MlflowClient
+from cylinder_friction.params.data import CylinderParams
 from cylinder_friction.params.learning import RegisterParams
 from cylinder_friction.stages import register
 
@@ -47,7 +49,9 @@ for at in sys.argv[1:]:
     if not child:
         os.chdir(at)
         setattr(MlflowClient, at, die)
-        register.run(SimpleNamespace(register_=settings, registered_name="friction-estimator"))
+        sizes = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
+        others = {"cylinder": CylinderParams(name="A", **sizes), "compare": SimpleNamespace(main="hybrid")}
+        register.run(SimpleNamespace(register_=settings, registered_name="friction-estimator", **others))
         os._exit(0)
     assert os.waitpid(child, 0)[1] == signal.SIGKILL, at
 """
@@ -55,7 +59,14 @@ for at in sys.argv[1:]:
 
 def parameters(**changes: Any) -> Params:
     settings = RegisterParams(**{"model_name": NAME, "candidate": "hybrid", "tolerance_percent": 0.1, **changes})
-    return SimpleNamespace(register_=settings, registered_name=settings.model_name)  # type: ignore[return-value]
+    return SimpleNamespace(  # type: ignore[return-value]
+        register_=settings,
+        registered_name=settings.model_name,
+        cylinder=CylinderParams(
+            name="A", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+        ),
+        compare=SimpleNamespace(main="hybrid"),
+    )
 
 
 @pytest.fixture
@@ -83,6 +94,13 @@ def test_the_candidate_is_registered_and_the_file_says_on_what_grounds(repositor
         {f"error_percent/condition_{condition}": 2.0 + 0.1 * condition for condition in (1, 2, 3, 4)}
         | {"error_percent/mean": 2.25, "promoted": 1.0}
     )
+    card = content["candidate"]["card"]
+    assert "- Trained on: 2 recordings" in card
+    (version,) = MlflowClient(tracking_uri(repository)).search_model_versions(f"name = '{NAME}'")
+    assert version.description.startswith("**Promoted: there is no incumbent")
+    assert card in version.description
+    assert content["candidate"]["origin"]["data"]["data/raw/rig"] in version.description
+    assert f"`cylinder-friction lineage models:/{NAME}/1` checks every link." in version.description
     assert record.tables["decision"]["candidate_percent"] == [2.1, 2.2, 2.3, 2.4]
     assert record.tables["decision"]["incumbent_percent"] == [None] * 4
     assert record.tags["gate_reason"].startswith("promoted: there is no incumbent")

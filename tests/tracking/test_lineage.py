@@ -146,10 +146,20 @@ def commits_that_do_not_have_the_code(root: Path) -> None:
     author = ("-c", "user.name=Tester", "-c", "user.email=tester@localhost")
     subprocess.run(["git", "-C", str(root), *author, "commit", "-qa", "--amend", "-m", "Other"], check=True)
     sha = git(root, "rev-parse", "HEAD") or ""
-    in_tag("git_commit", sha)(root)
+    in_json_tag("lineage", "git_commit", sha)(root)
     for path in root.glob("mlartifacts/models/*/artifacts/**/lineage.json"):
         content = json.loads(path.read_text(encoding="utf-8"))
         path.write_text(json.dumps({**content, "sha": sha}), encoding="utf-8")
+
+
+def in_json_tag(tag: str, key: str, value: object) -> Callable[[Path], None]:
+    def tamper(root: Path) -> None:
+        client = MlflowClient(tracking_uri(root))
+        content = json.loads(client.get_model_version("friction-estimator", "1").tags[tag])
+        assert content[key] != value
+        in_tag(tag, json.dumps(content | {key: value}))(root)
+
+    return tamper
 
 
 def register_run_deleted(root: Path) -> None:
@@ -183,14 +193,13 @@ TAMPERING: dict[str, tuple[Callable[[Path], None], set[str]]] = {
     "lineage.json": (in_file("lineage.json", '"seed": 1', '"seed": 7'), {"model's files", "tags", "parameters"}),
     "tag content_sha256": (in_tag("content_sha256", "0" * 64), {"model's files"}),
     "tag model_key": (in_tag("model_key", "0" * 64), {"model", "tags"}),
-    "tag git_commit": (in_tag("git_commit", "0" * 40), {HISTORY, "tags"}),
-    "tag git_dirty": (in_tag("git_dirty", "true"), {"tags"}),
-    "tag of the raw data": (in_tag("data_raw_md5", "other"), {"tags"}),
-    "tag of the test data": (in_tag("data_processed_test_md5", "other"), {"tags"}),
-    "tag of the parameters": (in_tag("params_sha256", "other"), {"tags"}),
-    "tag of the figures": (in_tag("gate_errors_percent", '{"1": 0.1, "2": 0.1}'), {"tags", "gate"}),
-    "tag of the gate's recordings": (in_tag("gate_test_data_md5", "other"), {"tags"}),
-    "tag of the tolerance": (in_tag("gate_tolerance_percent", "9.0"), {"tags"}),
+    "tag git_commit": (in_json_tag("lineage", "git_commit", "0" * 40), {HISTORY, "tags"}),
+    "tag git_dirty": (in_json_tag("lineage", "git_dirty", True), {"tags"}),
+    "tag of the raw data": (in_json_tag("lineage", "data", {"data/raw/rig": "other"}), {"tags"}),
+    "tag of the parameters": (in_json_tag("lineage", "params_sha256", "other"), {"tags"}),
+    "tag of the figures": (in_json_tag("gate", "errors_percent", {"1": 0.1, "2": 0.1}), {"tags", "gate"}),
+    "tag of the gate's recordings": (in_json_tag("gate", "test_data_md5", "other"), {"tags"}),
+    "tag of the tolerance": (in_json_tag("gate", "tolerance_percent", 9.0), {"tags"}),
     "tag of the incumbent": (in_tag("gate_incumbent", '{"errors_percent": {"1": 9.0, "2": 9.0}}'), {"gate"}),
     "tag of the reason": (in_tag("gate_reason", "promoted: much better"), {"gate"}),
     "tag of the decision": (in_tag("gate_decision", "refused"), {"gate"}),
@@ -214,8 +223,10 @@ def test_a_run_logged_later_has_the_commit_whose_code_ran(pipeline: Path) -> Non
     registered_in(pipeline)
     client = MlflowClient(tracking_uri(pipeline))
     version = client.get_model_version("friction-estimator", "1")
-    for tags in (version.tags, client.get_run(version.run_id or "").data.tags):
-        assert (tags["git_commit"], tags["git_dirty"]) == (ran, "false")
+    stated = json.loads(version.tags["lineage"])
+    assert (stated["git_commit"], stated["git_dirty"]) == (ran, False)
+    tags = client.get_run(version.run_id or "").data.tags
+    assert (tags["mlflow.source.git.commit"], tags["git_dirty"]) == (ran, "false")
     assert lineage(URI, pipeline).holds
 
 

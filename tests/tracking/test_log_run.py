@@ -64,7 +64,7 @@ def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> 
     assert run.data.metrics["mae_n"] == 3.5
     assert run.data.metrics["MAE ___"] == 2.0, "characters that MLflow refuses become underscores"
     assert run.data.tags["summary"] == "it went well"
-    assert run.data.tags["git_commit"] == "unknown", "there is no git here"
+    assert run.data.tags["mlflow.source.git.commit"] == "unknown", "there is no git here"
     history = client.get_metric_history(run_id, "validation_mae_n")
     assert sorted((one.step, one.value) for one in history) == [(step, float(step)) for step in range(2500)]
     assert [one.path for one in client.list_artifacts(run_id)] == ["errors.json", "reports"]
@@ -122,7 +122,7 @@ def test_a_record_may_lie_in_another_experiment_with_its_children(root: Path, re
     runs = runs_of(root, experiment_name=name)
     assert sorted(run.info.run_name for run in runs) == ["benchmark", "trial 0", "trial 1", "trial 2"]
     assert [run.info.run_id for run in runs if "mlflow.parentRunId" not in run.data.tags] == [run_id]
-    assert {run.data.tags["git_commit"] for run in runs} == {"unknown"}
+    assert {run.data.tags["mlflow.source.git.commit"] for run in runs} == {"unknown"}
     assert runs[0].info.artifact_uri.startswith(f"file://{root}/mlartifacts/")
 
 
@@ -148,11 +148,11 @@ def test_a_record_of_the_main_experiment_has_the_key_it_always_had() -> None:
     assert search.key() == "bf6608845638456700e937e7efd9db6158f3e34c05a8b7c371f4ff3f1e12f96b"
 
 
-def test_a_small_record_is_logged_in_under_two_seconds(root: Path, record: RunRecord) -> None:
+def test_a_small_record_is_logged_in_under_three_seconds(root: Path, record: RunRecord) -> None:
     log_run(RunRecord("warm up"), root)
     started = time.monotonic()
     log_run(record, root)
-    assert time.monotonic() - started < 2.0
+    assert time.monotonic() - started < 3.0
 
 
 def test_an_experiment_of_dvc_is_named(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

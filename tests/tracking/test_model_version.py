@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import mlflow
 import numpy as np
 import pandas as pd
 import pytest
+from mlflow import MlflowClient
 
-from candidates import candidate_in, measured, other_model, record_model
+from candidates import candidate_in, measured, other_model, record_model, registered_in, versions
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.repository import TrackingError
+from cylinder_friction.tracking.store import tracking_uri
 from learned_offset import learning_hybrid, offset_samples
 
 if TYPE_CHECKING:
@@ -43,6 +46,34 @@ def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> 
     outputs = ["friction_n", "lower_n", "upper_n", "flags", "flag_names", "in_training_range"]
     assert list(loaded.predict(loaded.input_example).columns) == outputs
     assert loaded.metadata.signature.outputs.required_input_names() == outputs
+
+
+def test_the_logged_model_appears_as_registered_with_its_errors_and_what_they_were_measured_on(pipeline: Path) -> None:
+    registered_in(pipeline)
+    client = MlflowClient(tracking_uri(pipeline))
+    (version,) = versions(pipeline)
+    model = client.get_logged_model(str(version.source).removeprefix("models:/"))
+    assert json.loads(model.tags["mlflow.modelVersions"]) == [{"name": version.name, "version": str(version.version)}]
+    assert model.params == {"seed": "2"}, "of the training"
+    (found,) = client.search_runs([model.experiment_id], "attributes.run_name = 'register'")
+    run = client.get_run(found.info.run_id)
+    assert [each.model_id for each in run.inputs.model_inputs] == [model.model_id]
+    (test,) = (each.dataset for each in run.inputs.dataset_inputs)
+    metrics = {metric.key: metric for metric in model.metrics or []}
+    assert metrics["error_percent/condition_1"].value == 2.0
+    for metric in metrics.values():
+        assert (metric.dataset_name, metric.dataset_digest) == (test.name, test.digest)
+    execution = client.get_run(run.data.tags["mlflow.parentRunId"])
+    assert [each.model_id for each in execution.outputs.model_outputs] == [model.model_id]
+
+
+def test_a_version_that_is_made_again_is_shown_once(pipeline: Path) -> None:
+    registered_in(pipeline)
+    registered_in(pipeline)
+    client = MlflowClient(tracking_uri(pipeline))
+    (version,) = versions(pipeline)
+    model = client.get_logged_model(str(version.source).removeprefix("models:/"))
+    assert len(json.loads(model.tags["mlflow.modelVersions"])) == 1
 
 
 def test_a_logged_model_that_learns_the_sensors_offset_gives_what_its_step_does(

@@ -29,7 +29,7 @@ def run_ui(root: Path) -> int:
     with served_ui(root) as url:
         sys.stdout.write(
             f"MLflow UI (stop with Ctrl-C)\n  runs of the pipeline   {runs_page(url, root)}\n"
-            f"  registered models      {url}/#/models\n"
+            f"  registered models      {url}/#/models?workflowType=machine_learning\n"
         )
         sys.stdout.flush()
         return _wait_for_interrupt()
@@ -58,7 +58,7 @@ def runs_page(url: str, root: Path) -> str:
     from cylinder_friction.tracking.store import open_store
 
     with open_store(root, create=False) as store:
-        return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning"
+        return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning&compareRunsMode=CHART"
 
 
 def free_port() -> int:

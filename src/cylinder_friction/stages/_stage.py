@@ -31,6 +31,7 @@ REGISTERED_FILE = Path("models/registered.json")
 REPORTS_FOLDER = Path("reports")
 AUDIT_FILE = AUDIT_FOLDER / "audit.json"
 METRICS_FILE = REPORTS_FOLDER / "metrics.json"
+COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
 
 # What an earlier stage decided, for the later ones: nobody looks into another stage's section of the parameters.
 INGESTED_FILE = Path("data/interim/ingested.json")
@@ -53,6 +54,8 @@ SPACE_FILE = SEARCH_FOLDER / "space.json"
 """From ``search``: the ranges that were searched."""
 CHOSEN_FILE = "chosen.json"
 """In a hybrid's folder, from ``train`` and ``baselines``: the hyperparameters that it was trained with."""
+TRAINING_DATA_FILE = "training_data.json"
+"""Beside it: the hash of every source file, by role and recording."""
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``, from which its MLflow run is logged, now or later."""
 

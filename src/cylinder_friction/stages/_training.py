@@ -27,7 +27,13 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.run_record import Dataset, now_ms
 from cylinder_friction.stages._datasets import datasets
-from cylinder_friction.stages._stage import CHOSEN_FILE, ESTIMATORS_FILE, PROCESSED_FOLDERS, cylinder_from
+from cylinder_friction.stages._stage import (
+    CHOSEN_FILE,
+    ESTIMATORS_FILE,
+    PROCESSED_FOLDERS,
+    TRAINING_DATA_FILE,
+    cylinder_from,
+)
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -144,7 +150,7 @@ def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, c
             "best_epoch": curve.best_epoch,
         },
     )
-    write_json(folder / "training_data.json", data.sources())
+    write_json(folder / TRAINING_DATA_FILE, data.sources())
 
 
 def learned_metrics(estimators: Mapping[str, FrictionEstimator], validation: Sequence[Recording]) -> dict[str, float]:

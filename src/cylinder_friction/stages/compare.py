@@ -39,6 +39,7 @@ from cylinder_friction.stages._stage import (
     BASELINES_FOLDER,
     BEST_FILE,
     CHOSEN_FILE,
+    COVERAGE_FILE,
     FILTERS_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
@@ -60,7 +61,6 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
-COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
 STARTS_FILE = REPORTS_FOLDER / "starts.json"
 TABLE_FILE = REPORTS_FOLDER / "table.md"
 REPORT_FILE = REPORTS_FOLDER / "report.html"

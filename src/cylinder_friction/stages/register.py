@@ -18,16 +18,21 @@ from cylinder_friction.evaluation.reported import Reference, error_metrics, repo
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
 from cylinder_friction.recordings.truth import known_truth
+from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
+    CHOSEN_FILE,
+    COVERAGE_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
     METRICS_FILE,
     PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
     REGISTERED_FILE,
+    TRAINING_DATA_FILE,
     artifacts,
+    cylinder_from,
     flat,
 )
 from cylinder_friction.tracking.repository import TrackingError
@@ -66,6 +71,7 @@ def run(params: Params) -> RunRecord:
         example=_example(test_folder, read_json(folder / DESCRIPTION_FILE)["input"]),
         tolerance_percent=settings.tolerance_percent,
         reference=reference,
+        card=_card(params, folder),
     )
     registered = register(candidate, Path(), partial(measured_errors, reference, ingested["truth"]))
     write_json(REGISTERED_FILE, registered.to_dict())
@@ -107,6 +113,21 @@ def measured_errors(reference: Reference, truth_folder: str, folder: Path) -> di
         friction, estimate = np.concatenate(references[condition]), np.concatenate(estimates[condition])
         result[condition] = errors(friction, estimate, np.ones(len(friction), dtype=np.bool_)).percent
     return result
+
+
+def _card(params: Params, folder: Path) -> str:
+    """Return the candidate's model card; bounds are counted for the estimator alone that the comparison is about."""
+    candidate = params.register_.candidate
+    sources = read_json(folder / TRAINING_DATA_FILE)
+    return model_card(
+        candidate,
+        cylinder_from(params.cylinder),
+        read_json(folder / DESCRIPTION_FILE),
+        read_json(folder / CHOSEN_FILE),
+        {role: len(recordings) for role, recordings in sources.items()},
+        _report(candidate),
+        read_json(COVERAGE_FILE) if candidate == params.compare.main else [],
+    )
 
 
 def _decision(registered: Registered) -> list[dict[str, str | float]]:

@@ -8,13 +8,15 @@ this stage yet and whose records all are those that lie in ``reports/runs``; els
 
 import json
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mlflow.entities import Metric, Param, Run
-from mlflow.utils.mlflow_tags import MLFLOW_RUN_NOTE
+from mlflow.entities import Metric, Param, Run, RunTag
+from mlflow.utils.mlflow_tags import MLFLOW_RUN_NOTE, MLFLOW_SOURCE_NAME
 
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.run_record import STAGES, RunRecord, comes_after
+from cylinder_friction.tracking.datasets import dataset_input
 from cylinder_friction.tracking.store import Store
 
 RUNS_FOLDER = "reports/runs"
@@ -23,6 +25,7 @@ STAGE_TAG = "stage"
 EXECUTION = "pipeline"
 _KEYS = "stage_keys"
 _RAN = "stages_run"
+_SHOWN_DATA = ("train", "compare")
 
 
 def execution_of(store: Store, record: RunRecord, root: Path, tags: dict[str, str], started_ms: int) -> str:
@@ -37,10 +40,11 @@ def execution_of(store: Store, record: RunRecord, root: Path, tags: dict[str, st
     """
     keys = {stage: each.key() for stage, each in _records(root).items()} | {record.name: record.key()}
     before = {stage: key for stage, key in keys.items() if comes_after(record.name, stage)}
-    found = _find(store, record.name, keys)
+    executions = _executions(store)
+    found = _find(executions, record.name, keys)
     if found is None:
-        name = f"{EXECUTION} {_next_number(store)}"
-        tags = {**tags, STAGE_TAG: EXECUTION, _KEYS: "{}", _RAN: ""}
+        name = f"{EXECUTION} {_next_number(executions)}"
+        tags = {**tags, MLFLOW_SOURCE_NAME: "dvc repro", STAGE_TAG: EXECUTION, _KEYS: "{}", _RAN: ""}
         found = store.client.create_run(store.experiment_id, started_ms, tags, run_name=name)
     run_id = str(found.info.run_id)
     known = {**before, record.name: record.key(), **_keys(found)}
@@ -60,16 +64,18 @@ def stage_ended(store: Store, run_id: str, record: RunRecord, root: Path, ended_
         for stage in ("compare", "register")
         if stage in known
         for name, value in known[stage].metrics.items()
+        if allowed(name) not in run.data.metrics
     ]
-    store.client.log_batch(run_id, metrics, params)
+    used = {role: each for stage in _SHOWN_DATA if stage in known for role, each in known[stage].datasets.items()}
+    store.client.log_inputs(run_id, [dataset_input(role, each) for role, each in used.items()])
     others = [stage for stage in STAGES if stage in known and stage not in ran]
-    notes = [
+    notes = [known[stage].note for stage in ("compare", "register") if stage in known]
+    notes += [
         f"Ran: {', '.join(ran)}.",
         f"Up to date, from an earlier execution: {', '.join(others)}." if others else "",
     ]
-    notes += [known[stage].note for stage in ("register", "compare") if stage in known]
-    store.client.set_tag(run_id, MLFLOW_RUN_NOTE, "\n\n".join(filter(None, notes)))
-    store.client.set_tag(run_id, _RAN, ", ".join(ran))
+    tags = [RunTag(MLFLOW_RUN_NOTE, "\n\n".join(filter(None, notes))), RunTag(_RAN, ", ".join(ran))]
+    store.client.log_batch(run_id, metrics, params, tags)
     store.client.set_terminated(run_id, "FINISHED", max(ended_ms, run.info.end_time or 0))
 
 
@@ -78,9 +84,13 @@ def allowed(name: str) -> str:
     return re.sub(r"[^\w\-./: ]", "_", name)
 
 
-def _find(store: Store, stage: str, keys: dict[str, str]) -> Run | None:
+def _executions(store: Store) -> list[Run]:
+    """Return the runs of all executions, the newest first."""
+    return list(store.client.search_runs([store.experiment_id], f"tags.{STAGE_TAG} = '{EXECUTION}'"))
+
+
+def _find(executions: Sequence[Run], stage: str, keys: Mapping[str, str]) -> Run | None:
     """Return the execution that a stage with a record of this key belongs to."""
-    executions = store.client.search_runs([store.experiment_id], f"tags.{STAGE_TAG} = '{EXECUTION}'")  # newest first
     knowing = [run for run in executions if _keys(run).get(stage) == keys[stage]]
     waiting = [run for run in executions if stage not in _keys(run) and _keys(run).items() <= keys.items()]
     return next(iter([*knowing, *waiting]), None)
@@ -91,12 +101,9 @@ def _keys(run: Run) -> dict[str, str]:
     return keys
 
 
-def _next_number(store: Store) -> int:
-    names = (
-        run.info.run_name or ""
-        for run in store.client.search_runs([store.experiment_id], f"tags.{STAGE_TAG} = '{EXECUTION}'")
-    )
-    return 1 + max((int(name.rpartition(" ")[2]) for name in names if name.rpartition(" ")[2].isdigit()), default=0)
+def _next_number(executions: Sequence[Run]) -> int:
+    numbers = [(run.info.run_name or "").removeprefix(f"{EXECUTION} ") for run in executions]
+    return 1 + max((int(number) for number in numbers if number.isdigit()), default=0)
 
 
 def _records(root: Path) -> dict[str, RunRecord]:

@@ -12,6 +12,10 @@ from cylinder_friction.tracking.versions import Origin
 Errors = dict[str, float]  # Error by condition [percent of mean |friction|], against the candidate's ``reference``
 
 
+CANDIDATE_KEY = "candidate_key"
+"""Tag of a version, of its logged model and of the run of ``register`` by which a candidate is recognised."""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A trained estimator that asks for the champion's place."""
@@ -25,14 +29,15 @@ class Candidate:
     example: dict[str, list[float]]  # A few rows of raw samples, by column
     tolerance_percent: float  # Of the gate: how many percentage points worse in one condition count as not worse
     reference: Literal["label", "truth"] = "label"  # What its errors are measured against
+    card: str = ""  # What a user of the model has to know, as Markdown
 
-    def gate(self) -> dict[str, str]:
-        """Return the tags that state what the gate is asked."""
+    def gate(self) -> dict[str, Any]:
+        """Return what the gate is asked."""
         return {
-            "gate_errors_percent": json.dumps(self.errors_percent, sort_keys=True),
-            "gate_test_data_md5": self.test_data_md5,
-            "gate_reference": self.reference,
-            "gate_tolerance_percent": str(self.tolerance_percent),
+            "errors_percent": self.errors_percent,
+            "test_data_md5": self.test_data_md5,
+            "reference": self.reference,
+            "tolerance_percent": self.tolerance_percent,
         }
 
     def key(self) -> str:

@@ -13,7 +13,7 @@ from mlflow.exceptions import MlflowException
 
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.tracking.gate import Decision, decide
+from cylinder_friction.tracking.gate import CANDIDATE_KEY, Decision, decide
 from cylinder_friction.tracking.model_folder import (
     ESTIMATOR_ARTIFACT,
     LINEAGE_ARTIFACT,
@@ -22,9 +22,10 @@ from cylinder_friction.tracking.model_folder import (
     version_of,
 )
 from cylinder_friction.tracking.model_version import (
-    CANDIDATE_KEY,
     CONTENT_KEY,
     DECISION,
+    GATE,
+    LINEAGE,
     MODEL_KEY,
     WRITTEN_ON_LOADING,
     tags_of,
@@ -125,13 +126,14 @@ def _run_link(store: Store, version: ModelVersion) -> Link:
 
 
 def _commit_link(root: Path, version: ModelVersion) -> Link:
-    sha = version.tags.get("git_commit", "unknown")
+    origin = json.loads(version.tags.get(LINEAGE, "{}"))
+    sha = origin.get("git_commit", "unknown")
     if sha == "unknown":
         return Link("git commit", False, "the code that ran is in no commit of this repository")
     if git(root, "cat-file", "-e", f"{sha}^{{commit}}") is None:
         return Link("git commit", False, f"{sha}: not in this repository; fetch the branch that holds it")
     subject = git(root, "show", "-s", "--format=%s", sha)
-    if version.tags.get("git_dirty") != "false":
+    if origin.get("git_dirty") is not False:
         return Link("git commit", True, f"{sha[:12]} {subject} (with changes that were not committed)")
     return Link("git commit", True, f"{sha[:12]} {subject}")
 
@@ -179,18 +181,18 @@ def _gate_link(store: Store, version: ModelVersion) -> Link:
     """The figures must lead to the decision that is stated, and be those of the run of ``register``."""
     tags = version.tags
     try:
-        errors, incumbent = json.loads(tags["gate_errors_percent"]), json.loads(tags["gate_incumbent"])
+        gate, incumbent = json.loads(tags[GATE]), json.loads(tags["gate_incumbent"])
         figures = None if incumbent is None else incumbent["errors_percent"]
-        decision = decide(errors, figures, float(tags["gate_tolerance_percent"]))
+        decision = decide(gate["errors_percent"], figures, gate["tolerance_percent"])
         stated = Decision(tags[DECISION] == "promoted", tags["gate_reason"])
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError) as error:
         return Link("gate", False, f"it left no decision that can be checked ({type(error).__name__}: {error})")
     if decision != stated and stated.reason != REFUSED_ROLLED_BACK:
         return Link("gate", False, f"its figures lead to {decision.reason!r}, but it states {stated.reason!r}")
     query = f"attributes.run_name = 'register' and tags.{CANDIDATE_KEY} = '{tags.get(CANDIDATE_KEY)}'"
     runs = store.client.search_runs([store.experiment_id], query)
     if any(
-        {**run.data.metrics, **error_metrics(errors)} == run.data.metrics
+        {**run.data.metrics, **error_metrics(gate["errors_percent"])} == run.data.metrics
         and run.data.tags.get("gate_reason") == stated.reason
         for run in runs
     ):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import pandas as pd
-from mlflow.entities import Metric, Param, Run
+from mlflow.entities import LoggedModelInput, Metric, Param, Run
 from mlflow.exceptions import MlflowException
 from mlflow.utils.mlflow_tags import (
     MLFLOW_GIT_COMMIT,
@@ -19,10 +19,12 @@ from mlflow.utils.mlflow_tags import (
     MLFLOW_USER,
 )
 
+from cylinder_friction.evaluation.reported import ERROR_PERCENT
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import STAGES, RunRecord, Times
-from cylinder_friction.tracking.datasets import dataset_input
+from cylinder_friction.tracking.datasets import dataset_input, digest_of
 from cylinder_friction.tracking.executions import STAGE_TAG, allowed, execution_of, stage_ended
+from cylinder_friction.tracking.gate import CANDIDATE_KEY
 from cylinder_friction.tracking.measurement import times_of, with_times
 from cylinder_friction.tracking.repository import Commit, TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
@@ -110,20 +112,21 @@ def _delete_with_children(store: Store, run: Run) -> None:
 def _write_run(
     store: Store, record: RunRecord, root: Path, experiment_id: str, tags: dict[str, str], parent: str | None
 ) -> str:
-    times = times_of(record)
+    times, model_id = times_of(record), _measured_model(store, record)
     tags = {**tags, **record.tags, MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}"}
     tags |= {MLFLOW_RUN_NOTE: record.note} if record.note else {}
     tags |= {MLFLOW_PARENT_RUN_ID: parent} if parent else {}
     run_id = str(store.client.create_run(experiment_id, times.started_ms, tags, run_name=record.name).info.run_id)
     try:
-        _write_values(store, run_id, record, times)
+        if record.datasets or model_id:
+            used = [dataset_input(role, each) for role, each in record.datasets.items()]
+            store.client.log_inputs(run_id, used, [LoggedModelInput(model_id)] if model_id else None)
+        _write_values(store, run_id, record, times, model_id)
         for path in sorted(record.artifacts):
             _write_artifact(store, run_id, root, path)
         for name, table in record.tables.items():
             if table:
                 store.client.log_table(run_id, pd.DataFrame(table, dtype=object), f"{name}.json")
-        if record.datasets:
-            store.client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
     except MlflowException as error:
         raise TrackingError(f"run {record.name!r}: MLflow refused it: {error.message}") from error
     return run_id
@@ -131,19 +134,36 @@ def _write_run(
 
 def _common_tags(commit: Commit) -> dict[str, str]:
     tags = {
-        **commit.tags(),
         MLFLOW_SOURCE_TYPE: "PROJECT",
         MLFLOW_GIT_COMMIT: commit.sha,
+        "git_dirty": str(commit.dirty).lower(),
         MLFLOW_USER: getpass.getuser(),
     }
     return tags | ({"dvc_exp_name": os.environ["DVC_EXP_NAME"]} if "DVC_EXP_NAME" in os.environ else {})
 
 
-def _write_values(store: Store, run_id: str, record: RunRecord, times: Times) -> None:
+def _measured_model(store: Store, record: RunRecord) -> str | None:
+    """Return the id of the logged model whose errors a record states, as that of ``register`` does."""
+    if CANDIDATE_KEY not in record.tags:
+        return None
+    query = f"tags.`{CANDIDATE_KEY}` = '{record.tags[CANDIDATE_KEY]}'"
+    found = store.client.search_logged_models([store.experiment_id], filter_string=query)
+    return str(found[0].model_id) if found else None
+
+
+def _write_values(store: Store, run_id: str, record: RunRecord, times: Times, model_id: str | None) -> None:
     params = [Param(allowed(key), str(value)[:_LONGEST_PARAM]) for key, value in record.params.items()]
     for params_chunk in _chunks(params, _PARAMS_A_REQUEST):
         store.client.log_batch(run_id, params=params_chunk)
     metrics = [Metric(allowed(name), value, times.ended_ms, 0) for name, value in record.metrics.items()]
+    if model_id is not None and len(record.datasets) == 1:
+        ((role, dataset),) = record.datasets.items()
+        metrics = [
+            Metric(each.key, each.value, each.timestamp, each.step, model_id, role, digest_of(dataset))
+            if each.key.startswith(ERROR_PERCENT)
+            else each
+            for each in metrics
+        ]
     for name, values in record.curves.items():
         known_ms = times.steps_ms.get(name, [])[-len(values) :]
         # The first steps of what was resumed were done by a process that was killed.

@@ -1,5 +1,6 @@
 """A candidate becomes a version of the registered model, once, whatever moment a kill comes at."""
 
+import json
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -13,29 +14,34 @@ from mlflow.entities.logged_model_status import LoggedModelStatus
 from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model
+from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS, MLFLOW_PARENT_RUN_ID
 
 from cylinder_friction.recordings.files import hash_of, read_json
 from cylinder_friction.run_record import STAGES, RunRecord
-from cylinder_friction.tracking.gate import Candidate
+from cylinder_friction.tracking.executions import allowed
+from cylinder_friction.tracking.gate import CANDIDATE_KEY, Candidate
 from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.model_folder import save_model_folder
-from cylinder_friction.tracking.repository import Commit, TrackingError, commit_of
+from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
-from cylinder_friction.tracking.versions import Origin
+from cylinder_friction.tracking.versions import params_hash
 
 MODEL_KEY = "model_key"
 """Tag of a version and of its logged model: the hash of the candidate's folder."""
-CANDIDATE_KEY = "candidate_key"
-"""Tag of both by which a candidate is recognised."""
 CONTENT_KEY = "content_sha256"
 """Tag of both: the hash of all files of the logged model."""
 WRITTEN_ON_LOADING = "registered_model_meta"
 """File that MLflow adds to a model in a local store when it is loaded by its registered name; it counts for nothing."""
+GATE = "gate"
+"""Tag of both, JSON: what the gate is asked."""
+LINEAGE = "lineage"
+"""Tag of both, JSON: the commit, the data's hashes and the parameters' hash."""
 DECISION = "gate_decision"
 """Tag of a version, written last: while a version lacks it, versions after it wait."""
 ABANDONED = "abandoned"
 """Decision on a version whose machine stopped before it was decided; the candidate may ask again."""
 
+_SHARED_TAGS = (MODEL_KEY, CANDIDATE_KEY, CONTENT_KEY, GATE, LINEAGE)
 TRAINING_STAGES = ("train", "baselines")  # The stages that make what can be registered
 _BEFORE_TRAINING = STAGES[: STAGES.index("train")]
 
@@ -51,9 +57,12 @@ def ensure_version(
         TrackingError: The candidate's folder is not the one that was measured, or the registry lost the version.
     """
     _refuse_changed_model(candidate, root)
-    found = find_version(store, candidate)
-    if found is not None:
-        return found
+    version = find_version(store, candidate) or _make_version(store, candidate, root, decision or {})
+    _show_as_registered(store, version)
+    return version
+
+
+def _make_version(store: Store, candidate: Candidate, root: Path, decision: Mapping[str, str]) -> ModelVersion:
     model = _ensure_logged_model(store, candidate, root)
     try:
         store.client.create_registered_model(
@@ -68,7 +77,7 @@ def ensure_version(
         source=f"models:/{model.model_id}",
         run_id=model.source_run_id,
         model_id=model.model_id,
-        tags={**model.tags, **(decision or {})},
+        tags={**{key: model.tags[key] for key in _SHARED_TAGS}, **decision},
     )
     first = find_version(store, candidate)
     if first is None:
@@ -85,15 +94,27 @@ def find_version(store: Store, candidate: Candidate) -> ModelVersion | None:
     return min(found, key=lambda version: int(version.version), default=None)
 
 
+def _show_as_registered(store: Store, version: ModelVersion) -> None:
+    """Let the logged model name its version, as ``mlflow.register_model`` does, which can give a version no run."""
+    model = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
+    known = json.loads(model.tags.get(MLFLOW_MODEL_VERSIONS, "[]"))
+    own = {"name": version.name, "version": str(version.version)}
+    if own not in known:
+        store.client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: json.dumps([*known, own])})
+
+
 def tags_of(lineage: Mapping[str, Any]) -> dict[str, str]:
     """Return the tags of a version that follow from the ``lineage.json`` inside its model."""
-    origin = Origin(lineage["data"], lineage["raw"], lineage["params"])
-    commit = Commit(lineage["sha"], dirty=lineage["dirty"])
+    origin = {
+        "git_commit": lineage["sha"],
+        "git_dirty": lineage["dirty"],
+        "data": lineage["data"],
+        "params_sha256": params_hash(lineage["params"]),
+    }
     return {
         **{key: lineage[key] for key in (MODEL_KEY, CANDIDATE_KEY)},
-        **lineage["gate"],
-        **commit.tags(),
-        **origin.tags(),
+        GATE: json.dumps(lineage["gate"], sort_keys=True),
+        LINEAGE: json.dumps(origin, sort_keys=True),
     }
 
 
@@ -111,7 +132,7 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> Logg
         name=Path(candidate.folder).name,
         source_run_id=run_id,
         tags={CANDIDATE_KEY: candidate.key()},
-        params={"candidate": candidate.folder},
+        params={allowed(key): str(value) for key, value in record.params.items()},
         model_type="friction estimator",
     )
     with tempfile.TemporaryDirectory() as scratch:
@@ -134,7 +155,9 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> Logg
         tags = {**tags_of(lineage), CONTENT_KEY: hash_of(folder, WRITTEN_ON_LOADING)}
         store.client.set_logged_model_tags(model.model_id, tags)
         store.client.log_model_artifacts(model.model_id, str(folder))
-    store.client.log_outputs(run_id, [LoggedModelOutput(model.model_id, step=0)])
+    execution = store.client.get_run(run_id).data.tags.get(MLFLOW_PARENT_RUN_ID)
+    for run in filter(None, (run_id, execution)):
+        store.client.log_outputs(run, [LoggedModelOutput(model.model_id, step=0)])
     return store.client.finalize_logged_model(model.model_id, LoggedModelStatus.READY)
 
 

@@ -3,6 +3,7 @@
 import getpass
 import json
 import logging
+import re
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -15,7 +16,14 @@ from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.gate import Candidate, Decision, Errors, Incumbent, Registered, decide
 from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, artifact_path, download_model
-from cylinder_friction.tracking.model_version import ABANDONED, DECISION, MODEL_KEY, ensure_version, find_version
+from cylinder_friction.tracking.model_version import (
+    ABANDONED,
+    DECISION,
+    LINEAGE,
+    MODEL_KEY,
+    ensure_version,
+    find_version,
+)
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
@@ -24,12 +32,25 @@ REGISTERED_FILE = "models/registered.json"
 _INCUMBENT = "gate_incumbent"
 _REASON = "gate_reason"
 _ROLLED_BACK = "rolled_back"
-_PROMOTED_FROM = "promoted_from"
+_PROMOTED = "promoted"
 _PATIENCE_S = 120.0
 _POLL_S = 0.5
 REFUSED_ROLLED_BACK = (
     "refused: this model was champion and was rolled back; `cylinder-friction rollback --to` promotes it"
 )
+
+_DESCRIPTION = """**{reason}**
+
+{card}
+
+**Where it came from**
+
+| | |
+|---|---|
+| code | commit {commit} |{data}
+
+`cylinder-friction lineage {uri}` checks every link.
+"""
 
 _log = logging.getLogger(__name__)
 
@@ -138,7 +159,7 @@ def rollback(root: Path, name: str, to: int | None = None) -> str:
         if _same(champion, target):
             return f"{name} version {number} is the champion already"
         before = _words(champion)
-        by = f"by {getpass.getuser()} at {_now()}"
+        by = _by_whom()
         store.client.set_registered_model_tag(name, _ROLLED_BACK, f"{before} to version {number} {by}")
         if champion is not None and number < int(champion.version):
             _tag(store, champion, {_ROLLED_BACK: f"to version {number} {by}"})
@@ -156,8 +177,8 @@ def _previous(versions: Mapping[int, ModelVersion], champion: ModelVersion | Non
     while number not in seen:
         seen.add(number)
         tags = versions[number].tags if number in versions else {}
-        before = tags.get(_PROMOTED_FROM, "none").removeprefix("version ")
-        number = int(before) if before.isdigit() else 0
+        before = re.match(r"from version (\d+) ", tags.get(_PROMOTED, ""))
+        number = int(before[1]) if before else 0
         if number in versions and _ROLLED_BACK not in versions[number].tags:
             return number
     return 0
@@ -225,13 +246,20 @@ def _write_decision(store: Store, version: ModelVersion, registered: Registered)
     """Write on what grounds the gate decided."""
     incumbent = None if registered.incumbent is None else asdict(registered.incumbent)
     _tag(store, version, {_INCUMBENT: json.dumps(incumbent), _REASON: registered.reason})
-    store.client.update_model_version(version.name, version.version, registered.reason)
+    origin = json.loads(version.tags[LINEAGE])
+    description = _DESCRIPTION.format(
+        reason=registered.reason[0].upper() + registered.reason[1:],
+        card=registered.candidate.card,
+        commit=origin["git_commit"],
+        data="".join(f"\n| `{path}` | {md5} |" for path, md5 in origin["data"].items()),
+        uri=f"models:/{version.name}/{version.version}",
+    )
+    store.client.update_model_version(version.name, version.version, description)
 
 
 def _write_promotion(store: Store, version: ModelVersion, before: ModelVersion | None) -> None:
     """Write down what MLflow keeps no history of."""
-    tags = {_PROMOTED_FROM: _words(before), "promoted_at": _now(), "promoted_by": getpass.getuser()}
-    _tag(store, version, tags)
+    _tag(store, version, {_PROMOTED: f"from {_words(before)} {_by_whom()}"})
 
 
 def _words(version: ModelVersion | None) -> str:
@@ -247,5 +275,5 @@ def _tag(store: Store, version: ModelVersion, tags: Mapping[str, str]) -> None:
         store.client.set_model_version_tag(version.name, version.version, key, value)
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+def _by_whom() -> str:
+    return f"by {getpass.getuser()} at {datetime.now(UTC).isoformat(timespec='seconds')}"

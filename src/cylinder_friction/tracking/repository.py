@@ -39,9 +39,6 @@ class Commit:
     sha: str
     dirty: bool
 
-    def tags(self) -> dict[str, str]:
-        return {"git_commit": self.sha, "git_dirty": str(self.dirty).lower()}
-
 
 def repository_root(start: Path) -> Path:
     """Return the absolute root of the repository that holds ``start``; ``start`` itself where there is none.

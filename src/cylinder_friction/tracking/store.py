@@ -21,7 +21,13 @@ from cylinder_friction.tracking.repository import TrackingError, repository_root
 
 EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"  # What belongs to this machine and is neither versioned nor shared
-_NOTE = "One run per stage of the pipeline; the trials of the search lie below its run."
+_NOTE = (
+    "Each run `pipeline ...` is one execution. **Which is better, and in which condition?** Choose *Model training* in "
+    "the sidebar, then *Runs*, then the charts: `error_percent` shows the mean absolute errors of their models on "
+    "held-out recordings [% of mean friction, against true friction where it is known], smaller is better; "
+    "`held_by_bounds_percent` how often the stated bounds hold. Expand a run for its stages: `compare` has the report, "
+    "and all estimators in `errors_by_condition.json`."
+)
 _CONNECT_TIMEOUT_S = 3.0
 _LOCK_TIMEOUT_S = 30.0
 _LONGEST_REASON = 200

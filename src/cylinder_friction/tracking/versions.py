@@ -38,16 +38,6 @@ class Origin:
     def params_sha256(self) -> str:
         return params_hash(self.params)
 
-    def tags(self) -> dict[str, str]:
-        """Return the tags of a registered version: one hash each."""
-        processed = {
-            f"data_{path.removeprefix('data/').replace('/', '_')}_md5": md5
-            for path, md5 in self.data.items()
-            if path != self.raw
-        }
-        raw = {"data_raw_path": self.raw, "data_raw_md5": self.data[self.raw]}
-        return {**raw, **processed, "params_sha256": self.params_sha256}
-
 
 def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
     """Return what the workspace's models are made from, from ``dvc.lock`` and ``params.yaml``.

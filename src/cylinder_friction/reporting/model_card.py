@@ -1,0 +1,93 @@
+"""The model card of a registered version: what a user of the model has to know, as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.evaluation.reported import reported_errors
+from cylinder_friction.recordings.columns import ALL_CONDITIONS
+from cylinder_friction.reporting.estimator_titles import title
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+_UNITS = {"pa": ("bar", 1e-5), "m": ("mm", 1e3), "n": ("N", 1.0), "c": ("°C", 1.0)}
+_USES = (
+    ("train", "{} recordings"),
+    ("validation", "{} of other sessions stopped it"),
+    ("calibration", "{} of others again calibrated its bounds"),
+)
+_AGAINST = {"truth": "true friction", "label": "the label, which it was trained on"}
+
+
+def model_card(
+    name: str,
+    cylinder: Cylinder,
+    description: Mapping[str, Any],
+    chosen: Mapping[str, Any],
+    recordings: Mapping[str, int],
+    conditions: Mapping[str, Mapping[str, float]],
+    held: Sequence[Mapping[str, Any]],
+) -> str:
+    """Return the card of an estimator.
+
+    Args:
+        name: Of the estimator, ``hybrid`` for example.
+        cylinder: Which it is for.
+        description: Content of its ``estimator.json``.
+        chosen: Its hyperparameters.
+        recordings: How many it was trained on, by role.
+        conditions: Its numbers by name, by condition, as in ``reports/metrics.json``.
+        held: How often its bounds hold, as in ``reports/coverage.json``; empty where that is not known.
+    """
+    reference, errors = reported_errors(conditions)
+    shares = {each["condition"]: each["held_percent"] for each in held if each["reference"] == reference}
+    bounds = description.get("bounds")
+    lines = [
+        f"{title(name)}: friction inside a hydraulic cylinder [N] from "
+        f"{', '.join(f'`{column}`' for column in description['input'])}.",
+        "",
+        f"- Cylinder: {cylinder.name}, bore {1e3 * cylinder.bore_diameter_m:g} mm, rod "
+        f"{1e3 * cylinder.rod_diameter_m:g} mm, stroke {1e3 * cylinder.stroke_m:g} mm",
+        "- Trained on: " + "; ".join(words.format(recordings[role]) for role, words in _USES if recordings.get(role)),
+        f"- Hyperparameters: {', '.join(f'{key} {value:.4g}' for key, value in chosen.items())}",
+        f"- Sampled every {1e3 * description['sample_time_s']:g} ms, late by {1e3 * description['lag_s']:g} ms, "
+        f"{description['multiply_adds_a_step']} multiply-adds per sample",
+        "",
+        f"**Errors on held-out recordings, against {_AGAINST[reference]}**",
+        "",
+        "| condition | error [% of mean friction] | 95 % interval | error [N] | within the bounds [%] |",
+        "|---|---|---|---|---|",
+        *(_error_row(condition, reference, conditions[condition], shares) for condition in errors),
+        "",
+    ]
+    if bounds:
+        lines += [
+            f"Bounds are made to hold {100 * bounds['probability']:g} %"
+            + (f"; they hold {shares[ALL_CONDITIONS]:.1f} % of all rows." if ALL_CONDITIONS in shares else "."),
+            "",
+        ]
+    lines += ["**Valid range; what lies beyond is flagged**", "", "| input | from | to |", "|---|---|---|"]
+    lines += [_range_row(column, *limits) for column, limits in description["training_range"].items()]
+    return "\n".join(lines)
+
+
+def _error_row(condition: str, reference: str, numbers: Mapping[str, float], shares: Mapping[str, float]) -> str:
+    percent, low, high, mae_n = (
+        numbers.get(f"{reference}_{key}") for key in ("percent", "percent_low", "percent_high", "mae_n")
+    )
+    interval = "" if low is None or high is None else f"{low:.2f} to {high:.2f}"
+    cells = [_rounded(percent, 2), interval, _rounded(mae_n, 1), _rounded(shares.get(condition), 1)]
+    return f"| {condition} | {' | '.join(cells)} |"
+
+
+def _rounded(value: float | None, decimals: int) -> str:
+    return "" if value is None else f"{value:.{decimals}f}"
+
+
+def _range_row(column: str, lowest: float, highest: float) -> str:
+    """Return a row in bar and millimetres, as far as the column's name states its unit."""
+    words = column.rpartition("_")
+    unit, factor = _UNITS.get(words[2], ("", 1.0))
+    return f"| {words[0].replace('_', ' ')} [{unit}] | {factor * lowest:.4g} | {factor * highest:.4g} |"

@@ -1,0 +1,54 @@
+"""What a user of a registered model reads about it."""
+
+from __future__ import annotations
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.reporting.model_card import model_card
+
+CYLINDER = Cylinder(name="A", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+DESCRIPTION = {
+    "input": ["pressure_1_pa", "position_m"],
+    "sample_time_s": 0.005,
+    "lag_s": 0.0,
+    "multiply_adds_a_step": 1234,
+    "bounds": {"probability": 0.9},
+    "training_range": {"pressure_1_pa": [1e5, 6e6], "position_m": [0.0, 0.25], "load_force_n": [-10.0, 10.0]},
+}
+NUMBERS = {
+    "truth_percent": 1.395,
+    "truth_percent_low": 0.98,
+    "truth_percent_high": 1.81,
+    "truth_mae_n": 5.05,
+    "label_percent": 1.1,
+}
+HELD = [
+    {"reference": "truth", "condition": "1", "held_percent": 96.75},
+    {"reference": "truth", "condition": "all", "held_percent": 94.63},
+    {"reference": "label", "condition": "1", "held_percent": 98.6},
+]
+
+
+def card(conditions: dict[str, dict[str, float]], held: list[dict[str, object]]) -> list[str]:
+    recordings = {"train": 40, "validation": 8}
+    chosen = {"layers": 1, "nodes": 24}
+    return model_card("hybrid", CYLINDER, DESCRIPTION, chosen, recordings, conditions, held).splitlines()
+
+
+def test_it_states_training_errors_bounds_and_range() -> None:
+    lines = card({"1": NUMBERS}, HELD)
+    assert lines[0] == "Hybrid: friction inside a hydraulic cylinder [N] from `pressure_1_pa`, `position_m`."
+    assert "- Trained on: 40 recordings; 8 of other sessions stopped it" in lines
+    assert "- Hyperparameters: layers 1, nodes 24" in lines
+    assert "**Errors on held-out recordings, against true friction**" in lines
+    assert "| 1 | 1.40 | 0.98 to 1.81 | 5.0 | 96.8 |" in lines
+    assert "Bounds are made to hold 90 %; they hold 94.6 % of all rows." in lines
+    assert "| pressure 1 [bar] | 1 | 60 |" in lines
+    assert "| position [mm] | 0 | 250 |" in lines
+    assert "| load force [N] | -10 | 10 |" in lines
+
+
+def test_what_is_not_known_is_left_empty() -> None:
+    lines = card({"1": {"label_percent": 2.0}}, [])
+    assert "**Errors on held-out recordings, against the label, which it was trained on**" in lines
+    assert "| 1 | 2.00 |  |  |  |" in lines
+    assert "Bounds are made to hold 90 %." in lines
