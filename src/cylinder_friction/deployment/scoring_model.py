@@ -39,7 +39,9 @@ class FrictionScoringModel(PythonModel):
         """
         try:
             scored = self._scoring.score_columns(self._graph, self._columns(model_input))
-            return pd.DataFrame(scored, getattr(model_input, "index", None), copy=False)
+            index = getattr(model_input, "index", pd.RangeIndex(len(scored["flags"])))
+            texts = pd.Series(scored["flag_names"], index, dtype=object)  # not copied into Arrow's text, and back
+            return pd.DataFrame({**scored, "flag_names": texts}, index, copy=False)
         except self._scoring.ScoringError as error:
             raise MlflowException(str(error), error_code=INVALID_PARAMETER_VALUE) from error
 
