@@ -25,6 +25,7 @@ import sys
 import tempfile
 import time
 import urllib.request
+import warnings
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -180,7 +181,9 @@ def servers(model: Path, folder: Path) -> Iterator[list[Server]]:
     code = folder / "echo.py"
     code.write_text(ECHO, "utf-8")
     signature = mlflow.models.Model.load(str(model)).signature
-    mlflow.pyfunc.save_model(folder / "echo", python_model=str(code), signature=signature, pip_requirements=["mlflow"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # there is no input example
+        mlflow.pyfunc.save_model(folder / "echo", python_model=str(code), signature=signature, pip_requirements=[])
     here = str(Path(__file__).parent)
     python, environment = sys.executable, {"GRAPH": str(artifact_path(model, "graph"))}
     plain = ["-m", "mlflow", "models", "serve", "--env-manager", "local", "-w", "1", "-m"]
@@ -242,12 +245,10 @@ def table(found: list[Server], run: Path, rounds: int, seconds: float) -> None:
 def costly(found: list[Server], run: Path) -> None:
     """Print what unusual requests take, of those that the model is served by."""
     samples = next(iter(read_recordings(run / "data/processed/test"))).samples()
-    rows = np.resize(samples, (200_000, samples.shape[1])).tolist()
-    large = json.dumps({"dataframe_split": {"columns": list(SAMPLE_COLUMNS), "data": rows}}).encode()
     bodies = {
-        "20,000 rows, one name of 10,000 characters": long_name(samples),
+        "20,000 rows, one name of 10,000 characters": named_rows(samples, 20_000, "n" * 10_000),
         "20 MB of 0xff": b"\xff" * 20_000_000,
-        "200,000 rows": large,
+        "200,000 rows": named_rows(samples, 200_000),
     }
     for title, body in bodies.items():
         print(f"\n{title} ({len(body) / 1e6:.1f} MB){'status':>10s}{'response, bytes':>18s}{'memory, MB more':>18s}")
@@ -261,10 +262,11 @@ def costly(found: list[Server], run: Path) -> None:
         print(f"{server.name:26s} {server.memory_mb():6.0f} MB after these requests")
 
 
-def long_name(samples: Samples, rows: int = 20_000) -> bytes:
-    """Return a request with one name of 10,000 characters, and a short one in every other row."""
-    data = [[*row, "a"] for row in np.resize(samples, (rows, samples.shape[1])).tolist()]
-    data[0][-1] = "n" * 10_000
+def named_rows(samples: Samples, rows: int, first_name: str = "first") -> bytes:
+    """Return a request with the recording again and again, each time under another name; the first row has its own."""
+    repeated = enumerate(np.resize(samples, (rows, samples.shape[1])).tolist())
+    data = [[*row, str(number // len(samples))] for number, row in repeated]
+    data[0][-1] = first_name
     return json.dumps({"dataframe_split": {"columns": [*SAMPLE_COLUMNS, "recording"], "data": data}}).encode()
 
 

@@ -24,7 +24,9 @@ from mlflow.pyfunc.model import PythonModel
 class Echo(PythonModel):
     def predict(self, context, model_input: pd.DataFrame, params=None) -> pd.DataFrame:
         first = model_input["pressure_1_pa"]
-        return pd.DataFrame({"friction_n": first, "lower_n": first, "upper_n": first, "flags": 0})
+        newtons = {"friction_n": first, "lower_n": first, "upper_n": first}
+        newtons |= {"offset_n": 0.0, "offset_uncertainty_n": 0.0}
+        return pd.DataFrame({**newtons, "flags": 0, "flag_names": "WARMING", "in_training_range": True})
 
 
 mlflow.models.set_model(Echo())

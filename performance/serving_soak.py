@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from serving_load import ARROW, CHAMPION, JSON, OURS, arrow, ask, long_name, running
+from serving_load import ARROW, CHAMPION, JSON, OURS, arrow, ask, named_rows, running
 
 from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -73,7 +73,7 @@ def requests(run: Path) -> list[Request]:
     malformed += [split[: len(split) // 2], split.replace(b"pressure_1_pa", b"pressure_1_bar", 1)]
     found += [(f"malformed {number}", JSON, body, bad, False) for number, body in enumerate(malformed)]
     found += [(f"malformed {ARROW}", ARROW, split, bad, False), ("malformed CSV", "text/csv", b"a,b\n1", bad, False)]
-    return [*found, ("a long name", JSON, long_name(recording), range(200, 500), False)]
+    return [*found, ("a long name", JSON, named_rows(recording, 20_000, "n" * 10_000), good, False)]
 
 
 def send(port: int, request: Request) -> tuple[int, bytes]:
