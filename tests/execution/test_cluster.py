@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,42 +16,45 @@ from cylinder_friction.execution.cluster import common_environment, environment
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, WorkersError
 from cylinder_friction.extras import MissingExtraError
-from dask_cluster import LoopbackCluster, loopback_cluster
-from process_work import die, die_once, fill_memory, place, twice
+from cylinder_friction.tuning.search import SearchPlan, run_search
+from cylinder_friction.tuning.space import SearchSpace
+from performance_scripts import performance_script
+from process_work import bowl, cost, die, die_once, fill_memory, place, twice
+
+loopback = performance_script("loopback_cluster")
+MODULES = (Path(__file__).parents[1],)
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopbackCluster]:
-    with loopback_cluster(tmp_path_factory.mktemp("cluster")) as started:
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    with loopback.loopback_cluster(tmp_path_factory.mktemp("cluster"), modules=MODULES) as started:
         yield started
 
 
 @pytest.fixture
-def on_cluster(cluster: LoopbackCluster, monkeypatch: pytest.MonkeyPatch) -> LoopbackCluster:
+def on_cluster(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setenv(VARIABLE, cluster.address)
     return cluster
 
 
 @pytest.mark.parametrize("way", ["address", "file"])
-def test_results_come_in_the_order_of_the_pieces(
-    way: str, cluster: LoopbackCluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_come_in_the_order_of_the_pieces(way: str, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(getattr(cluster, way)))
     with workers_from_environment() as workers:
         assert list(workers.in_order([partial(twice, n) for n in range(50)])) == [2 * n for n in range(50)]
 
 
 def test_a_piece_runs_in_the_folder_of_the_command_with_one_thread_and_no_workers_of_its_own(
-    on_cluster: LoopbackCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    on_cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with workers_from_environment() as workers:
         assert list(workers.in_order([partial(place, 0)])) == [(str(tmp_path), None, ["1"] * len(ONE_THREAD))]
 
 
-def test_a_killed_worker_costs_nothing(on_cluster: LoopbackCluster, tmp_path: Path) -> None:
+def test_a_killed_worker_costs_nothing(on_cluster: Any, tmp_path: Path) -> None:
     pieces = [partial(die_once, str(tmp_path / "killed"), n) for n in range(20)]
     with workers_from_environment() as workers:
         assert list(workers.in_order(pieces)) == [2 * n for n in range(20)]
@@ -58,7 +62,7 @@ def test_a_killed_worker_costs_nothing(on_cluster: LoopbackCluster, tmp_path: Pa
 
 
 def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(
-    on_cluster: LoopbackCluster,
+    on_cluster: Any,
 ) -> None:
     names = [f"recording {n}" for n in range(6)]
     done = []
@@ -71,10 +75,21 @@ def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_
     assert message.endswith("GiB; it may have run out of memory; the other 5 of 6 are done")
 
 
+def test_a_search_in_batches_is_the_same_on_a_cluster_whose_worker_is_killed(on_cluster: Any, tmp_path: Path) -> None:
+    space = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
+    plan = SearchPlan(10, 4, 3, 200, batch=4)
+    alone = run_search(space, plan, cost, partial(bowl, ""), tmp_path / "alone.log", lambda _: None)
+    objective = partial(bowl, str(tmp_path / "killed"))
+    with workers_from_environment() as workers:
+        found = run_search(space, plan, cost, objective, tmp_path / "cluster.log", lambda _: None, workers)
+    assert found == alone
+    assert (tmp_path / "killed").exists()
+
+
 def test_a_piece_over_the_memory_limit_is_reported_with_the_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with loopback_cluster(tmp_path, workers=0) as cluster:
+    with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:
         cluster.add_worker("--nthreads", "1", "--memory-limit", "300MB")
         monkeypatch.setenv(VARIABLE, cluster.address)
         with workers_from_environment() as workers:
@@ -84,7 +99,7 @@ def test_a_piece_over_the_memory_limit_is_reported_with_the_limit(
 
 
 def test_a_worker_of_two_threads_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with loopback_cluster(tmp_path, workers=0) as cluster:
+    with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:
         cluster.add_worker("--nthreads", "2")
         monkeypatch.setenv(VARIABLE, cluster.address)
         with workers_from_environment() as workers, pytest.raises(WorkersError) as caught:
@@ -116,7 +131,7 @@ def test_a_cluster_without_scheduler_or_worker_is_named(tmp_path: Path, monkeypa
         list(workers.in_order([partial(twice, 1)]))
     assert "no Dask scheduler responds within" in str(caught.value)
     assert "start one with `dask scheduler`, or unset CYLINDER_FRICTION_WORKERS" in str(caught.value)
-    with loopback_cluster(tmp_path, workers=0) as cluster:
+    with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:
         monkeypatch.setenv(VARIABLE, cluster.address)
         with (
             workers_from_environment() as workers,

@@ -57,6 +57,23 @@ def test_a_search_killed_again_and_again_equals_an_undisturbed_one(tmp_path: Pat
     assert len(calls) == run + 3
 
 
+@pytest.mark.parametrize("killed_at", [1, 2, 3, 4, 7])
+def test_a_search_in_batches_killed_within_one_equals_an_undisturbed_one(tmp_path: Path, killed_at: int) -> None:
+    plan = replace(PLAN, batch=3)
+    undisturbed = run_search(SPACE, plan, cost, bowl, tmp_path / "whole.log", lambda _: None)
+    calls = iter(range(1, 1000))
+
+    def killed(params: dict[str, Value], report: Report) -> float:
+        if next(calls) == killed_at:
+            raise KilledError
+        return bowl(params, report)
+
+    with pytest.raises(KilledError):
+        run_search(SPACE, plan, cost, killed, tmp_path / "killed.log", lambda _: None)
+    assert run_search(SPACE, plan, cost, killed, tmp_path / "killed.log", lambda _: None) == undisturbed
+    assert undisturbed != run_search(SPACE, PLAN, cost, bowl, tmp_path / "one.log", lambda _: None)
+
+
 def test_a_kill_while_the_journal_is_written_keeps_nobody_waiting(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,7 +10,7 @@ from optuna.distributions import CategoricalDistribution, FloatDistribution
 from optuna.trial import TrialState
 
 from cylinder_friction.tuning.study_store import STUDY_STORE, StudyStoreError, study_storage
-from cylinder_friction.tuning.trials import TuningPlan, run_trials
+from cylinder_friction.tuning.trials import TuningPlan, reason_of, run_trials
 from performance_scripts import performance_script
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def searched(journal: Path, objective: Objective = bowl) -> list[tuple[object, .
 
 
 def _without_time(trial: FrozenTrial) -> tuple[object, ...]:
-    return trial.params, trial.state, trial.value, sorted(trial.intermediate_values.items()), trial.user_attrs
+    return trial.params, trial.state, trial.value, sorted(trial.intermediate_values.items()), reason_of(trial)
 
 
 def test_a_search_killed_and_resumed_in_a_database_equals_one_in_the_journal(

@@ -15,6 +15,7 @@ import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, FrictionOfLogs, estimate_logs, remarks
+from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, load_params
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.stages._stage import cylinder_from
@@ -48,7 +49,8 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         model = options.model and model_folder(options.model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
-        function = partial(estimate_logs, model=model, file_format=options.format)
+        workers = stack.enter_context(workers_from_environment())
+        function = partial(estimate_logs, model=model, file_format=options.format, workers=workers)
         result, notes = run_on_logs(function, options)
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"bounds   {result.bounds}"])
     return 1 if result.refused or not result.recordings else 0

@@ -5,6 +5,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +14,7 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.execution.workers import Died, Work, Workers
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan
@@ -20,11 +22,11 @@ from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
-from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.files import whole_file, whole_folder, write_json
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
-from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording
+from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording, on_disk
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import write_parts, write_recording
 from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
 from cylinder_friction.reporting.inspection.friction_view import holds_load, up_and_down
@@ -97,6 +99,7 @@ def estimate_logs(
     names: str | None = None,
     file_format: FileFormat = "parquet",
     rows_at_once: int = ROWS_AT_ONCE,
+    workers: Workers | None = None,
 ) -> FrictionOfLogs:
     """Write the friction of logger files into a folder: one file per recording, ``summary.json`` and one page.
 
@@ -113,6 +116,7 @@ def estimate_logs(
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
         file_format: ``parquet`` or ``csv``.
         rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
+        workers: Work on recordings side by side; None: one after the other, here.
 
     Raises:
         RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
@@ -125,7 +129,7 @@ def estimate_logs(
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz)
     with whole_folder(into) as folder:
-        run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator, rows_at_once)
+        run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator, rows_at_once, workers)
         result, panes = _written(run, folder, file_format)
         result = replace(result, folder=into)
         shutil.rmtree(run.scratch, ignore_errors=True)
@@ -140,6 +144,139 @@ def refuse_other_folder(folder: Path, marker: str) -> None:
         raise FileExistsError(f"{folder}: exists already, and holds no {marker} of an earlier run; name a new folder")
 
 
+@dataclass(frozen=True)
+class RecordingFriction:
+    """How one recording gets its friction, wherever that is done."""
+
+    labeller: Labeller
+    filter: SignalFilter
+    plan: OffsetPlan
+    scratch: Path  # A folder that may be removed afterwards
+    # What friction comes from, or where it is saved; None: the label, less the sensors' offset where it is known
+    model: FrictionEstimator | Path | None
+
+    @property
+    def estimator(self) -> FrictionEstimator | None:
+        return _loaded_once(self.model) if isinstance(self.model, Path) else self.model
+
+    def identified(self, sources: Sequence[LongRecording]) -> SessionIdentification | str:
+        """Return load and mass of a session, or why its recordings do not determine them."""
+        smooth = (filtered(part, self.filter) for source in sources for part in source.excerpt())
+        try:
+            return self.labeller.identify(smooth, self.filter)
+        except ValueError as error:
+            return str(error)
+
+    def labelled(
+        self, source: Recording | LongRecording, identified: SessionIdentification | None
+    ) -> tuple[LongRecording, list[OffsetEvidence]] | str:
+        """Return a recording with its friction, on disk, and what its label shows of an offset; or why it is refused.
+
+        What is read of it is yet to be ``finished``.
+        """
+        parts = source.parts() if isinstance(source, LongRecording) else [(source, slice(0, len(source)))]
+        estimator = self.estimator
+        running = None if estimator is None else _RunningEstimate(_for_load(estimator, identified))
+        paths: list[Path] = []
+        own_rows: list[slice] = []
+        try:
+            for recording, own in parts:
+                labelled = self.labeller.labelled(filtered(recording, self.filter), self.filter, identified)
+                labelled = labelled.rows(own) if running is None else running.estimated(labelled, own)
+                stem = f"{recording.name}.{len(paths):06d}"
+                paths.append(write_recording(self.scratch / "labelled", labelled, stem))
+                own_rows.append(slice(0, len(labelled)))
+        except ValueError as error:  # shorter than the filter, or not what the estimator takes
+            return str(error)
+        result = LongRecording(source.metadata, tuple(paths), tuple(own_rows))
+        if estimator is not None:
+            return result, []
+        return result, list(map(self._evidence, [labelled] if len(paths) == 1 else result.excerpt()))
+
+    def _evidence(self, recording: Recording) -> OffsetEvidence:
+        known = LOADED.get(self.labeller.load, "")
+        return offset_evidence(recording, self.labeller.cylinder, self.plan, *self._halves([recording]), known)
+
+    def _halves(self, recordings: Sequence[Recording]) -> tuple[float, float]:
+        """Return half the sum and half the difference of friction up and down at equal position [N]."""
+        columns = ("position_m", "velocity_m_s", "friction_n")
+        position_m, velocity_m_s, friction_n = (
+            np.concatenate([recording.column(name) for recording in recordings]) for name in columns
+        )
+        usable = np.concatenate([recording.usable() for recording in recordings])
+        return up_and_down(position_m, velocity_m_s, friction_n, usable, self.plan.slowest_m_s)
+
+    def finished(self, recording: Recording, known: KnownOffset | None) -> Recording:
+        """Return a recording with its bounds, and without the offset of its session where strokes determine it."""
+        if known is None:
+            return recording.without_columns(UNCERTAINTY_COLUMN)
+        friction_n, half_n = recording.column("friction_n"), np.full(len(recording), math.nan)
+        if UNCERTAINTY_COLUMN in recording.table.columns:
+            half_n = recording.column(UNCERTAINTY_COLUMN)
+        if known.source == STROKES:
+            friction_n = friction_n - known.offset_n
+            half_n = np.sqrt(np.maximum(half_n**2 - known.stated_n**2, 0.0) + known.uncertainty_n**2)
+        bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
+        return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
+
+    def entry(self, excerpt: Sequence[Recording], load: str, counts: "Counts | None" = None) -> FrictionOfRecording:
+        """Return what became of a recording.
+
+        Args:
+            excerpt: The recording, finished, or parts of it.
+            load: Which load was identified and taken off, in words; empty where none was.
+            counts: Of all its rows; None where the excerpt holds them.
+        """
+        counts = counts or Counts.of(excerpt)
+        load_n, half_n = self._halves(excerpt)
+        estimator = self.estimator
+        about, given = excerpt[0].metadata, None if estimator is None else estimator.position_load
+        known = self.labeller.load if given is None else given.in_words()
+        return FrictionOfRecording(
+            name=about.name,
+            source_file=about.source_file,
+            session=about.session,
+            rows=counts.rows,
+            duration_s=counts.rows * about.sample_time_s,
+            usable_percent=100.0 * counts.usable / counts.rows,
+            friction_n=_known(half_n),
+            flags_percent=None if estimator is None else counts.flags_percent(),
+            load=load or known,
+            load_left_n=_known(load_n) if holds_load(load_n, half_n) else None,
+            repairs=tuple(about.repairs),
+        )
+
+    def written(
+        self, labelled: LongRecording, known: KnownOffset | None, load: str, into: Path
+    ) -> tuple[FrictionOfRecording, bool]:
+        """Write the file of one recording; return what became of it, and whether it has bounds.
+
+        Args:
+            labelled: The recording with its friction.
+            known: What is known of the sensors' offset; None with an estimator.
+            load: As in ``entry``.
+            into: The file.
+        """
+        counts = Counts()
+        whole = [self.finished(part, known) for part in labelled.excerpt()] if len(labelled.paths) == 1 else []
+        parts = iter(whole) if whole else (self.finished(part, known) for part, _ in labelled.parts())
+        _write(_counted(parts, counts), into)
+        excerpt = whole or [self.finished(part, known) for part in labelled.excerpt()]
+        return self.entry(excerpt, load, counts), counts.bounded
+
+    def pane(self, labelled: LongRecording, known: KnownOffset | None) -> FrictionPane:
+        """Return what the page shows of a recording."""
+        excerpt = labelled.excerpt()
+        first = self.finished(excerpt[0], known)
+        pane = friction_pane(first, self.labeller.cylinder, self.filter, self.model is not None)
+        return pane if len(excerpt) == 1 else replace(pane, shown=_shown(first, len(labelled)))
+
+
+@lru_cache(maxsize=1)
+def _loaded_once(folder: Path) -> FrictionEstimator:
+    return load_estimator(folder)
+
+
 class LabelledLogs:
     """The recordings of logger files with their friction, each kept in ``scratch`` between two passes.
 
@@ -149,6 +286,7 @@ class LabelledLogs:
         scratch: A folder that may be removed afterwards.
         estimator: What friction comes from; None: the off-line label, less the sensors' offset where it is known.
         rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
+        workers: Work on recordings side by side; None: one after the other, here.
 
     Attributes:
         refused: Files and recordings that could not be used, once ``recordings`` has ended.
@@ -163,13 +301,16 @@ class LabelledLogs:
         scratch: Path,
         estimator: FrictionEstimator | None,
         rows_at_once: int = ROWS_AT_ONCE,
+        workers: Workers | None = None,
     ) -> None:
-        self.logs, self.cylinder, self.estimator, self.scratch = logs, cylinder, estimator, scratch
-        self.rows_at_once = rows_at_once
-        self.filter: SignalFilter = default_filter(cylinder)
-        self.plan = OffsetPlan()
-        self.load = logs.recipe.limits.load
-        self.labeller = Labeller(cylinder, load=self.load)
+        self.logs, self.cylinder, self.scratch = logs, cylinder, scratch
+        self.rows_at_once, self.workers = rows_at_once, workers or Workers()
+        model: FrictionEstimator | Path | None = estimator
+        if estimator is not None and not self.workers.here:
+            model = scratch / "model"  # read once by each worker
+            estimator.save(model)
+        labeller = Labeller(cylinder, load=logs.recipe.limits.load)
+        self.friction = RecordingFriction(labeller, default_filter(cylinder), OffsetPlan(), scratch, model)
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
         self.loads: dict[str, str] = {}
@@ -180,131 +321,78 @@ class LabelledLogs:
             parts = labelled.excerpt()
             for number, part in enumerate(parts, start=1):
                 name = f"{part.name}, excerpt {number} of {len(parts)}" if len(parts) > 1 else part.name
-                yield self.finished(replace(part, metadata=replace(part.metadata, name=name)))
+                part = replace(part, metadata=replace(part.metadata, name=name))
+                yield self.friction.finished(part, self.offsets.get(part.metadata.session))
 
-    def labelled(self) -> Iterator[LongRecording]:
-        """Yield each usable recording with its friction, on disk; what is read of it is yet to be ``finished``."""
+    def labelled(self) -> list[LongRecording]:
+        """Return each usable recording with its friction, on disk; what is read of it is yet to be ``finished``."""
+        labelled: list[LongRecording] = []
         evidence: list[OffsetEvidence] = []
-        labelled = list(self._labelled(evidence))
-        if self.estimator is None:
-            known = known_offsets(evidence, self.cylinder, self.plan)
+        given: list[_Given] = []
+        refused: dict[int, Quarantined] = {}
+        for place, result in enumerate(self.workers.in_order(self._pieces(given, refused))):
+            source = given[place]
+            if isinstance(result, tuple):
+                labelled.append(result[0])
+                evidence += result[1]
+            else:
+                refused[source.number] = _refused(source.metadata, result)
+            for path in source.paths:
+                path.unlink()
+        self.refused = [refused[number] for number in sorted(refused)]
+        if self.friction.model is None:
+            known = known_offsets(evidence, self.cylinder, self.friction.plan)
             self.offsets = {each.session: each for each in known}
-        yield from labelled
+        return labelled
 
-    def _labelled(self, evidence: list[OffsetEvidence]) -> Iterator[LongRecording]:
-        sessions: dict[str, list[LongRecording]] = {}
+    def _pieces(self, given: list["_Given"], refused: dict[int, Quarantined]) -> Iterator[Work]:
+        """Yield the work on each recording as it is added to ``given``; those before it are added to ``refused``."""
+        sessions: dict[str, list[tuple[int, LongRecording]]] = {}
         sample_times_s: set[float] = set()
-        folder = self.scratch / "converted"
-        for outcome in convert_in_parts(self.logs.files, self.logs.recipe, folder, self.rows_at_once):
+        folder, labeller = self.scratch / "converted", self.friction.labeller
+        outcomes = convert_in_parts(self.logs.files, self.logs.recipe, folder, self.rows_at_once, self.workers)
+        for number, outcome in enumerate(outcomes):
             if isinstance(outcome, Quarantined):
-                self.refused.append(outcome)
+                refused[number] = outcome
                 continue
             sample_times_s.add(outcome.metadata.sample_time_s)
-            source = with_noise(outcome, self.cylinder) if isinstance(outcome, LongRecording) else outcome
-            if not self.labeller.needs_identification:
-                yield from self._label(source, None, evidence)
+            source = outcome
+            if isinstance(outcome, LongRecording) and outcome.in_parts:
+                source = with_noise(outcome, self.cylinder)
+            if not labeller.needs_identification:
+                given.append(_Given(number, source.metadata, source.paths if isinstance(source, LongRecording) else ()))
+                yield partial(self.friction.labelled, source, None)
                 continue
-            if isinstance(source, Recording):
-                source = LongRecording(source.metadata, (write_recording(folder, source),), (slice(0, len(source)),))
-            sessions.setdefault(source.metadata.session, []).append(source)
-        warn_of_rates(self.filter, sample_times_s)
-        for sources in sessions.values():
-            smooth = (filtered(part, self.filter) for source in sources for part in source.excerpt())
-            try:
-                identified = self.labeller.identify(smooth, self.filter)
-            except ValueError as error:
-                for source in sources:
-                    self._refuse(source, error)
-                continue
-            for source in sources:
+            kept = on_disk(source, folder) if isinstance(source, Recording) else source
+            sessions.setdefault(source.metadata.session, []).append((number, kept))
+        warn_of_rates(self.friction.filter, sample_times_s)
+        work = [partial(self.friction.identified, [each for _, each in own]) for own in sessions.values()]
+        for own, identified in zip(sessions.values(), self.workers.in_order(work), strict=True):
+            for number, source in own:
+                if not isinstance(identified, SessionIdentification):
+                    refused[number] = _refused(source.metadata, identified)
+                    continue
                 if identified.load is not None:
                     self.loads[source.metadata.name] = identified.load.sentence()
-                yield from self._label(source, identified, evidence)
+                given.append(_Given(number, source.metadata, source.paths))
+                yield partial(self.friction.labelled, source, identified)
 
-    def _label(
-        self,
-        source: Recording | LongRecording,
-        identified: SessionIdentification | None,
-        evidence: list[OffsetEvidence],
-    ) -> Iterator[LongRecording]:
-        """Yield a recording with its friction unless it is refused; what its label shows of an offset is added."""
-        parts = source.parts() if isinstance(source, LongRecording) else [(source, slice(0, len(source)))]
-        running = None if self.estimator is None else _RunningEstimate(_for_load(self.estimator, identified))
-        paths: list[Path] = []
-        own_rows: list[slice] = []
-        try:
-            for recording, own in parts:
-                labelled = self.labeller.labelled(filtered(recording, self.filter), self.filter, identified)
-                labelled = labelled.rows(own) if running is None else running.estimated(labelled, own)
-                stem = f"{recording.name}.{len(paths):06d}"
-                paths.append(write_recording(self.scratch / "labelled", labelled, stem))
-                own_rows.append(slice(0, len(labelled)))
-        except ValueError as error:  # shorter than the filter, or not what the estimator takes
-            self._refuse(source, error)
-            return
-        if isinstance(source, LongRecording):
-            source.remove()
-        result = LongRecording(source.metadata, tuple(paths), tuple(own_rows))
-        if self.estimator is None:
-            evidence += map(self._evidence, [labelled] if len(paths) == 1 else result.excerpt())
-        yield result
+    def entry(self, excerpt: Sequence[Recording]) -> FrictionOfRecording:
+        """Return what became of a recording; ``excerpt`` is all of it, or parts of it."""
+        return self.friction.entry(excerpt, self.loads.get(excerpt[0].name, ""))
 
-    def _evidence(self, recording: Recording) -> OffsetEvidence:
-        return offset_evidence(
-            recording, self.cylinder, self.plan, *self._halves([recording]), LOADED.get(self.load, "")
-        )
 
-    def _halves(self, recordings: Sequence[Recording]) -> tuple[float, float]:
-        """Return half the sum and half the difference of friction up and down at equal position [N]."""
-        columns = ("position_m", "velocity_m_s", "friction_n")
-        position_m, velocity_m_s, friction_n = (
-            np.concatenate([recording.column(name) for recording in recordings]) for name in columns
-        )
-        usable = np.concatenate([recording.usable() for recording in recordings])
-        return up_and_down(position_m, velocity_m_s, friction_n, usable, self.plan.slowest_m_s)
+@dataclass(frozen=True)
+class _Given:
+    """A recording that is being worked on."""
 
-    def finished(self, recording: Recording) -> Recording:
-        """Return a recording with its bounds, and without the offset of its session where strokes determine it."""
-        if self.estimator is not None:
-            return recording.without_columns(UNCERTAINTY_COLUMN)
-        friction_n, half_n = recording.column("friction_n"), np.full(len(recording), math.nan)
-        if UNCERTAINTY_COLUMN in recording.table.columns:
-            half_n = recording.column(UNCERTAINTY_COLUMN)
-        known = self.offsets[recording.metadata.session]
-        if known.source == STROKES:
-            friction_n = friction_n - known.offset_n
-            half_n = np.sqrt(np.maximum(half_n**2 - known.stated_n**2, 0.0) + known.uncertainty_n**2)
-        bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
-        return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
+    number: int  # Among all that the files held
+    metadata: RecordingMetadata
+    paths: tuple[Path, ...]  # Of its files, to be removed afterwards
 
-    def entry(self, excerpt: Sequence[Recording], counts: "Counts | None" = None) -> FrictionOfRecording:
-        """Return what became of a recording.
 
-        Args:
-            excerpt: The recording, finished, or parts of it.
-            counts: Of all its rows; None where the excerpt holds them.
-        """
-        counts = counts or Counts.of(excerpt)
-        load_n, half_n = self._halves(excerpt)
-        about, given = excerpt[0].metadata, None if self.estimator is None else self.estimator.position_load
-        known = self.load if given is None else given.in_words()
-        return FrictionOfRecording(
-            name=about.name,
-            source_file=about.source_file,
-            session=about.session,
-            rows=counts.rows,
-            duration_s=counts.rows * about.sample_time_s,
-            usable_percent=100.0 * counts.usable / counts.rows,
-            friction_n=_known(half_n),
-            flags_percent=None if self.estimator is None else counts.flags_percent(),
-            load=self.loads.get(about.name) or known,
-            load_left_n=_known(load_n) if holds_load(load_n, half_n) else None,
-            repairs=tuple(about.repairs),
-        )
-
-    def _refuse(self, recording: Recording | LongRecording, error: Exception) -> None:
-        about = recording.metadata
-        self.refused.append(Quarantined(about.source_file, str(error), about.name))
+def _refused(about: RecordingMetadata, reason: str | Died) -> Quarantined:
+    return Quarantined(about.source_file, reason.reason if isinstance(reason, Died) else reason, about.name)
 
 
 def _for_load(estimator: FrictionEstimator, identified: SessionIdentification | None) -> FrictionEstimator:
@@ -385,19 +473,27 @@ def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[
     bounded = False
     recordings: list[FrictionOfRecording] = []
     panes: list[FrictionPane] = []
-    for labelled in run.labelled():
-        counts = Counts()
-        whole = [run.finished(part) for part in labelled.excerpt()] if len(labelled.paths) == 1 else []
-        parts = iter(whole) if whole else (run.finished(part) for part, _ in labelled.parts())
-        _write(_counted(parts, counts), labelled, folder, file_format)
-        bounded |= counts.bounded
-        excerpt = whole or [run.finished(part) for part in labelled.excerpt()]
-        recordings.append(run.entry(excerpt, counts))
+    labelled = run.labelled()
+    pieces = [
+        partial(
+            run.friction.written,
+            each,
+            run.offsets.get(each.metadata.session),
+            run.loads.get(each.metadata.name, ""),
+            folder / f"{each.metadata.name}.{file_format}",
+        )
+        for each in labelled
+    ]
+    for each, result in zip(labelled, run.workers.in_order(pieces), strict=True):
+        if isinstance(result, Died):
+            run.refused.append(_refused(each.metadata, result))
+            continue
+        recordings.append(result[0])
+        bounded |= result[1]
         if len(panes) < PLOTTED:
-            pane = friction_pane(excerpt[0], run.cylinder, run.filter, run.estimator is not None)
-            panes.append(pane if len(excerpt) == 1 else replace(pane, shown=_shown(excerpt[0], counts)))
-        labelled.remove()
-    words = MODEL_BOUNDS if run.estimator is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
+            panes.append(run.friction.pane(each, run.offsets.get(each.metadata.session)))
+        each.remove()
+    words = MODEL_BOUNDS if run.friction.model is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
     return FrictionOfLogs(folder, words, recordings, run.refused, list(run.offsets.values())), panes
 
 
@@ -407,20 +503,19 @@ def _counted(parts: Iterable[Recording], counts: Counts) -> Iterator[Recording]:
         yield part
 
 
-def _shown(part: Recording, counts: Counts) -> str:
+def _shown(part: Recording, rows: int) -> str:
     first_s, last_s = (float(part.table["time_s"].iloc[row]) for row in (0, -1))
     return (
-        f"The figures show {first_s:.6g} to {last_s:.6g} s of a recording of {counts.rows * part.sample_time_s:.6g} s; "
+        f"The figures show {first_s:.6g} to {last_s:.6g} s of a recording of {rows * part.sample_time_s:.6g} s; "
         "its file holds all of it."
     )
 
 
-def _write(parts: Iterable[Recording], recording: LongRecording, folder: Path, file_format: FileFormat) -> None:
-    path = folder / f"{recording.metadata.name}.{file_format}"
-    if file_format == "parquet":
+def _write(parts: Iterable[Recording], path: Path) -> None:
+    if path.suffix == ".parquet":
         write_parts(path, parts)
         return
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         for number, part in enumerate(parts):
             part.table.to_csv(file, index=False, header=number == 0, float_format="%.9g")
 

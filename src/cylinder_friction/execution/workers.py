@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from multiprocessing.process import BaseProcess
 
 VARIABLE = "CYLINDER_FRICTION_WORKERS"
@@ -58,8 +58,8 @@ class Workers:
         """
         yield from enumerate(self.in_order(pieces))
 
-    def in_order(self, pieces: Sequence[Work]) -> Iterator[Any]:
-        """Yield what each piece returned, or ``Died``, in the order of the pieces."""
+    def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
+        """Yield what each piece returned, or ``Died``, in the order of the pieces; here, as they are asked for."""
         for piece in pieces:
             yield piece()
 
@@ -117,10 +117,10 @@ class ExecutorWorkers(Workers):
         for suspect in sorted(suspects, key=lambda each: each[0]):
             yield from self._round([suspect])
 
-    def in_order(self, pieces: Sequence[Work]) -> Iterator[Any]:
+    def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
         finished: dict[int, Any] = {}
         following = 0
-        for number, result in self.do_all(pieces):
+        for number, result in self.do_all(list(pieces)):
             finished[number] = result
             while following in finished:
                 yield finished.pop(following)

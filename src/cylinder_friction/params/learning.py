@@ -61,6 +61,7 @@ class SearchParams(Section):
     hybrid: Literal["force_balance", "paper"]
     trials: Count
     startup_trials: Count
+    batch: Count
     maximum_multiply_adds: Count
     space: SpaceParams
     training: TrainingParams

@@ -275,6 +275,7 @@ class LongRecording:
     own: tuple[slice, ...]  # Rows of each part that no other has; the others are its neighbours'
     zeros: Mapping[str, float] = field(default_factory=dict)  # To be taken off each column, in its unit
     noise: Mapping[str, float] = field(default_factory=dict)  # As in ``Recording``
+    in_parts: bool = True  # Whether it was read so; otherwise it is a whole one that was put there
 
     def __len__(self) -> int:
         return sum(own.stop - own.start for own in self.own)
@@ -307,7 +308,7 @@ class LongRecording:
 def on_disk(recording: Recording, folder: Path) -> LongRecording:
     """Write a recording into a folder, under a name of its own; return it as one that lies there."""
     path = write_recording(folder, recording, uuid.uuid4().hex)
-    return LongRecording(recording.metadata, (path,), (slice(0, len(recording)),))
+    return LongRecording(recording.metadata, (path,), (slice(0, len(recording)),), in_parts=False)
 
 
 class Draft:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import lru_cache, partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from cylinder_friction.estimators.front_end import feature_count
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
 from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.search_figures import write_search_page
-from cylinder_friction.run_record import RunRecord, Times, now_ms
+from cylinder_friction.run_record import RunRecord, Times
 from cylinder_friction.stages._stage import (
     BEST_FILE,
     SEARCH_FOLDER,
@@ -29,6 +33,7 @@ from cylinder_friction.tuning.space import SearchSpace
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import SearchParams
     from cylinder_friction.tuning.search import Value
@@ -45,35 +50,26 @@ def run(params: Params) -> RunRecord:
     data = LearningData.read()
     cylinder = cylinder_from(params.cylinder)
     journal = resume_folder("search", SEARCHED_CODE, settings, params.cylinder, data.hashes) / "trials.log"
-    epochs = settings.training.epochs
-    bar = tqdm(total=settings.trials * epochs, desc="search", unit="epoch", disable=None)
-
-    def objective(values: dict[str, Value], report: Report) -> float:
-        seeds = (settings.seed, settings.device)
-        estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, *seeds, data)
-
-        def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
-            bar.update(1)
-            epochs_ms.append(now_ms())
-            report(validation_mae_n)
-
-        estimator.fit(data.train, data.validation, data.calibration, report=after_epoch)
-        return mean_absolute_error_n(estimator, data.validation)
-
-    epochs_ms: list[int] = []
     times: list[Times] = []
 
     def after_trial(timed: TimedTrial) -> None:
-        ended = int(1000 * timed.started_s), int(1000 * timed.ended_s)
-        times.append(Times(*ended, {CURVE: epochs_ms.copy()}))
-        epochs_ms.clear()
-        bar.update(len(times) * epochs - bar.n)
+        started_ms, ended_ms, *reported_ms = (
+            int(1000 * moment) for moment in (timed.started_s, timed.ended_s, *timed.reported_s)
+        )
+        times.append(Times(started_ms, ended_ms, {CURVE: reported_ms}))
+        bar.update(1)
 
-    channels = channel_names(data.inputs, data.position_load)
-    plan = SearchPlan(settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds)
+    cost = partial(_cost, settings, channel_names(data.inputs, data.position_load))
+    plan = SearchPlan(
+        settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds, batch=settings.batch
+    )
     space = SearchSpace(**{key: tuple(value) for key, value in settings.space.model_dump().items()})
-    trials = run_search(space, plan, lambda values: _cost(settings, values, channels), objective, journal, after_trial)
-    bar.close()
+    with (
+        workers_from_environment() as workers,
+        tqdm(total=settings.trials, desc="search", unit="trial", disable=None) as bar,
+    ):
+        objective = partial(error_of, settings, cylinder, data if workers.here else data.hashes)
+        trials = run_search(space, plan, cost, objective, journal, after_trial, workers)
     best = best_trial(trials)
     with whole_folder(SEARCH_FOLDER) as folder:
         write_json(folder / "trials.json", [asdict(trial) for trial in trials])
@@ -91,7 +87,45 @@ def run(params: Params) -> RunRecord:
     )
 
 
-def _cost(settings: SearchParams, values: dict[str, Value], channels: Sequence[str]) -> int:
+def error_of(
+    settings: SearchParams,
+    cylinder: Cylinder,
+    given: LearningData | dict[str, str],
+    values: dict[str, Value],
+    report: Report,
+) -> float:
+    """Return a hybrid's error on the validation recordings, trained with these hyperparameters [N].
+
+    Args:
+        settings: Of the search.
+        cylinder: Whose recordings they are.
+        given: What is learned from, or its hashes, where a worker elsewhere reads it.
+        values: The hyperparameters.
+        report: Called with the network's validation error after each epoch [N].
+    """
+    data = given if isinstance(given, LearningData) else _read_once(Path.cwd(), tuple(sorted(given.items())))
+    estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, settings.seed, settings.device, data)
+    with tqdm(total=settings.training.epochs, desc="trial", unit="epoch", leave=False, disable=None) as bar:
+
+        def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
+            bar.update(1)
+            report(validation_mae_n)
+
+        estimator.fit(data.train, data.validation, data.calibration, report=after_epoch)
+    return mean_absolute_error_n(estimator, data.validation)
+
+
+@lru_cache(maxsize=1)
+def _read_once(folder: Path, hashes: tuple[tuple[str, str], ...]) -> LearningData:
+    data = LearningData.read()
+    if tuple(sorted(data.hashes.items())) != hashes:
+        raise RecordingError(
+            f"{folder}: this worker sees other recordings than the command; share the folder with the workers"
+        )
+    return data
+
+
+def _cost(settings: SearchParams, channels: Sequence[str], values: dict[str, Value]) -> int:
     features = feature_count(settings.hybrid, channels)
     network = lstm_multiply_adds(int(values["layers"]), int(values["nodes"]), features)
     return network + int(values["forest_trees"]) * int(values["forest_depth"])

@@ -2,14 +2,24 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import optuna
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.trial import FrozenTrial, TrialState
 
+from cylinder_friction.execution.workers import Workers
 from cylinder_friction.tuning.space import RANGES, SearchSpace
-from cylinder_friction.tuning.trials import DiscardedTrial, Objective, Report, TuningPlan, reason_of, run_trials
+from cylinder_friction.tuning.trials import (
+    DiscardedTrial,
+    Objective,
+    Report,
+    TuningPlan,
+    reason_of,
+    reported_at_s,
+    run_trials,
+)
 
 Value = int | float
 Cost = Callable[[dict[str, Value]], int]  # Takes hyperparameters, returns the multiply-adds of one step
@@ -34,6 +44,7 @@ class TimedTrial:
     trial: Trial
     started_s: float
     ended_s: float
+    reported_s: list[float]  # Of ``Trial.reported``
 
 
 @dataclass(frozen=True)
@@ -50,6 +61,7 @@ def run_search(
     objective: Objective,
     journal: Path,
     after_trial: Callable[[TimedTrial], None],
+    workers: Workers | None = None,
 ) -> list[Trial]:
     """Run what is left of the plan and return all trials in order.
 
@@ -61,12 +73,8 @@ def run_search(
             one [N].
         journal: File of the finished trials; see ``run_trials``.
         after_trial: Called with each trial as it finishes, those of an earlier run included.
+        workers: See ``run_trials``.
     """
-
-    def affordable(params: dict[str, Value], report: Report) -> float:
-        if cost(params) > plan.maximum_multiply_adds:
-            raise DiscardedTrial("too_costly")
-        return objective(params, report)
 
     def trial_of(trial: FrozenTrial) -> Trial:
         reported = [value for _, value in sorted(trial.intermediate_values.items())]
@@ -78,10 +86,17 @@ def run_search(
         started_s, ended_s = (
             moment.timestamp() for moment in (trial.datetime_start, trial.datetime_complete) if moment
         )
-        after_trial(TimedTrial(trial_of(trial), started_s, ended_s))
+        after_trial(TimedTrial(trial_of(trial), started_s, ended_s, reported_at_s(trial)))
 
-    finished = run_trials(_distributions(space), plan, affordable, journal, after_trial=finish)
+    affordable = partial(_affordable, cost, plan.maximum_multiply_adds, objective)
+    finished = run_trials(_distributions(space), plan, affordable, journal, after_trial=finish, workers=workers)
     return [trial_of(trial) for trial in finished]
+
+
+def _affordable(cost: Cost, most: int, objective: Objective, params: dict[str, Value], report: Report) -> float:
+    if cost(params) > most:
+        raise DiscardedTrial("too_costly")
+    return objective(params, report)
 
 
 def best_trial(trials: Sequence[Trial]) -> Trial:

@@ -1,18 +1,23 @@
 """Trials with Optuna that survive a kill: finished ones are kept in a journal, and what follows is the same.
 
-Each proposal depends only on the seed and on the trials finished before it, so a tuning that is resumed from its
-journal ends bit for bit where an undisturbed one does. A trial that a kill left running is tried again.
+Each proposal depends only on the seed, its number and the batches of trials before its own, so a tuning that is resumed
+from its journal, or run by any number of workers, ends bit for bit where an undisturbed one does. A trial that a kill
+left running is tried again.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import optuna
 from optuna.distributions import BaseDistribution
+from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial, TrialState
 
+from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.tuning.study_store import study_storage
 
 Values = dict[str, Any]
@@ -21,6 +26,7 @@ Objective = Callable[[Values, Report], float]
 """Takes proposed values, calls back with intermediate errors, returns the final error; smaller is better."""
 
 REASON = "reason"  # User attribute of a trial without a value: why
+REPORTED_S = "reported_s"  # User attribute: when each intermediate error was reported
 
 
 class DiscardedTrial(Exception):  # noqa: N818 - not an error: it ends a trial that is not worth going on with
@@ -29,11 +35,16 @@ class DiscardedTrial(Exception):  # noqa: N818 - not an error: it ends a trial t
 
 @dataclass(frozen=True)
 class TuningPlan:
-    """How many trials, how many of them are drawn at random before the sampler learns, and the sampler's seed."""
+    """How many trials, how many of them drawn at random before the sampler learns, and the sampler's seed.
+
+    ``batch`` trials are proposed at a time, none of which knows of the others: so many can run side by side, and the
+    sampler learns later. It shapes what is found; the number of workers does not.
+    """
 
     trials: int
     startup_trials: int
     seed: int
+    batch: int = field(default=1, kw_only=True)
 
 
 def run_trials(
@@ -44,40 +55,44 @@ def run_trials(
     first: Mapping[str, Any] | None = None,
     after_trial: Callable[[FrozenTrial], None] = lambda _: None,
     failures: tuple[type[Exception], ...] = (),
+    workers: Workers | None = None,
 ) -> list[FrozenTrial]:
     """Run what is left of the plan and return all finished trials in order.
 
     Values are proposed by a tree-structured Parzen estimator (Bergstra et al. 2011); a trial whose intermediate error
-    is worse than the median is discarded with the reason ``pruned``.
+    is worse than the median is discarded with the reason ``pruned``. Both look at the batches before its own.
 
     Args:
         space: Where to look.
         plan: How long.
-        objective: See ``Objective``.
+        objective: See ``Objective``; for workers elsewhere it can be pickled.
         journal: File of the finished trials, read at the start and appended to, or what ``study_storage`` takes in its
             place; None keeps them in memory.
         first: Values of the first trial; None: it is proposed like the others.
-        after_trial: Called with each trial as it finishes, those of an earlier run first.
+        after_trial: Called with each trial as it finishes, in their order, those of an earlier run first.
         failures: Errors of the objective that end its trial, with the message as the reason, and not the tuning.
+        workers: Run the trials of a batch side by side; None: one after the other, here.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    pruner = optuna.pruners.MedianPruner(n_startup_trials=plan.startup_trials, n_warmup_steps=2)
+    workers = workers or Workers()
     with study_storage(journal) as (storage, name):
-        study = optuna.create_study(storage=storage, study_name=name, pruner=pruner, load_if_exists=True)
-        for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING, TrialState.WAITING)):
-            study.tell(trial.number, state=TrialState.FAIL)  # a kill left it
+        study = optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
         finished = _finished(study)
         for trial in finished:
             after_trial(trial)
         while len(finished) < plan.trials:
-            study.sampler = optuna.samplers.TPESampler(
-                seed=plan.seed * 10_007 + len(finished), n_startup_trials=plan.startup_trials
-            )
-            if first is not None and not finished:
-                study.enqueue_trial(dict(first))
-            _run(study, study.ask(dict(space)), objective, failures)
-            finished = _finished(study)
-            after_trial(finished[-1])
+            begin = len(finished) // plan.batch * plan.batch
+            earlier = finished[:begin]
+            proposed = [
+                _proposed(space, plan, number, earlier, first)
+                for number in range(len(finished), min(begin + plan.batch, plan.trials))
+            ]
+            pieces = [partial(_tried, space, plan, values, earlier, objective, failures) for values in proposed]
+            for values, result in zip(proposed, workers.in_order(pieces), strict=True):
+                trial = _lost(space, values, result.reason) if isinstance(result, Died) else result
+                study.add_trial(trial)
+                finished.append(trial)
+                after_trial(trial)
     return finished
 
 
@@ -87,26 +102,72 @@ def reason_of(trial: FrozenTrial) -> str | None:
     return reason
 
 
-def _run(study: optuna.Study, trial: optuna.Trial, objective: Objective, failures: tuple[type[Exception], ...]) -> None:
-    steps = 0
+def reported_at_s(trial: FrozenTrial) -> list[float]:
+    """Return when each intermediate error of a trial was reported [s since 1970]."""
+    return list(trial.user_attrs.get(REPORTED_S, ()))
+
+
+def _proposed(
+    space: Mapping[str, BaseDistribution],
+    plan: TuningPlan,
+    number: int,
+    earlier: Sequence[FrozenTrial],
+    first: Mapping[str, Any] | None,
+) -> Values:
+    """Return the values of a trial, from the seed, its number and the trials before its batch."""
+    sampler = optuna.samplers.TPESampler(seed=plan.seed * 10_007 + number, n_startup_trials=plan.startup_trials)
+    study = _study(plan, earlier, sampler)
+    if first is not None and number == 0:
+        study.enqueue_trial(dict(first))
+    return dict(study.ask(dict(space)).params)
+
+
+def _tried(
+    space: Mapping[str, BaseDistribution],
+    plan: TuningPlan,
+    values: Values,
+    earlier: Sequence[FrozenTrial],
+    objective: Objective,
+    failures: tuple[type[Exception], ...],
+) -> FrozenTrial:
+    """Return the finished trial of these values."""
+    study = _study(plan, earlier)
+    study.enqueue_trial(values)
+    trial = study.ask(dict(space))
+    reported_s: list[float] = []
 
     def report(error: float) -> None:
-        nonlocal steps
-        steps += 1  # from 1: the first is never compared
-        trial.report(error, steps)
+        reported_s.append(time.time())
+        trial.report(error, len(reported_s))  # from 1: the first is never compared
         if trial.should_prune():
             raise DiscardedTrial("pruned")
 
+    state, value = TrialState.COMPLETE, None
     try:
         value = objective(dict(trial.params), report)
     except DiscardedTrial as discarded:
         trial.set_user_attr(REASON, str(discarded))
-        study.tell(trial, state=TrialState.PRUNED)
+        state = TrialState.PRUNED
     except failures as error:
         trial.set_user_attr(REASON, f"{type(error).__name__}: {error}")
-        study.tell(trial, state=TrialState.FAIL)
-    else:
-        study.tell(trial, value)
+        state = TrialState.FAIL
+    trial.set_user_attr(REPORTED_S, reported_s)
+    return study.tell(trial, value, state)
+
+
+def _lost(space: Mapping[str, BaseDistribution], values: Values, reason: str) -> FrozenTrial:
+    attributes = {REASON: f"lost: {reason}"}
+    return optuna.trial.create_trial(
+        state=TrialState.FAIL, params=values, distributions=dict(space), user_attrs=attributes
+    )
+
+
+def _study(plan: TuningPlan, trials: Sequence[FrozenTrial], sampler: BaseSampler | None = None) -> optuna.Study:
+    """Return a study in memory that knows these trials."""
+    pruner = optuna.pruners.MedianPruner(n_startup_trials=plan.startup_trials, n_warmup_steps=2)
+    study = optuna.create_study(sampler=sampler, pruner=pruner)
+    study.add_trials(trials)
+    return study
 
 
 def _finished(study: optuna.Study) -> list[FrozenTrial]:

@@ -1,0 +1,88 @@
+"""A Dask cluster of real processes on this machine's loopback, for measurements and tests.
+
+    python performance/loopback_cluster.py [WORKERS]
+
+Prints what to set ``CYLINDER_FRICTION_WORKERS`` to, and runs until Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SOURCE = Path(__file__).resolve().parents[1] / "src"
+
+
+class LoopbackCluster:
+    """A scheduler, which listens at ``address`` and wrote ``file``, and its workers.
+
+    Args:
+        folder: For the scheduler file, logs and what workers keep on disk.
+        modules: Folders from which workers import, besides ``src``.
+    """
+
+    def __init__(self, folder: Path, modules: tuple[Path, ...] = ()) -> None:
+        self.folder, self.file = folder, folder / "scheduler.json"
+        self.path = os.pathsep.join(map(str, (SOURCE, *modules)))
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
+        while not self.file.is_file():
+            time.sleep(0.05)
+        self.address = str(json.loads(self.file.read_text(encoding="utf-8"))["address"])
+
+    def add_worker(self, *options: str) -> None:
+        """Start a worker below a nanny, which starts it anew when it dies."""
+        place = ["--host", "127.0.0.1", "--local-directory", str(self.folder / "space")]
+        self._start("worker", *place, "--scheduler-file", str(self.file), *(options or ("--nthreads", "1")))
+
+    def _start(self, what: str, *options: str) -> None:
+        given = {"PYTHONPATH": self.path, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+        with (self.folder / f"{what}{len(self.processes)}.log").open("wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "dask", what, "--no-dashboard", *options],
+                env={**os.environ, **given},
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self.processes.append(process)
+
+    def stop(self) -> None:
+        for process in self.processes:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+@contextmanager
+def loopback_cluster(folder: Path, workers: int = 2, modules: tuple[Path, ...] = ()) -> Iterator[LoopbackCluster]:
+    """Yield a cluster, and end its processes afterwards."""
+    cluster = LoopbackCluster(folder, modules)
+    try:
+        for _ in range(workers):
+            cluster.add_worker()
+        yield cluster
+    finally:
+        cluster.stop()
+
+
+def main(workers: int = 2) -> None:
+    with tempfile.TemporaryDirectory() as folder, loopback_cluster(Path(folder), workers) as cluster:
+        print(f"export CYLINDER_FRICTION_WORKERS={cluster.address}", flush=True)
+        with suppress(KeyboardInterrupt):
+            signal.pause()
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:2]))
