@@ -47,7 +47,7 @@ def one_trial_is_finished(folder: Path) -> bool:
     """Return whether Optuna's journal holds a trial whose state is complete."""
     journals = (folder / ".cylinder-friction/resume").glob("search-*/trials.log")
     return any(
-        '"op_code":6,' in line and '"state":1,' in line
+        '"op_code":4,' in line and '"state":1,' in line
         for path in journals
         for line in path.read_text(encoding="utf-8").splitlines()
     )
