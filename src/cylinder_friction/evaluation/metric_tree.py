@@ -11,7 +11,7 @@ _SHOWN = [
     *(
         f"{against}_{name}"
         for against in ("truth", "label")
-        for name in ("percent", "percent_low", "percent_high", "mae_n", "bias_n", "p95_n", "lag_ms")
+        for name in ("percent", "percent_low", "percent_high", "mae_n", "lag_ms")
     ),
     "multiply_adds",
 ]
@@ -39,9 +39,10 @@ def metric_tree(comparison: Comparison) -> MetricTree:
 
 
 def metric_rows(tree: MetricTree) -> list[dict[str, str | float]]:
-    """Return a row for each estimator in each condition: its errors, their intervals, its lag and its cost."""
+    """Return a row for each estimator in each condition, to be read: errors, their intervals, lag and cost, rounded."""
     return [
-        {"estimator": estimator, "condition": condition} | {name: numbers[name] for name in _SHOWN if name in numbers}
+        {"estimator": estimator, "condition": condition}
+        | {name: round(numbers[name], 2) for name in _SHOWN if name in numbers}
         for estimator, conditions in tree.items()
         for condition, numbers in conditions.items()
     ]
