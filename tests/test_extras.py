@@ -26,8 +26,20 @@ class Absent:
 sys.meta_path.insert(0, Absent())
 from cylinder_friction.commands.cli import main
 """
-NEED_EXTRAS = ("deployment.latency", "deployment.scoring", "deployment.onnx_graphs.stream", "estimators.training",
-               "execution.cluster", "reporting.search_figures", "serving", "stages", "tracking", "tuning")  # fmt: skip
+NEED_EXTRAS = (
+    "commands.live",
+    "deployment.latency",
+    "deployment.onnx_graphs.stream",
+    "deployment.scoring",
+    "estimators.training",
+    "execution.cluster",
+    "live.",
+    "reporting.search_figures",
+    "serving",
+    "stages",
+    "tracking",
+    "tuning",
+)
 IMPORT_ALL = """
 from importlib import import_module
 from cylinder_friction.import_graph import all_modules
@@ -81,6 +93,7 @@ def test_the_core_goes_from_a_log_to_friction_and_to_c(tmp_path: Path, small_hyb
         ("lineage models:/friction-estimator/1", "serve"),
         ("serve models:/friction-estimator/1", "serve"),
         ("ui", "serve"),
+        ("live", "serve"),
         ("track", "serve"),
     ],
 )

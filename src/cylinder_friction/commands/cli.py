@@ -40,9 +40,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns 0, or 1 with a message where the user can do something about it."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        options = parser(COMMANDS if COMPLETION in given else given[:1]).parse_args(given)
+        with explained():
+            options = parser(COMMANDS if COMPLETION in given else given[:1]).parse_args(given)
     except KeyboardInterrupt:
         return INTERRUPTED
+    except MissingExtraError as error:
+        print(f"cylinder-friction {given[0]}: {error}", file=sys.stderr)
+        return 1
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
     try:
         with explained():
