@@ -9,9 +9,14 @@ import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 from cylinder_friction.commands.cli import main
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 PROJECT = Path(__file__).parents[1]
 BIN = Path(sys.executable).parent
@@ -25,9 +30,11 @@ def environment() -> dict[str, str]:
     return {**kept, "PATH": f"{BIN}:{os.environ['PATH']}", "DVC_NO_ANALYTICS": "true"}
 
 
-def run(folder: Path, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
-    """Run a command in a folder; its output is shown where it fails."""
-    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True)
+def run(
+    folder: Path, *command: str, check: bool = True, given: Mapping[str, str] = MappingProxyType({})
+) -> subprocess.CompletedProcess[str]:
+    """Run a command in a folder, with what is ``given`` in its environment; its output is shown where it fails."""
+    done = subprocess.run(command, cwd=folder, env={**environment(), **given}, capture_output=True, text=True)
     if check:
         assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
     return done

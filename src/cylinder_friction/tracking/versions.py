@@ -118,8 +118,7 @@ def where_data_lies(root: Path, path: str, md5: str) -> tuple[bool, str]:
 def _all_on_remote(remote: HashFileDB, md5: str) -> bool:
     """Return whether a remote has every file of the data; of a folder it reads the list, which is hashed."""
     try:
-        if not remote.exists(md5):
-            return False
+        remote.fs.info(remote.oid_to_path(md5))  # which unlike exists() raises where it is not let in
         if not md5.endswith(".dir"):
             return True
         tree = Tree.load(remote, HashInfo("md5", md5))
