@@ -6,6 +6,8 @@
 Prints, for each seed and condition, the default hybrid's error beside the estimators it has to beat, in percent of mean
 |friction|, against the label and against true friction, whether it beats them, and the figures of ``true_friction.py``.
 
+``CYLINDER_FRICTION_WORKERS`` names workers that take a seed each.
+
 With ``--asymmetry-sd`` it runs each seed twice, with an asymmetry of friction that is the same in all sessions and with
 one that varies by so much and is stated so, and prints how sure offsets and bounds are and what the bounds hold.
 """
@@ -19,12 +21,14 @@ import os
 import shutil
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from true_friction import bounds_line, report
 
 from cylinder_friction.commands.cli import main as cylinder_friction
+from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.run_record import STAGES as ALL_STAGES
 
 PUBLISHED_BEST_PERCENT = 5.57
@@ -41,7 +45,7 @@ def campaign(seed: int | None, overrides: list[str], folder: Path) -> dict[str, 
     with contextlib.chdir(folder):
         for command in (["params", *seeded], *(["stage", stage] for stage in STAGES)):
             if cylinder_friction(command):
-                sys.exit(1)  # the command has printed why
+                raise RuntimeError(f"seed {seed}: {' '.join(command)} failed; it has printed why")
     metrics: dict[str, dict[str, dict[str, float]]] = json.loads((folder / "reports/metrics.json").read_text("utf-8"))
     return metrics
 
@@ -87,10 +91,16 @@ def compare_seeds(seeds: list[int], overrides: list[str], keep: Path | None) -> 
     """Print the comparison of each seed; returns 1 if any claim fails."""
     failed = []
     lines = []
-    for seed in seeds:
-        with place(keep, f"seed_{seed}") as folder:
-            metrics = campaign(seed, overrides, Path(folder))
-            sys.stdout.write(f"seed {seed} {' '.join(overrides)}\n{report(Path(folder))}\n\n")
+    with contextlib.ExitStack() as stack:
+        workers = stack.enter_context(workers_from_environment())
+        folders = [Path(stack.enter_context(place(keep, f"seed_{seed}"))) for seed in seeds]
+        pieces = [partial(campaign, seed, overrides, folder) for seed, folder in zip(seeds, folders, strict=True)]
+        results = workers.all_in_order(pieces, [f"seed {seed}" for seed in seeds])
+        found = []
+        for seed, folder, metrics in zip(seeds, folders, results, strict=True):
+            sys.stdout.write(f"seed {seed} {' '.join(overrides)}\n{report(folder)}\n\n")
+            found.append((seed, metrics))
+    for seed, metrics in found:
         for against, rivals, bound in (
             ("label", LABEL_RIVALS, PUBLISHED_BEST_PERCENT),
             ("truth", TRUTH_RIVALS, float("inf")),
