@@ -43,7 +43,8 @@ def project_pipeline(text: str) -> str:
     text = re.sub(r"^# `make stages` .*\n", "", text, flags=re.MULTILINE)
     text = re.sub(r"^      - src/.*\n", "", text, flags=re.MULTILINE)
     text = re.sub(r"^    deps:\n(?! {6}-)", "", text, flags=re.MULTILINE)
-    text = re.sub(r"^(    params: \[.*?(\w+))\]$", rf"\1, {{{CODE_FILE}: [\2]}}]", text, flags=re.MULTILINE)
+    stage = r"^  (\w+):\n(?: {4}.*\n)*?    params: \[.*(?=\]$)"  # to the end of its parameters
+    text = re.sub(stage, rf"\g<0>, {{{CODE_FILE}: [\1]}}", text, flags=re.MULTILINE)
     return text.replace("stages:\n", f"stages:{CODE_STAGE}\n", 1)
 
 
