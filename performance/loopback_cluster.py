@@ -47,7 +47,11 @@ class LoopbackCluster:
         self._start("worker", *place, "--scheduler-file", str(self.file), *(options or ("--nthreads", "1")))
 
     def _start(self, what: str, *options: str) -> None:
-        given = {"PYTHONPATH": self.path, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+        given = {
+            "PYTHONPATH": self.path,
+            "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
+            "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "10s",  # so long a result is asked of a worker that has died
+        }
         with (self.folder / f"{what}{len(self.processes)}.log").open("wb") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "dask", what, "--no-dashboard", *options],

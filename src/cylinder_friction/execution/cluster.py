@@ -96,7 +96,8 @@ class Cluster(ExecutorWorkers):
     def _connected(self) -> Client:
         where = {"scheduler_file" if Path(self.address).is_file() else "address": self.address}
         try:
-            client = Client(**where, timeout=CONNECT_S, set_as_default=False)
+            # Results come by way of the scheduler, which knows which workers have died.
+            client = Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
         except OSError:  # a time-out among them
             raise WorkersError(
                 f"{VARIABLE} is {self.address}, where no Dask scheduler responds within {CONNECT_S:.0f} s; start one "
