@@ -229,7 +229,8 @@ def _write_run_records(root: Path) -> None:
         ),
         RunRecord(
             "compare",
-            metrics={"error_percent/condition_1": 2.1},
+            {"main": "hybrid"},
+            {"error_percent/condition_1": 2.1},
             artifacts={p: hash_of(root / p) for p in paths},
         ),
     )

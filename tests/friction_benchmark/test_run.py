@@ -48,6 +48,7 @@ def tiny_params(**changes: Any) -> BenchmarkParams:
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return an empty folder to work in; the registry is the tests' own, and campaigns are made, not simulated."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "benchmark/conf").mkdir(parents=True)
     runner_from = benchmark.runner_from
 
     def with_own_registry(params: BenchmarkParams) -> Runner:

@@ -75,7 +75,7 @@ def test_no_sample_is_lost_and_no_bit_changes_over_kills(
     got: list[Array] = []
     with ExitStack() as services:
         process = services.enter_context(running(model, tmp_path, port))
-        client = services.enter_context(Client(f"ws://127.0.0.1:{port}/stream", "press"))
+        client = services.enter_context(Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005))
         for turn, begin in enumerate(range(0, len(samples), 400)):
             client.send(samples[begin : begin + 400])
             if turn in KILLED_AFTER_S:
@@ -122,7 +122,7 @@ def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_pat
         with connect(url, origin="http://elsewhere.example") as foreign:
             assert "only this service's own page" in json.loads(foreign.recv())["error"]
         with pytest.raises(LiveClientError, match="the model was trained at"):
-            Client(url, "press", sample_time_s=0.01)
+            Client(url, "press", 0.01)
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as reply:
             metrics = reply.read().decode()
     assert 'cylinder_friction_live_samples_total{outcome="stepped"} 2.0' in metrics
@@ -134,7 +134,7 @@ def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_pat
 def test_the_page_shows_a_session(samples: Array, model: Path, tmp_path: Path, port: int, width: int) -> None:
     from playwright.sync_api import sync_playwright
 
-    with running(model, tmp_path, port), Client(f"ws://127.0.0.1:{port}/stream", "press 7") as client:
+    with running(model, tmp_path, port), Client(f"ws://127.0.0.1:{port}/stream", "press 7", 0.005) as client:
         client.send(samples[:400])
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])

@@ -116,7 +116,9 @@ def port_of(served: Served) -> int:
 @contextmanager
 def serving(*arguments: str, before: str = "", **options: Any) -> Iterator[Served]:
     """Start the command; whatever of it still runs in the end is killed."""
-    code = f"{before}\nimport sys; from cylinder_friction.commands.cli import main; sys.exit(main(sys.argv[1:]))"
+    hangs_up = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL)"  # whatever the tests were started from
+    runs_it = "import sys; from cylinder_friction.commands.cli import main; sys.exit(main(sys.argv[1:]))"
+    code = f"{hangs_up}\n{before}\n{runs_it}"
     command = [sys.executable, "-c", code, "serve", *arguments]
     settings: dict[str, Any] = {"start_new_session": True, "stdin": subprocess.DEVNULL, **options}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **settings)
@@ -222,8 +224,9 @@ def test_sighup_exchanges_workers_without_losing_a_request(model: str) -> None:
     with serving(model, "--port", "0", "--workers", "2") as served:
         expected, before = served.ask(), served.workers()
         served.process.send_signal(signal.SIGHUP)
-        asked = 0
+        asked, deadline = 0, time.monotonic() + PATIENCE_S
         while set(served.workers()) & set(before) or len(served.workers()) != 2:
+            assert time.monotonic() < deadline, served.text()
             assert served.ask() == expected
             asked += 1
         assert asked > 1

@@ -50,7 +50,7 @@ for at in sys.argv[1:]:
         os.chdir(at)
         setattr(MlflowClient, at, die)
         sizes = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
-        others = {"cylinder": CylinderParams(name="A", **sizes), "compare": SimpleNamespace(main="hybrid")}
+        others = {"cylinder": CylinderParams(name="A", **sizes)}
         register.run(SimpleNamespace(register_=settings, registered_name="friction-estimator", **others))
         os._exit(0)
     assert os.waitpid(child, 0)[1] == signal.SIGKILL, at
@@ -65,7 +65,6 @@ def parameters(**changes: Any) -> Params:
         cylinder=CylinderParams(
             name="A", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
         ),
-        compare=SimpleNamespace(main="hybrid"),
     )
 
 

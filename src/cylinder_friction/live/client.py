@@ -33,8 +33,8 @@ class Client:
     Args:
         url: Of the service, such as ``ws://127.0.0.1:5002/stream``.
         session: Name of the cylinder's session, the same after every start.
-        inputs: Columns of a sample, as the model names them.
         sample_time_s: Time between two samples [s].
+        inputs: Columns of a sample, as the model names them.
         start_time_s: When the sample of index 0 was taken [s, Unix]; None: now, less what was sent before.
 
     Raises:
@@ -45,8 +45,8 @@ class Client:
         self,
         url: str,
         session: str,
+        sample_time_s: float,
         inputs: Sequence[str] = ("pressure_1_pa", "pressure_2_pa", "position_m"),
-        sample_time_s: float = 0.005,
         start_time_s: float | None = None,
     ) -> None:
         self._url, self._session = url, session

@@ -40,7 +40,7 @@ class Replay:
     def _send(self, name: str, recordings: Sequence[Recording], inputs: tuple[str, ...], stop: threading.Event) -> None:
         sample_time_s = recordings[0].sample_time_s
         rows = max(1, round(BLOCK_S / sample_time_s))
-        with Client(self.url, name, inputs, sample_time_s) as client:
+        with Client(self.url, name, sample_time_s, inputs) as client:
             begin_s, sent = time.monotonic(), 0
             for recording in recordings:
                 samples = recording.samples(inputs)

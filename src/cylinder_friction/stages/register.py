@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from cylinder_friction.tracking.gate import Registered
 
 EXAMPLE_ROWS = 5
+COMPARE_RECORD = Path("reports/runs/compare.json")
 _FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
 
@@ -126,7 +127,7 @@ def _card(params: Params, folder: Path) -> str:
         read_json(folder / CHOSEN_FILE),
         {role: len(recordings) for role, recordings in sources.items()},
         _report(candidate),
-        read_json(COVERAGE_FILE) if candidate == params.compare.main else [],
+        read_json(COVERAGE_FILE) if candidate == read_json(COMPARE_RECORD)["params"]["main"] else [],
     )
 
 
