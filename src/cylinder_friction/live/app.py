@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 def create_app(service: LiveService, history: Path) -> Starlette:
     """Return the application around a service; it moves the journal into ``history`` while it runs, and at its end."""
-    peers, watchers = Peers(service), Watchers(service)
+    peers, watchers = Peers(), Watchers(service)
 
     def on_estimates(session: LiveSession, block: EstimateBlock) -> None:
         peers.send(session, block)

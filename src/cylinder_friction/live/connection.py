@@ -29,8 +29,7 @@ PATIENCE_S = 0.05
 class Peers:
     """Which connection owns which session, and how often what was refused."""
 
-    def __init__(self, service: LiveService) -> None:
-        self._service = service
+    def __init__(self) -> None:
         self._owners: dict[str, Connection] = {}
         self.refused: Counter[str] = Counter()
         self.connections = 0

@@ -128,12 +128,12 @@ class Journal:
         """Return the number of the newest chunk; 0 where there is none."""
         return int(self._database.execute("SELECT COALESCE(MAX(id), 0) FROM chunk").fetchone()[0])
 
-    def chunks(self, name: str, up_to: int) -> Iterator[Chunk]:
-        """Yield a session's chunks, oldest first, up to a number."""
+    def chunks(self, name: str, up_to: int, from_index: int = 0) -> Iterator[Chunk]:
+        """Yield a session's chunks, oldest first, up to a number, from the one that holds or follows an index."""
         rows = self._database.execute(
             "SELECT name, first_index, time_s, sample_time_s, inputs, rows, samples, newtons, flags FROM chunk "
-            "WHERE name = ? AND id <= ? ORDER BY id",
-            (name, up_to),
+            "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
+            (name, up_to, from_index),
         )
         for who, index, time_s, sample_time_s, inputs, count, samples, newtons, flags in rows:
             yield Chunk(

@@ -106,7 +106,7 @@ class LiveService:
 
     def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
         """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
-        chunks = [*self.journal.chunks(session.name, self.journal.last_chunk()), *session.chunks]
+        chunks = [*self.journal.chunks(session.name, self.journal.last_chunk(), index), *session.chunks]
         blocks = []
         for chunk in chunks:
             known = max(0, index - chunk.index)
