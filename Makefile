@@ -10,7 +10,7 @@ FAST := $(addprefix tests/,recordings signals labelling evaluation realtime repo
 	commands/test_cli.py pipeline/test_stage_dependencies.py test_configuration.py test_import_graph.py test_cylinder.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds release lock docs
+.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds release lock docs live
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -87,6 +87,9 @@ ui: | $(BIN)/cylinder-friction ## open the MLflow UI on the runs
 
 serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
 	cylinder-friction serve
+
+live: | $(BIN)/cylinder-friction ## friction of the rig's recordings as if they happened now, on a web page
+	cylinder-friction live --replay data/raw/rig --channels conf/ingest/rig.yaml $(ARGS)
 
 track: | $(BIN)/cylinder-friction ## log every finished stage to MLflow, without duplicates
 	cylinder-friction track

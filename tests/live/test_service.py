@@ -11,7 +11,8 @@ import pytest
 from cylinder_friction.live.frames import SampleBlock
 from cylinder_friction.live.history import move_into_history
 from cylinder_friction.live.journal import Journal
-from cylinder_friction.live.service import LiveError, LiveLimits, LiveService
+from cylinder_friction.live.service import LiveError, LiveService
+from cylinder_friction.live.settings import LiveLimits
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.live.session import Piece, SessionOrder, SessionRules
+from cylinder_friction.live.session import Piece, SessionOrder
+from cylinder_friction.live.settings import SessionRules
 
 RULES = SessionRules(hold_s=1.0, hold_rows=100, short_gap_s=0.05)
 

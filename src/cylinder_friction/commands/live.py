@@ -14,56 +14,52 @@ from cylinder_friction.live.app import create_app
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.replay import Replay
-from cylinder_friction.live.service import LiveError, LiveLimits, LiveService
-from cylinder_friction.live.session import SessionRules
+from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.params.checking import load_params
+from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 from cylinder_friction.recordings.reading_logs import read_logs
 from cylinder_friction.recordings.recording import Recording
 
 EXPECTED = (ValueError, OSError)
-LARGEST_MESSAGE = 1 << 20
 JOURNAL_FILE, HISTORY_FOLDER = "journal.db", "history"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    rules, limits = SessionRules(), LiveLimits()
-    parser.add_argument("--model", help="a saved estimator's folder, or models:/NAME@ALIAS; default: the champion")
-    parser.add_argument("--port", type=int, default=5002, help="on 127.0.0.1; default: 5002; 0: a free one")
-    parser.add_argument("--folder", type=Path, default=Path("live"), help="journal and history; default: live")
+    parser.add_argument("--config", type=Path, help=f"settings; default: {LIVE_FILE} where there is one")
+    parser.add_argument("--model", help="instead of the configured one: a folder, or models:/NAME@ALIAS")
+    parser.add_argument("--port", type=int, help="instead of the configured one; 0: a free one")
+    parser.add_argument("--folder", type=Path, help="instead of the configured one: journal and history")
     parser.add_argument("--replay", nargs="+", metavar="LOGS", help="files, folders or patterns of logs to send")
     parser.add_argument("--speed", type=float, default=1.0, help="of the replay; 0: as fast as possible; default: 1")
     parser.add_argument("--cylinder", help="of the replayed logs; default: that of params.yaml")
     parser.add_argument("--channels", type=Path, help="of the replayed logs; without: guessed")
     parser.add_argument("--names", help="of the replayed logs: expression with the groups condition and session")
-    parser.add_argument("--sessions", type=int, default=limits.sessions, help="most sessions that are open at a time")
-    parser.add_argument("--hold-s", type=float, default=rules.hold_s, help="how long early samples wait [s]")
-    parser.add_argument("--short-gap-s", type=float, default=rules.short_gap_s, help="gap without a reset [s]")
 
 
 def run(options: argparse.Namespace) -> int:
-    rules = SessionRules(hold_s=options.hold_s, short_gap_s=options.short_gap_s)
+    configured = load_live_params(options.config)
+    given = {name: getattr(options, name) for name in ("model", "port", "folder")}
+    params = configured.model_copy(update={name: value for name, value in given.items() if value is not None})
     with tempfile.TemporaryDirectory() as scratch:
-        given = options.model or f"models:/{load_params().registered_name}@champion"
-        estimator = load_estimator(model_folder(given, Path(scratch) / "model"))
+        model = params.model or f"models:/{load_params().registered_name}@champion"
+        estimator = load_estimator(model_folder(model, Path(scratch) / "model"))
         engine = Engine(estimator, Path(scratch) / "engine")
         recordings = _replayed(options, engine) if options.replay else {}
-        service = LiveService(
-            engine, Journal(options.folder / JOURNAL_FILE), rules=rules, limits=LiveLimits(sessions=options.sessions)
-        )
-        _serve(service, options, recordings)
+        service = LiveService(engine, Journal(params.folder / JOURNAL_FILE), rules=params.rules, limits=params.limits)
+        _serve(service, params, options.speed, recordings)
     return 0
 
 
-def _serve(service: LiveService, options: argparse.Namespace, recordings: dict[str, list[Recording]]) -> None:
+def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
-    app = create_app(service, options.folder / HISTORY_FOLDER)
+    app = create_app(service, params.folder / HISTORY_FOLDER)
     config = uvicorn.Config(
-        app, host="127.0.0.1", port=options.port, ws_max_size=LARGEST_MESSAGE, log_level="warning",
+        app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
         ws_per_message_deflate=False, timeout_graceful_shutdown=2,
     )  # fmt: skip
     server = uvicorn.Server(config)
     stop = threading.Event()
-    follower = threading.Thread(target=_follow, args=(server, service, options, recordings, stop), daemon=True)
+    follower = threading.Thread(target=_follow, args=(server, service, params, speed, recordings, stop), daemon=True)
     follower.start()
     try:
         server.run()
@@ -75,7 +71,8 @@ def _serve(service: LiveService, options: argparse.Namespace, recordings: dict[s
 def _follow(
     server: uvicorn.Server,
     service: LiveService,
-    options: argparse.Namespace,
+    params: LiveParams,
+    speed: float,
     recordings: dict[str, list[Recording]],
     stop: threading.Event,
 ) -> None:
@@ -87,11 +84,11 @@ def _follow(
     print(
         f"live at http://127.0.0.1:{port} (stop with Ctrl-C)\n  samples in, estimates out   ws://127.0.0.1:{port}/stream\n"
         f"  metrics                     http://127.0.0.1:{port}/metrics\n  history                     "
-        f"{options.folder / HISTORY_FOLDER}",
+        f"{params.folder / HISTORY_FOLDER}",
         flush=True,
     )
     if recordings:
-        replay = Replay(f"ws://127.0.0.1:{port}/stream", recordings, options.speed or None)
+        replay = Replay(f"ws://127.0.0.1:{port}/stream", recordings, speed or None)
         count = replay.run(service.engine.inputs, stop)
         print(f"replayed {count} samples of {len(recordings)} sessions", flush=True)
 

@@ -21,6 +21,7 @@ from cylinder_friction.live.history import move_into_history
 from cylinder_friction.live.metrics import metrics_text
 from cylinder_friction.live.service import LiveService, LiveSession
 from cylinder_friction.live.watching import Watchers
+from cylinder_friction.live.web_socket import WebSocketTransport
 
 KEEP_S, OVERDUE_S, HISTORY_S = 1.0, 0.05, 60.0
 LEFT_S = 10
@@ -44,7 +45,8 @@ def create_app(service: LiveService, history: Path) -> Starlette:
     async def stream(socket: WebSocket) -> None:
         if await _foreign(socket):
             return
-        await Connection(socket, service, peers).run()
+        await socket.accept()
+        await Connection(WebSocketTransport(socket), service, peers).run()
 
     async def watch(socket: WebSocket) -> None:
         if not await _foreign(socket):

@@ -1,12 +1,10 @@
-"""One client's WebSocket: samples in, estimates and acknowledgements out; a slow reader slows its own writer alone."""
+"""One client: samples in, estimates and acknowledgements out; a slow reader slows its own writer alone."""
 
 import asyncio
 import json
 from collections import Counter
-from collections.abc import Iterable, MutableMapping
-from typing import Any
-
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from collections.abc import Iterable
+from typing import Protocol
 
 from cylinder_friction.live.frames import (
     Acknowledgement,
@@ -24,6 +22,22 @@ UNSENT_BYTES = 4 << 20
 """Beyond this a client that does not read is not read from, until it does."""
 PATIENCE_S = 0.05
 """How long a writer is held back before it is looked at again."""
+
+
+class ClientGoneError(Exception):
+    """The client has left."""
+
+
+class Transport(Protocol):
+    """What carries whole messages to and from one client: frames as bytes, JSON as text."""
+
+    async def receive(self) -> bytes | str:
+        """Return the next message; raises ``ClientGoneError`` when there will be none."""
+        ...
+
+    async def send(self, message: bytes | str) -> None:
+        """Send a message; returns when more can be taken, raises ``ClientGoneError`` when the client is gone."""
+        ...
 
 
 class Peers:
@@ -66,8 +80,8 @@ class Peers:
 class Connection:
     """A client. It opens sessions by text, then sends frames; either way estimates come back as samples came."""
 
-    def __init__(self, socket: WebSocket, service: LiveService, peers: Peers) -> None:
-        self._socket, self._service, self._peers = socket, service, peers
+    def __init__(self, transport: Transport, service: LiveService, peers: Peers) -> None:
+        self._transport, self._service, self._peers = transport, service, peers
         self._frames: list[bytes] = []
         self._texts: list[str] = []
         self._in_text: set[str] = set()  # Sessions whose client last sent text
@@ -75,17 +89,16 @@ class Connection:
 
     async def run(self) -> None:
         """Serve the client until it leaves."""
-        await self._socket.accept()
         self._peers.connections += 1
         writer = asyncio.create_task(self._write())
         try:
-            while (message := await self._socket.receive())["type"] != "websocket.disconnect":
-                self._take(message)
+            while not writer.done():
+                self._take(await self._transport.receive())
                 while self._unsent > UNSENT_BYTES or self._service.unkept_rows > self._service.limits.unkept_rows:
                     await asyncio.sleep(PATIENCE_S)  # TCP then holds the client back
                     if writer.done():
                         return
-        except WebSocketDisconnect:
+        except ClientGoneError:
             pass
         finally:
             self._peers.leave(self)
@@ -111,12 +124,12 @@ class Connection:
         else:
             self._put_frame(pack_acknowledgement(Acknowledgement(session.handle, session.kept_index)))
 
-    def _take(self, message: MutableMapping[str, Any]) -> None:
+    def _take(self, message: bytes | str) -> None:
         try:
-            if message.get("bytes") is not None:
-                self._take_frame(message["bytes"])
+            if isinstance(message, bytes):
+                self._take_frame(message)
             else:
-                self._take_text(message.get("text") or "")
+                self._take_text(message)
         except (FrameError, LiveError) as error:
             self._peers.refused[type(error).__name__] += 1
             self._put_text(json.dumps({"error": str(error)}))
@@ -168,6 +181,6 @@ class Connection:
             texts, frames = self._texts, self._frames
             self._texts, self._frames, self._unsent = [], [], 0
             for text in texts:
-                await self._socket.send_text(text)
+                await self._transport.send(text)
             if frames:
-                await self._socket.send_bytes(b"".join(frames))
+                await self._transport.send(b"".join(frames))

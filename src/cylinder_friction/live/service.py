@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from cylinder_friction.live.engine import Engine, Job
 from cylinder_friction.live.frames import EstimateBlock, SampleBlock
 from cylinder_friction.live.journal import Chunk, Journal, SavedSession, merged
-from cylinder_friction.live.session import Counts, Piece, SessionOrder, SessionRules
+from cylinder_friction.live.session import Counts, Piece, SessionOrder
+from cylinder_friction.live.settings import LiveLimits, SessionRules
 
 _NAME = re.compile(r"[\w.:/ -]{1,80}")
 CLOCK_TOLERANCE = 2e-3
@@ -18,21 +19,6 @@ CLOCK_TOLERANCE = 2e-3
 
 class LiveError(ValueError):
     """A request that cannot be met; the message states what was got and what is expected."""
-
-
-@dataclass(frozen=True)
-class LiveLimits:
-    """What one service takes.
-
-    Attributes:
-        sessions: Most sessions that are open at a time.
-        unkept_rows: Most rows that wait to be kept, all sessions together; beyond it writers are slowed down.
-        idle_s: How long a session may rest before it is closed, its state kept [s].
-    """
-
-    sessions: int = 1000
-    unkept_rows: int = 2_000_000
-    idle_s: float = 600.0
 
 
 @dataclass

@@ -6,22 +6,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from cylinder_friction.arrays import Array
-
-
-@dataclass(frozen=True)
-class SessionRules:
-    """How long a session waits, and what counts as a short gap.
-
-    Attributes:
-        hold_s: How long samples that came too early wait for the ones before them [s].
-        hold_rows: How many may wait; beyond it the gap before them is taken for lost.
-        short_gap_s: A gap up to this long is stepped through as samples that are no numbers, which the step holds and
-            flags; after a longer one the session begins anew, as after a reset [s].
-    """
-
-    hold_s: float = 0.5
-    hold_rows: int = 2000
-    short_gap_s: float = 0.5
+from cylinder_friction.live.settings import SessionRules
 
 
 @dataclass

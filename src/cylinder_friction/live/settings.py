@@ -1,0 +1,55 @@
+"""What a live service is given: how long a session waits, what is taken, and by which links."""
+
+from dataclasses import dataclass
+
+
+class LiveSettingsError(ValueError):
+    """Settings that cannot be; the message names the key."""
+
+
+@dataclass(frozen=True)
+class SessionRules:
+    """How long a session waits, and what counts as a short gap.
+
+    Attributes:
+        hold_s: How long samples that came too early wait for the ones before them [s].
+        hold_rows: How many may wait; beyond it the gap before them is taken for lost.
+        short_gap_s: A gap up to this long is stepped through as samples that are no numbers, which the step holds and
+            flags; after a longer one the session begins anew, as after a reset [s].
+    """
+
+    hold_s: float = 0.5
+    hold_rows: int = 2000
+    short_gap_s: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse what is not positive; raises ``LiveSettingsError``."""
+        refuse_unless_positive(self, "rules", "hold_s", "hold_rows", "short_gap_s")
+
+
+@dataclass(frozen=True)
+class LiveLimits:
+    """What one service takes.
+
+    Attributes:
+        sessions: Most sessions that are open at a time.
+        unkept_rows: Most rows that wait to be kept, all sessions together; beyond it writers are slowed down.
+        idle_s: How long a session may rest before it is closed, its state kept [s].
+        message_bytes: Largest message of a client.
+    """
+
+    sessions: int = 1000
+    unkept_rows: int = 2_000_000
+    idle_s: float = 600.0
+    message_bytes: int = 1 << 20
+
+    def __post_init__(self) -> None:
+        """Refuse what is not positive; raises ``LiveSettingsError``."""
+        refuse_unless_positive(self, "limits", "sessions", "unkept_rows", "idle_s", "message_bytes")
+
+
+def refuse_unless_positive(settings: object, section: str, *names: str) -> None:
+    """Raise ``LiveSettingsError`` for the first attribute that is not more than 0."""
+    for name in names:
+        if not getattr(settings, name) > 0:
+            raise LiveSettingsError(f"{section}.{name}: got {getattr(settings, name)}, expected more than 0")

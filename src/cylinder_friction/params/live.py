@@ -1,0 +1,50 @@
+"""Configuration of the live service: a file of its own, for it shapes no stage of the pipeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+from pydantic import Field
+
+from cylinder_friction.live.settings import LiveLimits, SessionRules
+from cylinder_friction.params.checking import ParamsError, checked
+from cylinder_friction.params.section import Section
+
+LIVE_FILE = Path("conf/live/default.yaml")
+
+
+class LiveParams(Section):
+    """``conf/live/*.yaml``.
+
+    Attributes:
+        model: A saved estimator's folder, or ``models:/NAME@ALIAS``; None: the champion of the project's registry.
+        host: Address that page, WebSocket and metrics listen on.
+        port: 0 for a free one.
+        folder: Of the journal and the history.
+        rules: What becomes of samples that come early, late or not.
+        limits: What the service takes.
+    """
+
+    model: str | None = None
+    host: str = "127.0.0.1"
+    port: int = Field(default=5002, ge=0, le=65535)
+    folder: Path = Field(default=Path("live"), strict=False)
+    rules: SessionRules = SessionRules()
+    limits: LiveLimits = LiveLimits()
+
+
+def load_live_params(path: Path | None = None) -> LiveParams:
+    """Read a file; without one ``conf/live/default.yaml`` where there is one, else what it holds as shipped.
+
+    Raises:
+        ParamsError: The file is not there, is no YAML, or is refused; the message names the key.
+    """
+    if path is None and not LIVE_FILE.is_file():
+        return LiveParams()
+    path = path or LIVE_FILE
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParamsError(f"{path}: cannot be read as YAML ({error})") from error
+    return checked(LiveParams, content or {}, str(path))
