@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cylinder_friction.live.engine import Engine
+from cylinder_friction.live.engine_building import built_engine
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def engine(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Engine:
-    return Engine(small_hybrid, tmp_path_factory.mktemp("engine"))
+    return Engine(built_engine(small_hybrid, tmp_path_factory.mktemp("engines")))
 
 
 @pytest.fixture(scope="session")

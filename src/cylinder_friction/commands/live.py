@@ -12,6 +12,7 @@ from cylinder_friction.commands.estimate import cylinder_of, model_folder
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.engine import Engine
+from cylinder_friction.live.engine_building import built_engine
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.replay import Replay
 from cylinder_friction.live.service import LiveError, LiveService
@@ -21,7 +22,7 @@ from cylinder_friction.recordings.reading_logs import read_logs
 from cylinder_friction.recordings.recording import Recording
 
 EXPECTED = (ValueError, OSError)
-JOURNAL_FILE, HISTORY_FOLDER = "journal.db", "history"
+JOURNAL_FILE, HISTORY_FOLDER, ENGINES_FOLDER = "journal.db", "history", "engines"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as scratch:
         model = params.model or f"models:/{load_params().registered_name}@champion"
         estimator = load_estimator(model_folder(model, Path(scratch) / "model"))
-        engine = Engine(estimator, Path(scratch) / "engine")
+        engine = Engine(built_engine(estimator, params.folder / ENGINES_FOLDER))
         recordings = _replayed(options, engine) if options.replay else {}
         service = LiveService(engine, Journal(params.folder / JOURNAL_FILE), rules=params.rules, limits=params.limits)
         _serve(service, params, options.speed, recordings)

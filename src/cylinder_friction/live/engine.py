@@ -9,33 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared
-from cylinder_friction.deployment.c_export.export import export_c
-from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.recordings.files import write_text
+from cylinder_friction.recordings.files import read_json
 
-NAME = "friction"
-_BATCH = """\
-#include "{name}.h"
-
-/* Jobs one after the other: a session's rows together, so that its state is what a single stream's would be. */
-void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, const uint32_t *resets,
-                  const uint32_t *rows, const double *samples, {name}_output *outputs)
-{{
-    uint32_t job, row;
-
-    for (job = 0; job < jobs; job++) {{
-        {name}_state *state = states + slots[job];
-
-        if (resets[job])
-            {name}_reset(state);
-        for (row = 0; row < rows[job]; row++) {{
-            {name}_step(state, {arguments}, outputs++);
-            samples += {columns};
-        }}
-    }}
-}}
-"""
+NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
 _OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
 
 
@@ -52,8 +28,7 @@ class Engine:
     """States of many sessions of one model, stepped by its own C.
 
     Args:
-        estimator: Fitted; any that can run in real time.
-        folder: Where its source is written and compiled.
+        folder: What ``built_engine`` returned.
 
     Attributes:
         model: SHA-256 of every number that a step uses.
@@ -61,18 +36,14 @@ class Engine:
         sample_time_s: The one time between two samples [s].
 
     Raises:
-        ValueError: The estimator has no real-time step, or there is no C compiler (``NoCompilerError``).
+        OSError: The folder holds no engine that this machine can load.
     """
 
-    def __init__(self, estimator: FrictionEstimator, folder: Path) -> None:
-        exported = export_c(estimator, folder, NAME)
-        self.model, self.inputs, self._state_bytes = exported.model, exported.inputs, exported.state_bytes
-        self.sample_time_s = float(estimator.sample_time_s or 0.0)
-        batch, library = folder / "batch.c", folder / "engine.so"
-        arguments = ", ".join(f"samples[{place}]" for place in range(len(self.inputs)))
-        write_text(batch, _BATCH.format(name=NAME, arguments=arguments, columns=len(self.inputs)))
-        compile_shared((exported.source, batch), library, ("-std=c99", *OPTIMISED))
-        loaded = ctypes.CDLL(str(library))
+    def __init__(self, folder: Path) -> None:
+        described = read_json(folder / DESCRIPTION)
+        self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
+        self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
+        loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
         self._batch, self._init = loaded[f"{NAME}_batch"], loaded[f"{NAME}_init"]
         self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 5)
         self._init.argtypes = (ctypes.c_void_p,)

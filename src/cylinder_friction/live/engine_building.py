@@ -1,0 +1,84 @@
+"""An estimator's engine: its exported C with a loop over sessions, compiled once for this machine."""
+
+import platform
+import subprocess
+import tempfile
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+
+from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, find_compiler
+from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.live.engine import DESCRIPTION, LIBRARY, NAME
+from cylinder_friction.recordings.files import write_json, write_text
+
+_BATCH = """\
+#include "{name}.h"
+
+/* Jobs one after the other: a session's rows together, so that its state is what a single stream's would be. */
+void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, const uint32_t *resets,
+                  const uint32_t *rows, const double *samples, {name}_output *outputs)
+{{
+    uint32_t job, row;
+
+    for (job = 0; job < jobs; job++) {{
+        {name}_state *state = states + slots[job];
+
+        if (resets[job])
+            {name}_reset(state);
+        for (row = 0; row < rows[job]; row++) {{
+            {name}_step(state, {arguments}, outputs++);
+            samples += {columns};
+        }}
+    }}
+}}
+"""
+
+
+def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
+    """Return the folder below ``engines`` that holds an estimator's engine; compiled where it is not there yet.
+
+    Args:
+        estimator: Fitted; any that can run in real time.
+        engines: Holds one folder a model, compiler and processor.
+
+    Raises:
+        ValueError: The estimator has no real-time step.
+        NoCompilerError: There is no C compiler, or it refused the source.
+    """
+    engines.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
+        draft = Path(name) / "engine"
+        exported = export_c(estimator, draft, NAME)
+        folder = engines / sha256(f"{exported.model} {_machine()}".encode()).hexdigest()[:32]
+        if (folder / DESCRIPTION).is_file():
+            return folder
+        arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
+        batch = draft / "batch.c"
+        write_text(batch, _BATCH.format(name=NAME, arguments=arguments, columns=len(exported.inputs)))
+        compile_shared((exported.source, batch), draft / LIBRARY, ("-std=c99", *OPTIMISED))
+        described = {
+            "model": exported.model,
+            "inputs": list(exported.inputs),
+            "sample_time_s": estimator.sample_time_s,
+            "state_bytes": exported.state_bytes,
+        }
+        write_json(draft / DESCRIPTION, described)
+        with suppress(OSError):  # another process was first; it made the same
+            draft.rename(folder)
+    return folder
+
+
+def _machine() -> str:
+    """Return what compiled code depends on: the compiler, and what its processor can do."""
+    compiler = subprocess.run(  # noqa: S603 - the user's compiler
+        [find_compiler(), "--version"], capture_output=True, text=True, check=False
+    ).stdout.partition("\n")[0]
+    features = Path("/proc/cpuinfo")
+    able = (
+        [line for line in features.read_text().splitlines() if line.startswith(("flags", "Features"))][:1]
+        if (features.is_file())
+        else [platform.processor()]
+    )
+    return " ".join([compiler, *OPTIMISED, platform.machine(), *able])
