@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 import yaml
 
 from cylinder_friction.commands.cli import main
+from cylinder_friction.commands.init import make_project
 from cylinder_friction.commands.params import compose_params, write_params
 from cylinder_friction.params.checking import ParamsError, check_params, load_params
 from cylinder_friction.stages._run import run_stage
@@ -118,10 +120,24 @@ def test_what_is_wrong_is_refused_by_its_key(content: dict[str, Any], path: str,
 
 def test_a_missing_key_is_named(content: dict[str, Any]) -> None:
     del content["lugre"]["generations"]
-    with pytest.raises(
-        ParamsError, match=r"lugre\.generations: missing; run `cylinder-friction params` to compose it from conf/"
-    ):
+    with pytest.raises(ParamsError, match=r"lugre\.generations: missing; run `cylinder-friction params`.*from conf/"):
         check_params(content, "params.yaml")
+
+
+def test_a_folder_of_an_older_version_lacks_a_key_and_the_message_is_what_helps(tmp_path: Path) -> None:
+    for folder in ("old", "new"):
+        make_project(tmp_path / folder)
+    old, new = (tmp_path / folder / "conf/search/default.yaml" for folder in ("old", "new"))
+    old.write_text(re.sub("^batch:.*\n", "", old.read_text("utf-8"), flags=re.MULTILINE), "utf-8")
+    with pytest.raises(ParamsError) as refused:
+        compose_params(tmp_path / "old/conf")
+    assert str(refused.value).endswith(
+        "search.batch: missing, conf/ was made for another version; copy it from conf/search/ of a new folder, which "
+        "`cylinder-friction init FOLDER` makes"
+    )
+    (key,) = re.findall("^batch:.*\n", new.read_text("utf-8"), flags=re.MULTILINE)
+    old.write_text(old.read_text("utf-8") + key, "utf-8")
+    assert compose_params(tmp_path / "old/conf") == compose_params(tmp_path / "new/conf")
 
 
 def test_all_that_is_wrong_is_told_at_once(content: dict[str, Any]) -> None:

@@ -89,12 +89,12 @@ def test_the_core_goes_from_a_log_to_friction_and_to_c(tmp_path: Path, small_hyb
     ("command", "extra"),
     [
         ("params experiment=smoke", "pipeline"),
-        ("stage record", "serve"),
-        ("lineage models:/friction-estimator/1", "serve"),
+        ("stage record", "pipeline"),
+        ("lineage models:/friction-estimator/1", "pipeline"),
         ("serve models:/friction-estimator/1", "serve"),
         ("ui", "serve"),
-        ("live", "serve"),
-        ("track", "serve"),
+        ("live", "live"),
+        ("track", "pipeline"),
     ],
 )
 def test_a_command_names_the_extra_it_needs(command: str, extra: str, tmp_path: Path) -> None:
@@ -119,10 +119,19 @@ def test_so_does_training_from_python(tmp_path: Path) -> None:
 def test_every_library_is_brought_by_the_extra_that_is_named() -> None:
     extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     brings = {extra: {line.split(">")[0].split("=")[0].split("[")[0] for line in extras[extra]} for extra in extras}
+    brings["pipeline"] |= brings["train"] | brings["serve"]
     brought = {name: {each.replace("_", "-") for each in found} for name, found in packages_distributions().items()}
-    for library, extra in BROUGHT_BY.items():
+    for library, named in BROUGHT_BY.items():
         by_others = {"omegaconf": "hydra-core", "dvc_data": "dvc", "dvc_objects": "dvc"}
-        assert (brought[library] | {by_others.get(library)}) & brings[extra], library
+        for extra in named:
+            assert (brought[library] | {by_others.get(library)}) & brings[extra], (library, extra)
+
+
+def test_an_extra_that_does_not_bring_the_library_is_not_named() -> None:
+    with pytest.raises(MissingExtraError, match=r"cylinder-friction\[serve\]"), explained("live"):
+        raise ModuleNotFoundError(name="mlflow.pyfunc")
+    with pytest.raises(MissingExtraError, match=r"cylinder-friction\[pipeline\]"), explained("pipeline"), explained():
+        raise ModuleNotFoundError(name="torch")
 
 
 def test_what_is_missing_for_other_reasons_is_not_explained_away() -> None:

@@ -6,25 +6,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 BROUGHT_BY = {
-    "torch": "train",
-    "sklearn": "train",
-    "onnxruntime": "serve",
-    "mlflow": "serve",
-    "starlette": "serve",
-    "uvicorn": "serve",
-    "orjson": "serve",
-    "prometheus_client": "serve",
-    "websockets": "live",
-    "optuna": "pipeline",
-    "hydra": "pipeline",
-    "omegaconf": "pipeline",
-    "dvc": "pipeline",
-    "dvc_data": "pipeline",
-    "dvc_objects": "pipeline",
-    "distributed": "cluster",
-    "threadpoolctl": "cluster",
+    "torch": ("train", "pipeline"),
+    "sklearn": ("train", "pipeline"),
+    "onnxruntime": ("serve", "pipeline"),
+    "mlflow": ("serve", "pipeline"),
+    "starlette": ("serve", "live", "pipeline"),
+    "uvicorn": ("serve", "live", "pipeline"),
+    "orjson": ("serve", "pipeline"),
+    "prometheus_client": ("serve", "live", "pipeline"),
+    "websockets": ("live",),
+    "optuna": ("pipeline",),
+    "hydra": ("pipeline",),
+    "omegaconf": ("pipeline",),
+    "dvc": ("pipeline",),
+    "dvc_data": ("pipeline",),
+    "dvc_objects": ("pipeline",),
+    "distributed": ("cluster",),
+    "threadpoolctl": ("cluster",),
 }
-"""Module to extra, for everything but the readers of formats, which name theirs themselves."""
+"""Module to extras, the smallest first, for everything but the readers of formats, which name theirs themselves."""
 
 
 class MissingExtraError(ModuleNotFoundError):
@@ -37,12 +37,17 @@ def not_installed(package: str, extra: str) -> str:
 
 
 @contextmanager
-def explained() -> Iterator[None]:
-    """Raise ``MissingExtraError`` where the block, or the function below, imports a library that is not installed."""
+def explained(wanted: str = "") -> Iterator[None]:
+    """Raise ``MissingExtraError`` where the block, or the function below, imports a library that is not installed.
+
+    It names the extra that is ``wanted`` for everything that is done here, if that brings the library.
+    """
     try:
         yield
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
-        if isinstance(error, MissingExtraError) or library not in BROUGHT_BY:
+        extras = BROUGHT_BY.get(library, ())
+        if not extras or (isinstance(error, MissingExtraError) and wanted not in extras):
             raise
-        raise MissingExtraError(f"this needs {not_installed(library, BROUGHT_BY[library])}", name=error.name) from None
+        extra = wanted if wanted in extras else extras[0]
+        raise MissingExtraError(f"this needs {not_installed(library, extra)}", name=error.name) from None

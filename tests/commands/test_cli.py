@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cylinder_friction.commands import check, export, stage
-from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, main, parser
+from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, UNREAD, main, parser
 from cylinder_friction.run_record import STAGES
 
 if TYPE_CHECKING:
@@ -76,6 +77,33 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
     printed = capsys.readouterr().err
     assert f"cylinder-friction stage {what}: interrupted; {words}" in printed
     assert "Traceback" not in printed
+
+
+@pytest.mark.parametrize(
+    ("command", "unbuffered"),
+    [("--help", ""), ("check --help", ""), ("--print-completion bash", ""), ("check", ""), ("check", "1")],
+)
+def test_a_reader_that_has_ended_ends_the_command_without_a_traceback(command: str, unbuffered: str) -> None:
+    code = (
+        "import sys; from cylinder_friction.commands import check, cli\n"
+        "check.run = lambda _: [print('x' * 100) for _ in range(1000)][:0]\n"
+        f"sys.exit(cli.main({command.split()}))"
+    )
+    reading, writing = os.pipe()
+    os.close(reading)
+    given = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    done = subprocess.run([sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE, text=True, env=given)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (UNREAD, "")
+
+
+def test_another_broken_pipe_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_options: object) -> None:
+        raise BrokenPipeError("of a socket")
+
+    monkeypatch.setattr(check, "run", broken)
+    with pytest.raises(BrokenPipeError, match="of a socket"):
+        main(["check"])
 
 
 def test_an_unexpected_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

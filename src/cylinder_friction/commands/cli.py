@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Collection, Sequence
 from importlib.metadata import version
@@ -33,14 +34,42 @@ COMMANDS = {
 }
 COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
 COMPLETION_HELP = "print the completion script of a shell, to be kept in a file"
+EXTRAS = {
+    "live": "live",
+    "serve": "serve",
+    "ui": "serve",
+    **dict.fromkeys(("stage", "params", "track", "lineage", "rollback"), "pipeline"),
+}
+"""Command to the extra that brings all it needs; the others need the core."""
 INTERRUPTED = 130  # The exit status of what Ctrl-C ended, as shells have it
+UNREAD = 141  # That of what writes to a program that has ended, such as head
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns 0, or 1 with a message where the user can do something about it."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with explained():
+        status = _run(list(sys.argv[1:] if arguments is None else arguments))
+    except (BrokenPipeError, SystemExit) as ended:  # of --help, too
+        if not _is_unread("\n" if isinstance(ended, BrokenPipeError) else ""):
+            raise
+        return UNREAD
+    return UNREAD if _is_unread() else status
+
+
+def _is_unread(more: str = "") -> bool:
+    """Return whether the program that read the output has ended; what is left of the output is then dropped."""
+    try:
+        print(end=more, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return True
+    return False
+
+
+def _run(given: Sequence[str]) -> int:
+    extra = EXTRAS.get(given[0], "") if given else ""
+    try:
+        with explained(extra):
             options = parser(COMMANDS if COMPLETION in given else given[:1]).parse_args(given)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -49,13 +78,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
     try:
-        with explained():
+        with explained(extra):
             return int(options.run(options) or 0)
     except KeyboardInterrupt:
         print(f"\n{name}: interrupted; {options.kept(options)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        if not isinstance(error, (*refusals(), *options.expected)):
+        if isinstance(error, BrokenPipeError) or not isinstance(error, (*refusals(), *options.expected)):
             raise
         print(f"{name}: {error}", file=sys.stderr)
         return 1

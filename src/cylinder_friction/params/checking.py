@@ -94,7 +94,7 @@ def checked(kind: type[Kind], content: Any, where: str) -> Kind:
         # As JSON, so that in strict mode a mapping may be a dataclass, and a list a pair.
         return kind.model_validate_json(json.dumps(content, default=str))
     except ValidationError as error:
-        lines = [_explain(dict(problem)) for problem in error.errors()]
+        lines = [_explain(dict(problem), where) for problem in error.errors()]
         raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
 
 
@@ -105,11 +105,17 @@ def load_params(path: Path = PARAMS_FILE) -> Params:
     return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))
 
 
-def _explain(problem: dict[str, Any]) -> str:
+def _explain(problem: dict[str, Any], where: str) -> str:
     key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
     if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{key}: unknown key; check its spelling against conf/"
     if problem["type"] == "missing":
-        return f"{key}: missing; run `cylinder-friction params` to compose it from conf/"
+        if Path(where).name == PARAMS_FILE.name:
+            program = "`cylinder-friction params` (in benchmark/: `friction-benchmark params`)"
+            return f"{key}: missing; run {program} to compose it from conf/"
+        return (
+            f"{key}: missing, conf/ was made for another version; copy it from conf/{problem['loc'][0]}/ of a new "
+            "folder, which `cylinder-friction init FOLDER` makes"
+        )
     got = "" if isinstance(problem["input"], dict) else f", but got {problem['input']!r}"
     return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"
