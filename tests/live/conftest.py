@@ -10,6 +10,8 @@ from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from cylinder_friction.arrays import Array
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.recordings.recording import Recording
@@ -23,3 +25,10 @@ def engine(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFacto
 @pytest.fixture(scope="session")
 def samples(labelled_recordings: list[Recording]) -> Array:
     return labelled_recordings[0].samples()
+
+
+@pytest.fixture(scope="session")
+def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("model") / "hybrid"
+    small_hybrid.save(folder)
+    return folder

@@ -5,13 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-import socket
-import subprocess
-import sys
 import time
-import urllib.error
 import urllib.request
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,9 +17,9 @@ from websockets.sync.client import connect
 
 from cylinder_friction.live.client import Client, LiveClientError
 from cylinder_friction.live.frames import SampleBlock, pack_samples
+from live_process import free_port, running
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from cylinder_friction.arrays import Array
@@ -36,36 +32,8 @@ OPEN = {"session": "by hand", "inputs": ["pressure_1_pa", "pressure_2_pa", "posi
 
 
 @pytest.fixture(scope="module")
-def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("model") / "hybrid"
-    small_hybrid.save(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-@contextmanager
-def running(model: Path, folder: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
-    """A live service, ready; killed at the end if it still runs."""
-    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model)]
-    process = subprocess.Popen([*command, "--port", str(port), "--folder", str(folder)])
-    try:
-        for _ in range(600):
-            try:
-                urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=1.0).close()
-                break
-            except OSError:
-                assert process.poll() is None, "the service ended while starting"
-                time.sleep(0.05)
-        yield process
-    finally:
-        process.kill()
-        process.wait()
+    return free_port()
 
 
 def test_no_sample_is_lost_and_no_bit_changes_over_kills(

@@ -4,6 +4,7 @@ import argparse
 import logging
 import tempfile
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import uvicorn
@@ -14,8 +15,10 @@ from cylinder_friction.live.app import create_app
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine
 from cylinder_friction.live.journal import Journal
+from cylinder_friction.live.links import Link
 from cylinder_friction.live.replay import Replay
 from cylinder_friction.live.service import LiveError, LiveService
+from cylinder_friction.live.tcp import TcpLink
 from cylinder_friction.params.checking import load_params
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 from cylinder_friction.recordings.reading_logs import read_logs
@@ -53,26 +56,40 @@ def run(options: argparse.Namespace) -> int:
 
 def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
-    app = create_app(service, params.folder / HISTORY_FOLDER)
+    links = links_of(params)
+    app = create_app(service, params.folder / HISTORY_FOLDER, links)
     config = uvicorn.Config(
         app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
         ws_per_message_deflate=False, timeout_graceful_shutdown=2,
     )  # fmt: skip
     server = uvicorn.Server(config)
     stop = threading.Event()
-    follower = threading.Thread(target=_follow, args=(server, service, params, speed, recordings, stop), daemon=True)
+    follower = threading.Thread(
+        target=_follow, args=(server, service, params, links, speed, recordings, stop), daemon=True
+    )
     follower.start()
     try:
         server.run()
     finally:
         stop.set()
         service.journal.close()
+    if not server.started:
+        raise LiveError("the service did not start; the lines above state why")
+
+
+def links_of(params: LiveParams) -> list[Link]:
+    """Return the links that are configured."""
+    links: list[Link] = []
+    if params.tcp is not None:
+        links.append(TcpLink(params.tcp))
+    return links
 
 
 def _follow(
     server: uvicorn.Server,
     service: LiveService,
     params: LiveParams,
+    links: Sequence[Link],
     speed: float,
     recordings: dict[str, list[Recording]],
     stop: threading.Event,
@@ -82,9 +99,10 @@ def _follow(
         if stop.wait(0.05):
             return
     port = server.servers[0].sockets[0].getsockname()[1]
+    more = "".join(f"  {link.name:<27} {link.address}\n" for link in links)
     print(
         f"live at http://127.0.0.1:{port} (stop with Ctrl-C)\n  samples in, estimates out   ws://127.0.0.1:{port}/stream\n"
-        f"  metrics                     http://127.0.0.1:{port}/metrics\n  history                     "
+        f"  metrics                     http://127.0.0.1:{port}/metrics\n{more}  history                     "
         f"{params.folder / HISTORY_FOLDER}",
         flush=True,
     )

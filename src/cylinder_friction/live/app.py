@@ -4,8 +4,8 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket
 from cylinder_friction.live.connection import Connection, Peers
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.history import move_into_history
+from cylinder_friction.live.links import Link, in_background
 from cylinder_friction.live.metrics import metrics_text
 from cylinder_friction.live.service import LiveService, LiveSession
 from cylinder_friction.live.watching import Watchers
@@ -31,13 +32,17 @@ _LOOPBACK = {"127.0.0.1", "localhost", "[::1]"}
 _log = logging.getLogger(__name__)
 
 
-def create_app(service: LiveService, history: Path) -> Starlette:
-    """Return the application around a service; it moves the journal into ``history`` while it runs, and at its end."""
+def create_app(service: LiveService, history: Path, links: Sequence[Link] = ()) -> Starlette:
+    """Return the application around a service; it moves the journal into ``history`` while it runs, and at its end.
+
+    ``links`` are started and ended with it.
+    """
     peers, watchers = Peers(), Watchers(service)
+    takers = (peers.send, watchers.note, *(link.note for link in links))
 
     def on_estimates(session: LiveSession, block: EstimateBlock) -> None:
-        peers.send(session, block)
-        watchers.note(session, block)
+        for take in takers:
+            take(session, block)
 
     service.on_estimates = on_estimates
     lag = _Lag()
@@ -58,18 +63,18 @@ def create_app(service: LiveService, history: Path) -> Starlette:
         return JSONResponse(body, 200 if ready else 503)
 
     async def metrics(_: Request) -> Response:
-        return PlainTextResponse(metrics_text(service, peers, lag.worst_s), media_type="text/plain; version=0.0.4")
+        return PlainTextResponse(
+            metrics_text(service, peers, links, lag.worst_s), media_type="text/plain; version=0.0.4"
+        )
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        jobs = [
-            asyncio.create_task(each)
-            for each in (_keep(service, peers, history), _overdue(service, lag), watchers.tick())
-        ]
-        yield
-        for job in jobs:
-            job.cancel()
-        await asyncio.gather(*jobs, return_exceptions=True)
+        async with AsyncExitStack() as started:
+            jobs = (_keep(service, peers, history), _overdue(service, lag), watchers.tick())
+            await started.enter_async_context(in_background(*jobs))
+            for link in links:
+                await started.enter_async_context(link.running(service, peers))
+            yield
         service.keep()
         move_into_history(service.journal, history)
 

@@ -10,10 +10,9 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.live.client_sockets import ClientSocket, connected
 from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
 
 RETRY_S, PATIENCE_S = 0.2, 30.0
@@ -31,7 +30,7 @@ class Client:
     ``next_index``. One client is for one thread.
 
     Args:
-        url: Of the service, such as ``ws://127.0.0.1:5002/stream``.
+        url: Of the service: ``ws://127.0.0.1:5002/stream``, or ``tcp://127.0.0.1:5003``.
         session: Name of the cylinder's session, the same after every start.
         sample_time_s: Time between two samples [s].
         inputs: Columns of a sample, as the model names them.
@@ -54,7 +53,7 @@ class Client:
         self._sample_time_s = sample_time_s
         self._unacknowledged: deque[SampleBlock] = deque()
         self._estimates: deque[EstimateBlock] = deque()
-        self._socket: ClientConnection | None = None
+        self._socket: ClientSocket | None = None
         self._open_socket = ExitStack()
         self._handle, self.acknowledged_index = 0, 0
         self.next_index = self.estimated_index = self._connect()
@@ -113,22 +112,20 @@ class Client:
         while True:
             try:
                 self._open_socket.close()
-                self._socket = self._open_socket.enter_context(
-                    connect(self._url, max_size=None, open_timeout=5.0, close_timeout=0.5)
-                )
+                self._socket = self._open_socket.enter_context(connected(self._url))
                 self._socket.send(json.dumps({"open": self._opens}))
                 opened = self._opened(self._socket)
                 break
-            except (OSError, ConnectionClosed, TimeoutError) as error:
+            except OSError as error:
                 if time.monotonic() > deadline:
                     raise LiveClientError(f"{self._url}: not reached in {PATIENCE_S:g} s ({error})") from error
                 time.sleep(RETRY_S)
         self._handle, self.acknowledged_index = opened["handle"], opened["kept_index"]
         return int(opened["next_index"])
 
-    def _opened(self, socket: ClientConnection) -> dict[str, Any]:
+    def _opened(self, socket: ClientSocket) -> dict[str, Any]:
         while True:
-            message = socket.recv(timeout=5.0)
+            message = socket.recv(5.0)
             content = json.loads(message) if isinstance(message, str) else {}
             if "error" in content:
                 raise LiveClientError(content["error"])
@@ -139,7 +136,7 @@ class Client:
         try:
             assert self._socket is not None
             self._socket.send(pack_samples(block))
-        except (ConnectionClosed, OSError):
+        except OSError:
             self._resume()
 
     def _resume(self) -> None:
@@ -153,7 +150,7 @@ class Client:
             try:
                 assert self._socket is not None
                 self._socket.send(pack_samples(block))
-            except (ConnectionClosed, OSError):
+            except OSError:
                 return self._resume()
         return None
 
@@ -161,10 +158,10 @@ class Client:
         """Take in the next message; return whether one came, or the connection was made anew."""
         try:
             assert self._socket is not None
-            message = self._socket.recv(timeout=timeout_s)
+            message = self._socket.recv(timeout_s)
         except TimeoutError:
             return False
-        except (ConnectionClosed, OSError):
+        except OSError:
             self._resume()
             return True
         if isinstance(message, str):

@@ -1,13 +1,14 @@
 """What Prometheus scrapes: sessions, samples by outcome, flags, what waits, how late the loop is."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from cylinder_friction.live.connection import Peers
+from cylinder_friction.live.links import Link
 from cylinder_friction.live.service import LiveService
 
 _GAUGES = {
@@ -17,16 +18,16 @@ _GAUGES = {
 }
 
 
-def metrics_text(service: LiveService, peers: Peers, loop_lag_s: float) -> str:
+def metrics_text(service: LiveService, peers: Peers, links: Sequence[Link], loop_lag_s: float) -> str:
     """Return the metrics in Prometheus's text format."""
     registry = CollectorRegistry()
-    registry.register(_Live(service, peers, loop_lag_s))
+    registry.register(_Live(service, peers, links, loop_lag_s))
     return generate_latest(registry).decode()
 
 
 class _Live(Collector):
-    def __init__(self, service: LiveService, peers: Peers, loop_lag_s: float) -> None:
-        self._service, self._peers, self._lag_s = service, peers, loop_lag_s
+    def __init__(self, service: LiveService, peers: Peers, links: Sequence[Link], loop_lag_s: float) -> None:
+        self._service, self._peers, self._links, self._lag_s = service, peers, links, loop_lag_s
 
     def collect(self) -> Iterator[Metric]:
         samples: Counter[str] = Counter()
@@ -42,6 +43,11 @@ class _Live(Collector):
         for kind, count in self._peers.refused.items():
             refused.add_metric([kind], count)
         yield refused
+        events = CounterMetricFamily("cylinder_friction_live_link", "Events of links.", labels=["link", "event"])
+        for link in self._links:
+            for event, count in link.counts.items():
+                events.add_metric([link.name, event], count)
+        yield events
         for name, value in self._service.load().items():
             yield GaugeMetricFamily(f"cylinder_friction_live_{name}", _GAUGES[name], value)
         yield GaugeMetricFamily("cylinder_friction_live_connections", "Clients.", self._peers.connections)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
 
 class LiveSettingsError(ValueError):
     """Settings that cannot be; the message names the key."""
@@ -46,6 +48,34 @@ class LiveLimits:
     def __post_init__(self) -> None:
         """Refuse what is not positive; raises ``LiveSettingsError``."""
         refuse_unless_positive(self, "limits", "sessions", "unkept_rows", "idle_s", "message_bytes")
+
+
+@dataclass(frozen=True)
+class TcpSettings:
+    """Raw TCP, for clients without WebSocket. It has neither TLS nor tokens, and therefore stays on this machine.
+
+    Attributes:
+        host: An address of this machine's loopback.
+        port: 0 for a free one.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 5003
+
+    def __post_init__(self) -> None:
+        """Refuse other machines' addresses and what is no port; raises ``LiveSettingsError``."""
+        if self.host not in LOOPBACK:
+            raise LiveSettingsError(
+                f"tcp.host: got {self.host!r}, expected one of {', '.join(LOOPBACK)}: raw TCP has neither TLS nor "
+                "tokens; from elsewhere use WebSocket or MQTT, or a tunnel"
+            )
+        refuse_unless_port("tcp.port", self.port)
+
+
+def refuse_unless_port(key: str, port: int, least: int = 0) -> None:
+    """Raise ``LiveSettingsError`` for what is no port."""
+    if not least <= port <= 65535:
+        raise LiveSettingsError(f"{key}: got {port}, expected {least} to 65535")
 
 
 def refuse_unless_positive(settings: object, section: str, *names: str) -> None:

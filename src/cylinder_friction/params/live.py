@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 from pydantic import Field
 
-from cylinder_friction.live.settings import LiveLimits, SessionRules
+from cylinder_friction.live.settings import LiveLimits, SessionRules, TcpSettings
 from cylinder_friction.params.checking import ParamsError, checked
 from cylinder_friction.params.section import Section
 
@@ -24,6 +24,7 @@ class LiveParams(Section):
         folder: Of the journal and the history.
         rules: What becomes of samples that come early, late or not.
         limits: What the service takes.
+        tcp: Raw TCP; None: off.
     """
 
     model: str | None = None
@@ -32,6 +33,7 @@ class LiveParams(Section):
     folder: Path = Field(default=Path("live"), strict=False)
     rules: SessionRules = SessionRules()
     limits: LiveLimits = LiveLimits()
+    tcp: TcpSettings | None = None
 
 
 def load_live_params(path: Path | None = None) -> LiveParams:
