@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cylinder_friction.deployment import scoring
 from cylinder_friction.deployment.scoring import ScoringError
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
@@ -238,3 +243,14 @@ def test_whatever_comes_the_result_is_finite_or_a_refusal(
         return
     assert len(scored) == len(rows)
     assert np.isfinite(scored["friction_n"]).all()
+
+
+@pytest.mark.parametrize(
+    "code",
+    [f"import runpy; runpy.run_path({scoring.__file__!r})", "import cylinder_friction.deployment.onnx_graphs.stream"],
+)
+def test_onnx_runtime_keeps_nothing_to_report(code: str, tmp_path: Path) -> None:
+    given = {key: value for key, value in os.environ.items() if key != "ORT_DISABLE_TELEMETRY"}
+    given |= {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", code], check=True, env=given)
+    assert list(tmp_path.rglob("*onnxruntime*")) == []

@@ -6,13 +6,16 @@ This file needs NumPy and ONNX Runtime, and nothing of this project: it goes int
 import difflib
 import itertools
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
+
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when it is imported
+import onnxruntime
 
 NEWTONS = ("friction_n", "lower_n", "upper_n")
 OFFSET = ("offset_n", "offset_uncertainty_n")
