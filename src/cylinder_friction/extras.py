@@ -15,6 +15,7 @@ BROUGHT_BY = {
     "orjson": ("serve", "pipeline"),
     "prometheus_client": ("serve", "live", "pipeline"),
     "websockets": ("live",),
+    "asyncua": ("opcua",),
     "optuna": ("pipeline",),
     "hydra": ("pipeline",),
     "omegaconf": ("pipeline",),

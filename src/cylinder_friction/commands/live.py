@@ -82,6 +82,10 @@ def links_of(params: LiveParams) -> list[Link]:
     links: list[Link] = []
     if params.tcp is not None:
         links.append(TcpLink(params.tcp))
+    if params.opcua_server is not None:
+        from cylinder_friction.live.opcua_server import OpcUaServerLink
+
+        links.append(OpcUaServerLink(params.opcua_server))
     return links
 
 

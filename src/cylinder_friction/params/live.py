@@ -7,6 +7,7 @@ from pathlib import Path
 import yaml
 from pydantic import Field
 
+from cylinder_friction.live.opcua_settings import OpcUaServerSettings
 from cylinder_friction.live.settings import LiveLimits, SessionRules, TcpSettings
 from cylinder_friction.params.checking import ParamsError, checked
 from cylinder_friction.params.section import Section
@@ -25,6 +26,7 @@ class LiveParams(Section):
         rules: What becomes of samples that come early, late or not.
         limits: What the service takes.
         tcp: Raw TCP; None: off.
+        opcua_server: Results by OPC UA; None: off.
     """
 
     model: str | None = None
@@ -34,6 +36,7 @@ class LiveParams(Section):
     rules: SessionRules = SessionRules()
     limits: LiveLimits = LiveLimits()
     tcp: TcpSettings | None = None
+    opcua_server: OpcUaServerSettings | None = None
 
 
 def load_live_params(path: Path | None = None) -> LiveParams:

@@ -1,0 +1,214 @@
+"""A public OPC UA client sees each session's newtons, units, quality and health."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from asyncua import Client, ua
+
+from cylinder_friction.live.connection import Peers
+from cylinder_friction.live.frames import SampleBlock
+from cylinder_friction.live.journal import Journal
+from cylinder_friction.live.opcua_quality import Health, health_of, status_of
+from cylinder_friction.live.opcua_server import NAMESPACE, OpcUaServerLink
+from cylinder_friction.live.opcua_settings import OpcUaServerSettings
+from cylinder_friction.live.service import LiveService
+from cylinder_friction.realtime.flags import Flag
+from live_process import free_port
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+    from pathlib import Path
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.live.engine import Engine
+
+pytestmark = pytest.mark.slow
+BEGAN_S = 1.7e9
+
+
+@asynccontextmanager
+async def shown(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[tuple[LiveService, Client]]:
+    """A service with an OPC UA server, and a client of that."""
+    link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, **settings))
+    service = LiveService(engine, Journal(folder / "journal.db"), link.note)
+    async with link.running(service, Peers()), Client(link.address) as client:
+        yield service, client
+    service.journal.close()
+
+
+async def values(client: Client, session: str) -> dict[str, ua.DataValue]:
+    number = await client.get_namespace_index(NAMESPACE)
+    names = ("Friction", "LowerBound", "UpperBound", "Flags", "SampleIndex", "SampleLag", "DeviceHealth")
+    nodes = [client.get_node(ua.NodeId(f"{session}/{name}", number)) for name in names]
+    return dict(zip(names, await client.read_attributes(nodes), strict=True))
+
+
+async def values_at(client: Client, session: str, index: int) -> dict[str, ua.DataValue]:
+    """Values of the sample of that index, once they are there."""
+    for _ in range(200):
+        found = await values(client, session)
+        if found["SampleIndex"].Value.Value == index:
+            return found
+        await asyncio.sleep(0.02)
+    raise AssertionError(f"{index} was not shown; last: {found}")
+
+
+def test_a_client_reads_newtons_with_the_senders_time_and_their_quality(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    newtons, flags = small_hybrid.real_time().run(samples[:600])
+    broken = np.vstack([samples[:600], [[np.nan, *samples[600, 1:]]]])
+
+    async def look() -> tuple[dict[str, ua.DataValue], ...]:
+        async with shown(engine, tmp_path) as (service, client):
+            session = service.open("press 7", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, broken[:1])])
+            first = await values_at(client, "press 7", 0)
+            service.receive([SampleBlock(session.handle, 1, BEGAN_S + 0.005, broken[1:600])])
+            good = await values_at(client, "press 7", 599)
+            service.receive([SampleBlock(session.handle, 600, BEGAN_S + 3.0, broken[600:])])
+            bad = await values_at(client, "press 7", 600)
+            service.keep()
+            service.limits = type(service.limits)(idle_s=1e-9)
+            assert service.close_idle() == ["press 7"]
+            for _ in range(100):
+                closed = await values(client, "press 7")
+                if closed["Friction"].StatusCode.value == ua.StatusCodes.BadNoCommunication:
+                    break
+                await asyncio.sleep(0.02)
+            return first, good, bad, closed
+
+    first, good, bad, closed = asyncio.run(look())
+    assert first["Friction"].StatusCode == status_of(int(flags[0]))
+    assert first["DeviceHealth"].Value.Value == Health.CHECK_FUNCTION
+    shown_newtons = [good[name].Value.Value for name in ("Friction", "LowerBound", "UpperBound")]
+    assert shown_newtons == newtons[599].tolist()
+    assert good["Flags"].Value.Value == flags[599]
+    assert good["Friction"].StatusCode == status_of(int(flags[599]))
+    assert good["Friction"].SourceTimestamp.timestamp() == pytest.approx(BEGAN_S + 599 * 0.005, abs=1e-5)
+    assert good["SampleLag"].Value.Value > 0.0
+    assert bad["Friction"].StatusCode.value == ua.StatusCodes.BadSensorFailure
+    assert bad["Friction"].Value.Value is None
+    assert bad["DeviceHealth"].Value.Value == Health.FAILURE
+    assert closed["Friction"].StatusCode.value == ua.StatusCodes.BadNoCommunication
+    assert closed["DeviceHealth"].Value.Value == Health.CHECK_FUNCTION
+
+
+def test_the_address_space_states_units_ranges_and_names(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    async def look() -> None:
+        async with shown(engine, tmp_path, range_n=3000.0) as (service, client):
+            session = service.open("press 7", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
+            await values_at(client, "press 7", 2)
+            number = await client.get_namespace_index(NAMESPACE)
+            devices = await client.get_namespace_index("http://opcfoundation.org/UA/DI/")
+            path = [f"{number}:CylinderFriction", f"{number}:press 7"]
+            press = await client.nodes.objects.get_child(path)
+            friction = await press.get_child(f"{number}:Friction")
+            assert await friction.read_type_definition() == ua.NodeId(ua.ObjectIds.AnalogUnitRangeType)
+            unit = await (await friction.get_child("0:EngineeringUnits")).read_value()
+            assert (unit.UnitId, unit.DisplayName.Text) == (5129559, "N")
+            extent = await (await friction.get_child("0:EURange")).read_value()
+            assert (extent.Low, extent.High) == (-3000.0, 3000.0)
+            names = await (await press.get_child([f"{number}:Flags", "0:OptionSetValues"])).read_value()
+            assert [each.Text for each in names] == [flag.name for flag in Flag]
+            health = await press.get_child(f"{devices}:DeviceHealth")
+            kind = client.get_node(await health.read_data_type())
+            assert (await kind.read_browse_name()).Name == "DeviceHealthEnumeration"
+            texts = await (await kind.get_child("0:EnumStrings")).read_value()
+            assert [text.Text for text in texts] == [each.name for each in Health]
+            with pytest.raises(ua.UaStatusCodeError):
+                await friction.write_value(1.0)
+
+    asyncio.run(look())
+
+
+def test_a_subscription_gives_what_changes(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    async def follow() -> list[int]:
+        async with shown(engine, tmp_path) as (service, client):
+            session = service.open("press", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:10])])
+            await values_at(client, "press", 9)
+            subscription = await client.create_subscription(20.0)
+            number = await client.get_namespace_index(NAMESPACE)
+            await subscription.subscribe_data_change(client.get_node(ua.NodeId("press/SampleIndex", number)))
+            got = []
+            for begin in range(10, 40, 10):
+                event = await subscription.next_event(5.0)
+                got.append(event.value)
+                service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 10])])
+            return [*got, (await subscription.next_event(5.0)).value]
+
+    assert asyncio.run(follow()) == [9, 19, 29, 39]
+
+
+def test_sessions_beyond_the_configured_number_are_counted_not_shown(
+    engine: Engine, samples: Array, tmp_path: Path
+) -> None:
+    async def look() -> int:
+        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, sessions=1))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"), link.note)
+        async with link.running(service, Peers()), Client(link.address) as client:
+            for name in ("one", "two"):
+                session = service.open(name, engine.inputs, engine.sample_time_s)
+                service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
+            await values_at(client, "one", 2)
+            while not link.counts["not shown"]:
+                await asyncio.sleep(0.02)
+            return len(await (await client.nodes.objects.get_child("2:CylinderFriction")).get_children())
+
+    assert asyncio.run(look()) == 1
+
+
+def test_a_taken_port_is_an_error_of_the_start(engine: Engine, tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        link = OpcUaServerLink(OpcUaServerSettings(port=taken.getsockname()[1]))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"))
+
+        async def start() -> None:
+            async with link.running(service, Peers()):
+                pass
+
+        with pytest.raises(OSError, match="address already in use"):
+            asyncio.run(start())
+
+
+@pytest.mark.parametrize(
+    ("flags", "code"),
+    [
+        (0, ua.StatusCodes.Good),
+        (Flag.NOT_READY | Flag.INVALID_POSITION, ua.StatusCodes.BadWaitingForInitialData),
+        (Flag.INVALID_PRESSURE_2 | Flag.WARMING, ua.StatusCodes.BadSensorFailure),
+        (Flag.FROZEN, ua.StatusCodes.BadSensorFailure),
+        (Flag.OUTSIDE, ua.StatusCodes.UncertainEngineeringUnitsExceeded),
+        (Flag.UNMODELLED_FORCE, ua.StatusCodes.UncertainEngineeringUnitsExceeded),
+        (Flag.WARMING, ua.StatusCodes.UncertainSubNormal),
+        (Flag.RECOVERING, ua.StatusCodes.UncertainSubNormal),
+        (Flag.OFFSET_UNKNOWN, ua.StatusCodes.UncertainSensorNotAccurate),
+    ],
+)
+def test_every_flag_has_a_status(flags: int, code: int) -> None:
+    assert status_of(flags).value == code
+
+
+@pytest.mark.parametrize("flag", Flag)
+def test_no_flag_is_good(flag: Flag) -> None:
+    assert not status_of(flag).is_good()
+    assert health_of(flag, failed_before=False) is not Health.NORMAL
+
+
+def test_a_sensor_that_failed_a_while_ago_wants_maintenance() -> None:
+    assert health_of(0, failed_before=False) is Health.NORMAL
+    assert health_of(0, failed_before=True) is Health.MAINTENANCE_REQUIRED
+    assert health_of(Flag.OUTSIDE, failed_before=True) is Health.OFF_SPEC
+    assert health_of(Flag.FROZEN, failed_before=True) is Health.FAILURE
+    assert health_of(Flag.WARMING | Flag.OUTSIDE, failed_before=False) is Health.CHECK_FUNCTION
