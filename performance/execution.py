@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -140,9 +141,13 @@ def half_done(folder: Path, stage: str) -> bool:
 
 
 def kill_worker(cluster: LoopbackCluster) -> None:
-    """Kill the process that works below the last nanny."""
-    below = psutil.Process(cluster.processes[-1].pid).children(recursive=True)
-    max(below, key=lambda each: each.memory_info().rss).kill()
+    """Kill the process that works below the last nanny, as soon as there is one."""
+    while True:
+        with suppress(psutil.NoSuchProcess):
+            for each in psutil.Process(cluster.processes[-1].pid).children(recursive=True):
+                if any("spawn_main" in argument for argument in each.cmdline()):
+                    return each.kill()
+        time.sleep(0.05)
 
 
 def kill_command(command: subprocess.Popen[bytes]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from friction_benchmark.results import BenchmarkResults
 
 CYLINDER = Cylinder(name="made", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 SIZES = Sizes(
@@ -86,6 +88,16 @@ def write_own(folder: Path) -> tuple[tuple[str, Path], ...]:
         for test in "1234":
             write_recording(folder / role, made_recording(test, session).recording)
     return tuple((role, folder / role) for role in roles)
+
+
+def without_times(results: BenchmarkResults) -> dict[str, Any]:
+    """Return results without what was measured of the processor."""
+    content = asdict(results)
+    for task in content["tasks"]:
+        for entry in task["entries"]:
+            for name in ("step_us", "training_s"):
+                del entry[name]
+    return content
 
 
 @dataclass

@@ -62,6 +62,13 @@ def bowl(marker: str, params: dict[str, float], report: Callable[[float], None])
     return float(error)
 
 
+def compiled(number: int) -> tuple[int, int]:
+    """Return twice the number, by a function that is compiled here, and in how many threads it could run."""
+    import numba  # slow
+
+    return numba.njit(lambda each: 2 * each)(number), numba.get_num_threads()
+
+
 def fill_memory(megabytes: int) -> int:
     """Take memory step by step, so that whoever watches over a limit sees it."""
     held = []

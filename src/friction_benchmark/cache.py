@@ -17,7 +17,7 @@ from cylinder_friction.recordings.files import read_json, whole_file, write_json
 from friction_benchmark.tuning import Tuned
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -41,12 +41,12 @@ class Estimates:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """One model on one task, split and seed.
+    """One model on one task, split and seed, or a fold of that.
 
     Attributes:
         estimates: By the recording's name.
         multiply_adds: Of one step.
-        training_s: Of the processor, for all folds together [s].
+        training_s: Of the processor, for all these folds together [s].
         step_us: Median time of one step [µs]; None where it was not measured.
     """
 
@@ -99,6 +99,13 @@ class Cache:
             arrays[f"outside/{name}"] = np.packbits(estimates.outside)
         with whole_file(self._prediction(key)) as draft:
             np.savez(draft, **arrays)
+
+    def predictions(self, keys: Sequence[str]) -> Prediction:
+        """Return the predictions of a split's folds as one."""
+        folds = [self.prediction(key) for key in keys]
+        estimates = {name: one for fold in folds for name, one in fold.estimates.items()}
+        training_s = sum(fold.training_s for fold in folds)
+        return Prediction(estimates, folds[-1].multiply_adds, training_s, folds[-1].step_us)
 
     def prediction(self, key: str) -> Prediction:
         estimates: dict[str, Estimates] = {}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from cylinder_friction.import_graph import code_key, module_path
 from friction_benchmark.cache import Cache
 from friction_benchmark.datasets import key_of, twin_kind, unseen_kind
-from friction_benchmark.folds import HELD_OUT, UNSEEN_RIG
+from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
 
 if TYPE_CHECKING:
     from friction_benchmark.cases import Task
@@ -32,6 +32,7 @@ class Context:
         folder: Of the cache.
         effort: Share of the full training, in (0, 1].
         trials: Of every model's tuning.
+        batch: How many of them are proposed at a time.
         code: Hash of the worker's code.
     """
 
@@ -39,6 +40,7 @@ class Context:
     folder: Path
     effort: float
     trials: int
+    batch: int
     code: str
 
     @property
@@ -75,14 +77,39 @@ class TuningJob:
     code: str
 
     def key(self, context: Context) -> str:
-        return context.key(self.model, self.code, self.task, HELD_OUT, self.seed, trials=context.trials)
+        budget = {"trials": context.trials, "batch": context.batch}
+        return context.key(self.model, self.code, self.task, HELD_OUT, self.seed, **budget)
+
+    def trial(self, hyperparameters: Values) -> TrialJob:
+        return TrialJob(self.model, self.task, self.seed, hyperparameters, self.code)
+
+
+@dataclass(frozen=True)
+class TrialJob:
+    """One trial of a tuning.
+
+    Attributes:
+        hyperparameters: By name.
+        code: Hash of the model's code.
+    """
+
+    model: RegisteredModel
+    task: Task
+    seed: int
+    hyperparameters: Values
+    code: str
+
+    def key(self, context: Context) -> str:
+        chosen = dict(self.hyperparameters)
+        return context.key(self.model, self.code, self.task, HELD_OUT, self.seed, hyperparameters=chosen)
 
 
 @dataclass(frozen=True)
 class PredictionJob:
-    """The prediction of one model on one task, split and seed.
+    """The prediction of one model on one task, seed and fold of a split.
 
     Attributes:
+        fold: Its number.
         hyperparameters: By name.
         timed: Whether the time of a step is measured.
         code: Hash of the model's code.
@@ -91,16 +118,25 @@ class PredictionJob:
     model: RegisteredModel
     task: Task
     split: str
+    fold: int
     seed: int
     hyperparameters: Values
     timed: bool
     code: str
 
     def key(self, context: Context) -> str:
-        chosen = dict(self.hyperparameters)
-        return context.key(
-            self.model, self.code, self.task, self.split, self.seed, hyperparameters=chosen, timed=self.timed
-        )
+        more = {"fold": self.fold, "hyperparameters": dict(self.hyperparameters), "timed": self.timed}
+        return context.key(self.model, self.code, self.task, self.split, self.seed, **more)
+
+    def shared_fit(self) -> tuple[str, ...]:
+        """Return what is equal of jobs that train the same: they are best done by one worker, one after another.
+
+        Friction now is what an analytical model is identified on in every task; a model of the twin sees no recordings
+        of the rig, so that it is the same in every fold.
+        """
+        task = self.task.campaign if self.model.family == "analytical" else self.task.name
+        leaves_out = self.split in (LEAVE_LOAD, LEAVE_TEMPERATURE) and self.model.trained_on != "twin"
+        return (self.model.name, str(self.seed), task, f"{self.split} {self.fold}" if leaves_out else "")
 
 
 def model_code(module: str) -> str:

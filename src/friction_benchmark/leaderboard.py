@@ -30,8 +30,8 @@ class ScoringJob:
 
     Attributes:
         model: Its name.
-        predictions: Key of its prediction, by seed.
-        baseline: Keys of the baseline's predictions; empty where the baseline failed.
+        predictions: Keys of its predictions, one per fold, by seed.
+        baseline: Those of the baseline; empty where the baseline failed.
         tuned: What was chosen.
         settings: How to score.
         code: Hash of the code that scores.
@@ -40,8 +40,8 @@ class ScoringJob:
     model: str
     task: Task
     split: str
-    predictions: Mapping[int, str]
-    baseline: Mapping[int, str]
+    predictions: Mapping[int, tuple[str, ...]]
+    baseline: Mapping[int, tuple[str, ...]]
     tuned: Tuned
     settings: ScoreSettings
     code: str
@@ -53,8 +53,8 @@ class ScoringJob:
     def do(self, context: Context) -> None:
         """Score the model and keep the line in the cache."""
         cache = context.cache
-        predictions = {seed: cache.prediction(key) for seed, key in self.predictions.items()}
-        baselines = {seed: cache.prediction(key) for seed, key in self.baseline.items()}
+        predictions = {seed: cache.predictions(keys) for seed, keys in self.predictions.items()}
+        baselines = {seed: cache.predictions(keys) for seed, keys in self.baseline.items()}
         scored = [
             one
             for seed, prediction in predictions.items()

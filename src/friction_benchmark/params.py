@@ -75,6 +75,7 @@ class BudgetParams(Section):
 
     effort: Annotated[float, Field(gt=0.0, le=1.0)]
     trials: Count
+    batch: Count
 
 
 class ScoringParams(Section):

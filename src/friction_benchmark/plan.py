@@ -31,6 +31,7 @@ class Plan:
         seeds: Of campaigns and models; models are tuned on the first.
         effort: Share of the full training, in (0, 1].
         trials: Of every model's tuning.
+        batch: How many of them are proposed at a time, none of which knows of the others.
         models: Names of registered models; empty for all.
         modules: Of the model registry.
     """
@@ -40,6 +41,7 @@ class Plan:
     seeds: tuple[int, ...]
     effort: float
     trials: int
+    batch: int = 1
     models: tuple[str, ...] = ()
     modules: tuple[str, ...] = MODULES
 

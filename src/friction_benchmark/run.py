@@ -122,6 +122,7 @@ def runner_from(params: BenchmarkParams) -> Runner:
             seeds=tuple(plan.seeds),
             effort=params.budget.effort,
             trials=params.budget.trials,
+            batch=params.budget.batch,
             models=tuple(plan.models),
         ),
         sources=sources,
@@ -148,7 +149,7 @@ def run_record(
 ) -> RunRecord:
     """Return the benchmark's run, and below it one run per task, split and model, to be compared with each other."""
     budget = params.budget
-    shared: dict[str, Scalar] = {"effort": budget.effort, "trials": budget.trials, "seeds": len(params.plan.seeds)}
+    shared: dict[str, Scalar] = {**budget.model_dump(), "seeds": len(params.plan.seeds)}
     children = [_run_of(found, entry, shared, results) for found in results.tasks for entry in found.entries]
     best = {
         f"{found.task}.{found.split}.best_percent": found.entries[0].score.percent.value

@@ -13,13 +13,13 @@ from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import Died
 from cylinder_friction.import_graph import code_key
 from friction_benchmark.campaigns import simulate
-from friction_benchmark.datasets import inputs_of, labelled_recordings, twin_kind, unseen_kind
-from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
+from friction_benchmark.datasets import folds_of, inputs_of, labelled_recordings, twin_kind, unseen_kind
+from friction_benchmark.folds import HELD_OUT, UNSEEN_RIG
 from friction_benchmark.jobs import Context, PredictionJob, TuningJob, model_code
 from friction_benchmark.leaderboard import ScoringJob, denominators
 from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, Entry, ModelInfo, TaskResult
 from friction_benchmark.tasks import task_named
-from friction_benchmark.tuning import Tuned
+from friction_benchmark.tuning import Tuned, Tuning, TuningError
 from friction_benchmark.worker import do_jobs
 
 if TYPE_CHECKING:
@@ -64,12 +64,13 @@ class Runner:
             ParamsError: A model is not in the registry.
         """
         self.models = self.plan.chosen_models()
-        self.context = Context(self.sources, self.cache, self.plan.effort, self.plan.trials, code_key(WORKER))
+        plan = self.plan
+        self.context = Context(self.sources, self.cache, plan.effort, plan.trials, plan.batch, code_key(WORKER))
         codes = {module: model_code(module) for module in {model.module for model in self.models.values()}}
         self.codes = {name: codes[model.module] for name, model in self.models.items()}
         self.tuned: dict[tuple[str, str], Tuned | str] = {}
-        self.predictions: dict[tuple[Task, str, str, int], str] = {}
-        self.failures: dict[tuple[Task, str, str, int], str] = {}
+        self.predictions: dict[tuple[Task, str, str, int], tuple[str, ...]] = {}
+        self.failures: dict[tuple[Task, str, str, int], dict[int, str]] = {}
         with workers_from_environment(self.workers) as self.processes:
             self._simulate()
             self.leaderboards, missing = self.plan.leaderboards(self.sources)
@@ -107,32 +108,48 @@ class Runner:
     def _tune(self) -> None:
         """Fill ``tuned`` with what was chosen, or why nothing was, by model and task."""
         names = dict.fromkeys(task.tuned_as or task.name for task, _ in self.leaderboards)
-        new: list[list[TuningJob]] = []
+        seed, cache = self.plan.seeds[0], self.context.cache
+        running: list[tuple[TuningJob, Tuning]] = []
         for model in reversed(self.models.values()):
-            tasks = [task for task in map(task_named, names) if model.supports(self._inputs(task))]
-            for task in tasks if not model.space else ():
-                self.tuned[model.name, task.name] = Tuned(model.defaults, None)
-            jobs = [TuningJob(model, task, self.plan.seeds[0], self.codes[model.name]) for task in tasks if model.space]
-            new.append([job for job in jobs if not self._read_tuning(job)])
-        for job, problem in self._done(new, "tunings"):
-            if problem:
-                self.tuned[job.model.name, job.task.name] = problem
-            else:
-                self._read_tuning(job)
+            for task in [task for task in map(task_named, names) if model.supports(self._inputs(task))]:
+                job = TuningJob(model, task, seed, self.codes[model.name])
+                tuned = cache.tuned(job.key(self.context)) if model.space else Tuned(model.defaults, None)
+                if tuned is None:
+                    running.append((job, Tuning(model, self.plan.trials, self.plan.batch, seed)))
+                else:
+                    self.tuned[model.name, task.name] = tuned
+        while running:
+            self._try_next(running)
+            for job, tuning in running:
+                if tuning.finished:
+                    self._keep_best(job, tuning)
+            running = [each for each in running if not each[1].finished]
 
-    def _read_tuning(self, job: TuningJob) -> bool:
-        tuned = self.context.cache.tuned(job.key(self.context))
-        if tuned is not None:
+    def _try_next(self, running: Sequence[tuple[TuningJob, Tuning]]) -> None:
+        """Do the next batch of trials of every tuning, and let it know of them in the order of the batch."""
+        cache = self.context.cache
+        trials = [(tuning, job.trial(choice)) for job, tuning in running for choice in tuning.next_batch()]
+        keys = [trial.key(self.context) for _, trial in trials]
+        new = {key: [trial] for key, (_, trial) in zip(keys, trials, strict=True) if cache.value("trials", key) is None}
+        problems = {trial.key(self.context): problem for trial, problem in self._done(list(new.values()), "trials")}
+        for key, (tuning, trial) in zip(keys, trials, strict=True):
+            tuning.finish(trial.hyperparameters, problems.get(key) or cache.value("trials", key))
+
+    def _keep_best(self, job: TuningJob, tuning: Tuning) -> None:
+        try:
+            tuned = tuning.best()
+        except TuningError as error:
+            self.tuned[job.model.name, job.task.name] = f"{type(error).__name__}: {error}"
+        else:
+            self.context.cache.keep_tuned(job.key(self.context), tuned)
             self.tuned[job.model.name, job.task.name] = tuned
-        return tuned is not None
 
     def _predict(self) -> None:
         """Fill ``predictions`` with their keys, and ``failures`` with why there is none.
 
-        One piece of work is one model and seed on recordings of one kind: the fits that its jobs share stay with one
-        worker.
+        One piece of work is one fit, and all that is predicted with it.
         """
-        groups: dict[tuple[str, int, str], list[PredictionJob]] = {}
+        groups: dict[tuple[str, ...], list[PredictionJob]] = {}
         first = self.plan.seeds[0]
         for model in reversed(self.models.values()):
             for task, split in self.leaderboards:
@@ -140,17 +157,20 @@ class Runner:
                 if not isinstance(tuned, Tuned):
                     continue
                 for seed in self.plan.seeds:
-                    timed = split == HELD_OUT and seed == first
-                    code = self.codes[model.name]
-                    job = PredictionJob(model, task, split, seed, tuned.choice, timed, code)
-                    key = job.key(self.context)
-                    self.predictions[task, split, model.name, seed] = key
-                    if not self.context.cache.has_prediction(key):
-                        left_out = split if split in (LEAVE_LOAD, LEAVE_TEMPERATURE) else ""
-                        groups.setdefault((model.name, seed, f"{task.campaign} {left_out}"), []).append(job)
+                    timed, code = split == HELD_OUT and seed == first, self.codes[model.name]
+                    jobs = [
+                        PredictionJob(model, task, split, fold, seed, tuned.choice, timed, code)
+                        for fold in range(len(folds_of(self.sources, task, split, seed)))
+                    ]
+                    keys = tuple(job.key(self.context) for job in jobs)
+                    self.predictions[task, split, model.name, seed] = keys
+                    for job, key in zip(jobs, keys, strict=True):
+                        if not self.context.cache.has_prediction(key):
+                            groups.setdefault(job.shared_fit(), []).append(job)
         for job, problem in self._done(list(groups.values()), "predictions"):
             if problem:
-                self.failures[job.task, job.split, job.model.name, job.seed] = f"seed {job.seed}: {problem}"
+                by_fold = self.failures.setdefault((job.task, job.split, job.model.name, job.seed), {})
+                by_fold[job.fold] = f"seed {job.seed}: {problem}"
 
     def _score(self) -> dict[tuple[str, str], list[Entry]]:
         """Return the lines of each leaderboard, best first."""
@@ -204,8 +224,8 @@ class Runner:
         tuned = self.tuned[name, task.tuned_as or task.name]
         if isinstance(tuned, str):
             return tuned
-        failures = (self.failures.get((task, split, name, seed), "") for seed in self.plan.seeds)
-        return next(filter(None, failures), "")
+        failures = (self.failures.get((task, split, name, seed), {}) for seed in self.plan.seeds)
+        return next((by_fold[min(by_fold)] for by_fold in failures if by_fold), "")
 
     def _inputs(self, task: Task) -> tuple[str, ...]:
         return inputs_of(self.sources, task, self.plan.seeds[0])
@@ -217,6 +237,7 @@ class Runner:
         recordings = [each.recording for each in labelled.values()]
         return {
             "trials": self.plan.trials,
+            "batch": self.plan.batch,
             "effort": self.plan.effort,
             "seeds": len(self.plan.seeds),
             "recordings": len(recordings),

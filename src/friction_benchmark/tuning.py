@@ -1,4 +1,4 @@
-"""The same number of trials for every model: its defaults first, then what a seeded sampler proposes."""
+"""The same number of trials for every model: its defaults first, then what a seeded sampler proposes, in batches."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+from optuna.trial import create_trial
 
-from cylinder_friction.tuning.trials import TuningPlan, reason_of, run_trials
+from cylinder_friction.tuning.trials import TuningPlan, failed, next_batch, reason_of
 from friction_benchmark.registry.model import OneOf
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from optuna.distributions import BaseDistribution
+    from optuna.trial import FrozenTrial
 
     from friction_benchmark.registry.model import Range, RegisteredModel, Values
 
@@ -37,33 +37,52 @@ class TuningError(RuntimeError):
     """Not one trial of a model succeeded; the message is the first one's."""
 
 
-def tune(model: RegisteredModel, trials: int, seed: int, error_percent: Callable[[Values], float]) -> Tuned:
-    """Return the best of ``trials`` choices, the earliest among equals.
+class Tuning:
+    """The trials of one model, proposed by a tree-structured Parzen estimator (Bergstra et al. 2011).
 
     Args:
-        model: One without a space has nothing to tune.
+        model: One with a space.
         trials: How many, the defaults included.
-        seed: Seeds the sampler (tree-structured Parzen, Bergstra et al. 2011).
-        error_percent: Trains with given hyperparameters and returns the error on validation sessions [%].
-
-    Raises:
-        TuningError: Every trial failed.
+        batch: How many are proposed at a time, none of which knows of the others.
+        seed: Seeds the sampler.
     """
-    if not model.space:
-        return Tuned(dict(model.defaults), None)
-    tried = run_trials(
-        {name: _distribution(where) for name, where in model.space.items()},
-        TuningPlan(trials, max(2, trials // 2), seed),
-        lambda choice, _: error_percent(choice),
-        first=model.defaults,
-        failures=(Exception,),  # whatever one trial does must not stop the others
-    )
-    values = tuple(None if reason_of(trial) else trial.value for trial in tried)
-    succeeded = [(value, trial.params) for value, trial in zip(values, tried, strict=True) if value is not None]
-    if not succeeded:
-        raise TuningError(f"none of {trials} trials succeeded; the first: {reason_of(tried[0])}")
-    best_percent, best = min(succeeded, key=lambda pair: pair[0])
-    return Tuned(best, best_percent, values)
+
+    def __init__(self, model: RegisteredModel, trials: int, batch: int, seed: int) -> None:
+        self._space = {name: _distribution(where) for name, where in model.space.items()}
+        self._plan = TuningPlan(trials, max(2, trials // 2), seed, batch=batch)
+        self._defaults = model.defaults
+        self._trials: list[FrozenTrial] = []
+
+    @property
+    def finished(self) -> bool:
+        return len(self._trials) == self._plan.trials
+
+    def next_batch(self) -> list[Values]:
+        """Return the choices to try next, the defaults before all."""
+        return list(next_batch(self._space, self._plan, self._trials, self._defaults))
+
+    def finish(self, choice: Values, result: float | str) -> None:
+        """Take in the error of a choice on validation sessions [%], or why it failed; in the order of the choices."""
+        values = dict(choice)
+        if isinstance(result, str):
+            trial = failed(self._space, values, result)
+        else:
+            trial = create_trial(value=result, params=values, distributions=self._space)
+        self._trials.append(trial)
+
+    def best(self) -> Tuned:
+        """Return the best choice, the earliest among equals.
+
+        Raises:
+            TuningError: Every trial failed.
+        """
+        values = tuple(None if reason_of(trial) else trial.value for trial in self._trials)
+        found = [(value, trial.params) for value, trial in zip(values, self._trials, strict=True) if value is not None]
+        if not found:
+            reason = reason_of(self._trials[0])
+            raise TuningError(f"none of {len(values)} trials succeeded; the first: {reason}")
+        best_percent, choice = min(found, key=lambda pair: pair[0])
+        return Tuned(choice, best_percent, values)
 
 
 def _distribution(where: Range | OneOf) -> BaseDistribution:

@@ -30,9 +30,8 @@ from friction_benchmark.datasets import (
 )
 from friction_benchmark.extrapolation import outside, training_range, with_causal_velocity
 from friction_benchmark.folds import HELD_OUT, UNSEEN_RIG
-from friction_benchmark.jobs import PredictionJob, TuningJob
+from friction_benchmark.jobs import TrialJob
 from friction_benchmark.registry.model import BuildConfiguration
-from friction_benchmark.tuning import tune
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,9 +41,8 @@ if TYPE_CHECKING:
     from friction_benchmark.cases import EvaluationCase
     from friction_benchmark.conformal import ErrorBounds
     from friction_benchmark.folds import Fold
-    from friction_benchmark.jobs import Context
-    from friction_benchmark.registry.model import RegisteredModel, Values
-    from friction_benchmark.tuning import Tuned
+    from friction_benchmark.jobs import Context, PredictionJob
+    from friction_benchmark.registry.model import RegisteredModel
 
 POSITION_ALONE = ("position_m",)
 TIMED_STEPS = 300
@@ -60,15 +58,15 @@ class Trained:
     training_s: float
 
 
-def do_jobs(context: Context, jobs: Sequence[TuningJob | PredictionJob]) -> list[str]:
+def do_jobs(context: Context, jobs: Sequence[TrialJob | PredictionJob]) -> list[str]:
     """Do jobs one after another and keep their results in the cache; returns why not, job by job, else nothing."""
     return [_attempt(context, job) for job in jobs]
 
 
-def _attempt(context: Context, job: TuningJob | PredictionJob) -> str:
+def _attempt(context: Context, job: TrialJob | PredictionJob) -> str:
     try:
-        if isinstance(job, TuningJob):
-            context.cache.keep_tuned(job.key(context), tuning(context, job))
+        if isinstance(job, TrialJob):
+            context.cache.keep_value("trials", job.key(context), trial_percent(context, job))
         else:
             context.cache.keep_prediction(job.key(context), prediction(context, job))
     except Exception as error:  # reported in the model's place; the others go on
@@ -76,40 +74,32 @@ def _attempt(context: Context, job: TuningJob | PredictionJob) -> str:
     return ""
 
 
-def tuning(context: Context, job: TuningJob) -> Tuned:
-    """Return the best hyperparameters on the validation sessions of the held-out split."""
+def trial_percent(context: Context, job: TrialJob) -> float:
+    """Return the error on the validation sessions of the held-out split [%]."""
     cases = cases_of(context.sources, job.task, job.task.campaign, job.seed)
     fold = folds_of(context.sources, job.task, HELD_OUT, job.seed)[0]
-
-    def error_percent(hyperparameters: Values) -> float:
-        trained = _trained(context, job, fold, hyperparameters)
-        return validation_percent(trained.estimator, [cases[name] for name in fold.validation])
-
-    return tune(job.model, context.trials, job.seed, error_percent)
+    estimator = _trained(context, job, fold).estimator
+    return validation_percent(estimator, [cases[name] for name in fold.validation])
 
 
 def prediction(context: Context, job: PredictionJob) -> Prediction:
-    """Return the estimates, bounds and flags of every test recording, and what they cost."""
+    """Return the estimates, bounds and flags of every test recording of a fold, and what they cost."""
     sources, task = context.sources, job.task
     own = cases_of(sources, task, task.campaign, job.seed)
     tested = cases_of(sources, task, unseen_kind(task), job.seed) if job.split == UNSEEN_RIG else own
-    estimates: dict[str, Estimates] = {}
-    training_s, step_us, multiply_adds = 0.0, None, 0
-    for fold in folds_of(sources, task, job.split, job.seed):
-        trained = _trained(context, job, fold, job.hyperparameters)
-        estimator = trained.estimator
-        names = () if job.model.trained_on == "twin" else fold.train
-        known = training_range(sources, task, job.seed, names, inputs_of(sources, task, job.seed), causal=True)
-        validation = [own[name].recording for name in fold.validation]
-        bounds = calibrated(validation, [estimator.estimate(recording) for recording in validation])
-        for name in fold.test:
-            estimates[name] = _estimates(estimator, tested[name].recording, bounds, known)
-        training_s += trained.training_s
-        multiply_adds = estimator.multiply_adds()
-        if job.timed:
-            timed = tested[fold.test[0]].recording
-            step_us = 1e6 * time_steps(estimator, timed, TIMED_STEPS, maximum_seconds=LONGEST_TIMING_S).p50_s
-    return Prediction(estimates, multiply_adds, training_s, step_us)
+    fold = folds_of(sources, task, job.split, job.seed)[job.fold]
+    trained = _trained(context, job, fold)
+    estimator = trained.estimator
+    names = () if job.model.trained_on == "twin" else fold.train
+    known = training_range(sources, task, job.seed, names, inputs_of(sources, task, job.seed), causal=True)
+    validation = [own[name].recording for name in fold.validation]
+    bounds = calibrated(validation, [estimator.estimate(recording) for recording in validation])
+    estimates = {name: _estimates(estimator, tested[name].recording, bounds, known) for name in fold.test}
+    step_us = None
+    if job.timed:
+        timed = tested[fold.test[0]].recording
+        step_us = 1e6 * time_steps(estimator, timed, TIMED_STEPS, maximum_seconds=LONGEST_TIMING_S).p50_s
+    return Prediction(estimates, estimator.multiply_adds(), trained.training_s, step_us)
 
 
 def validation_percent(estimator: FrictionEstimator, cases: Sequence[EvaluationCase]) -> float:
@@ -125,7 +115,7 @@ def validation_percent(estimator: FrictionEstimator, cases: Sequence[EvaluationC
     return percent
 
 
-def _trained(context: Context, job: TuningJob | PredictionJob, fold: Fold, hyperparameters: Values) -> Trained:
+def _trained(context: Context, job: TrialJob | PredictionJob, fold: Fold) -> Trained:
     model, task, sources = job.model, job.task, context.sources
     if model.trained_on == "twin":
         recordings = list(twin_recordings(sources, task, job.seed))
@@ -139,7 +129,7 @@ def _trained(context: Context, job: TuningJob | PredictionJob, fold: Fold, hyper
     if model.family == "analytical" and model.supports(POSITION_ALONE):
         inputs = POSITION_ALONE  # it looks at nothing else, and so is identified once for many tasks
     configuration = BuildConfiguration(
-        sources.cylinder, inputs, job.seed, context.effort, {**model.defaults, **hyperparameters}
+        sources.cylinder, inputs, job.seed, context.effort, {**model.defaults, **job.hyperparameters}
     )
     return trained(model, job.code, configuration, recordings, context.cache.fits)
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed import Client
+from distributed.comm import CommClosedError
 
 from cylinder_friction.execution import cluster as cluster_module
 from cylinder_friction.execution.cluster import common_environment, environment
@@ -19,7 +21,7 @@ from cylinder_friction.extras import MissingExtraError
 from cylinder_friction.tuning.search import SearchPlan, run_search
 from cylinder_friction.tuning.space import SearchSpace
 from performance_scripts import performance_script
-from process_work import bowl, cost, die, die_once, fill_memory, place, twice
+from process_work import bowl, compiled, cost, die, die_once, fill_memory, place, twice
 
 loopback = performance_script("loopback_cluster")
 MODULES = (Path(__file__).parents[1],)
@@ -54,11 +56,48 @@ def test_a_piece_runs_in_the_folder_of_the_command_with_one_thread_and_no_worker
         assert list(workers.in_order([partial(place, 0)])) == [(str(tmp_path), None, ["1"] * len(ONE_THREAD))]
 
 
+def test_what_a_worker_compiles_has_one_thread(on_cluster: Any) -> None:
+    with workers_from_environment() as workers:
+        for _ in range(2):
+            assert list(workers.in_order([partial(compiled, n) for n in range(4)])) == [(2 * n, 1) for n in range(4)]
+
+
 def test_a_killed_worker_costs_nothing(on_cluster: Any, tmp_path: Path) -> None:
     pieces = [partial(die_once, str(tmp_path / "killed"), n) for n in range(20)]
     with workers_from_environment() as workers:
         assert list(workers.in_order(pieces)) == [2 * n for n in range(20)]
     assert (tmp_path / "killed").exists()
+
+
+def test_a_result_whose_worker_dies_as_it_arrives_is_that_result(
+    on_cluster: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gather = Client._gather_remote
+
+    async def worker_lost_meanwhile(client: Client, *given: Any) -> Any:
+        response = await gather(client, *given)
+        for state in client.futures.values():
+            state.lose()
+        return response
+
+    monkeypatch.setattr(Client, "_gather_remote", worker_lost_meanwhile)
+    with workers_from_environment() as workers:
+        assert list(workers.in_order([partial(twice, 4)])) == [8]
+
+
+def test_a_worker_that_dies_as_it_is_asked_for_its_environment_is_left_out(
+    on_cluster: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, calls = Client.run, []
+
+    def first_in_vain(client: Client, *given: Any, **options: Any) -> Any:
+        calls.append(options)
+        return {"tcp://dead:1": CommClosedError("closed")} if len(calls) == 1 else run(client, *given, **options)
+
+    monkeypatch.setattr(Client, "run", first_in_vain)
+    with workers_from_environment() as workers:
+        assert list(workers.in_order([partial(twice, 4)])) == [8]
+    assert len(calls) == 2
 
 
 def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(
@@ -122,13 +161,14 @@ def test_workers_unlike_each_other_are_refused_and_workers_unlike_this_machine_a
 
 
 def test_a_cluster_without_scheduler_or_worker_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster_module, "CONNECT_S", 0.5)
     monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.5)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         monkeypatch.setenv(VARIABLE, f"tcp://127.0.0.1:{free.getsockname()[1]}")
-    with workers_from_environment() as workers, pytest.raises(WorkersError) as caught:
-        list(workers.in_order([partial(twice, 1)]))
+    with monkeypatch.context() as impatient, workers_from_environment() as workers:
+        impatient.setattr(cluster_module, "CONNECT_S", 0.5)
+        with pytest.raises(WorkersError) as caught:
+            list(workers.in_order([partial(twice, 1)]))
     assert "no Dask scheduler responds within" in str(caught.value)
     assert "start one with `dask scheduler`, or unset CYLINDER_FRICTION_WORKERS" in str(caught.value)
     with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:

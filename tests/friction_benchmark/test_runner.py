@@ -13,13 +13,13 @@ from cylinder_friction.params.checking import ParamsError
 from friction_benchmark import worker
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sources, folds_of
-from friction_benchmark.jobs import Context, TuningJob
+from friction_benchmark.jobs import Context, TrialJob
 from friction_benchmark.plan import Plan
 from friction_benchmark.registry.listing import registered_models
 from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
 from friction_benchmark.tasks import task_named
-from friction_benchmark_models import CYLINDER, MODULES, SIZES, write_campaign, write_own
+from friction_benchmark_models import CYLINDER, MODULES, SIZES, without_times, write_campaign, write_own
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,7 +49,6 @@ def build(configuration):
 
 MODELS = (RegisteredModel("added", "Added", "modern", "own", build),)
 """
-TIMES = ("step_us", "training_s")
 
 
 def made_runner(folder: Path, plan: Plan = PLAN, workers: int = 1) -> Runner:
@@ -59,15 +58,6 @@ def made_runner(folder: Path, plan: Plan = PLAN, workers: int = 1) -> Runner:
             if not sources.campaign_folder(kind, seed).is_dir():
                 write_campaign(sources, kind, seed, sessions=1 if kind == "unseen" else 3)
     return Runner(plan, sources, folder, SETTINGS, workers, progress=False)
-
-
-def without_times(results: BenchmarkResults) -> dict[str, Any]:
-    content = asdict(results)
-    for task in content["tasks"]:
-        for entry in task["entries"]:
-            for name in TIMES:
-                del entry[name]
-    return content
 
 
 @pytest.fixture(scope="module")
@@ -188,9 +178,10 @@ def test_what_is_in_the_cache_is_not_computed_again(runner: Runner, results: Ben
 def test_each_part_of_the_plan_recomputes_what_depends_on_it(runner: Runner, results: BenchmarkResults) -> None:
     small = replace(PLAN, tasks=("identity",), splits={}, models=KNOWN)
     for change, computed in (
-        ({"effort": 0.25}, {"tunings": 1, "predictions": 8, "scores": 4}),
-        ({"trials": 3}, {"tunings": 1}),  # a third trial that is not the best changes nothing else
-        ({"seeds": (1,)}, {"tunings": 1, "predictions": 4, "scores": 4}),  # tuned, and timed, on another first seed
+        ({"effort": 0.25}, {"trials": 2, "predictions": 8, "scores": 4}),
+        ({"trials": 3}, {"trials": 1}),  # a third trial that is not the best changes nothing else
+        ({"batch": 2}, {}),  # both trials are drawn at random
+        ({"seeds": (1,)}, {"trials": 2, "predictions": 4, "scores": 4}),  # tuned, and timed, on another first seed
     ):
         changed = made_runner(runner.cache, replace(small, **change))
         changed.run()
@@ -229,10 +220,33 @@ def test_nothing_sees_a_test_recording_while_tuning(
 
     monkeypatch.setattr(worker, "trained", watched_training)
     monkeypatch.setattr(worker, "validation_percent", watched_percent)
-    job = TuningJob(registered_models(MODULES)["ridge"], task_named("identity"), 0, "code")
-    assert worker.do_jobs(Context(runner.sources, tmp_path, 0.5, 2, "worker"), [job]) == [""]
+    ridge = registered_models(MODULES)["ridge"]
+    job = TrialJob(ridge, task_named("identity"), 0, ridge.defaults, "code")
+    assert worker.do_jobs(Context(runner.sources, tmp_path, 0.5, 2, 1, "worker"), [job]) == [""]
     assert seen == set(fold.train) | set(fold.validation)
     assert not seen & set(fold.test)
+
+
+def test_a_tuning_that_was_killed_goes_on_after_its_last_finished_trial(
+    runner: Runner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = replace(PLAN, tasks=("identity",), splits={}, models=KNOWN, trials=5, batch=2)
+    percent, calls = worker.trial_percent, 0
+
+    def killed_in_the_fourth(context: Context, job: TrialJob) -> float:
+        nonlocal calls
+        calls += 1
+        if calls == 4:
+            raise KeyboardInterrupt
+        return percent(context, job)
+
+    monkeypatch.setattr(worker, "trial_percent", killed_in_the_fourth)
+    with pytest.raises(KeyboardInterrupt):
+        made_runner(tmp_path, plan).run()
+    resumed = made_runner(tmp_path, plan)
+    found = resumed.run()
+    assert resumed.computed["trials"] == 2
+    assert without_times(found) == without_times(made_runner(runner.cache, plan).run())
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Tuning: equal trials for all, the defaults first, the same proposals again."""
+"""Tuning: equal trials for all, the defaults first, the same proposals again, in batches that know of those before."""
 
 from __future__ import annotations
 
@@ -8,23 +8,41 @@ import pytest
 
 from friction_benchmark.registry.listing import registered_models
 from friction_benchmark.registry.model import OneOf, RegisteredModel, Value
-from friction_benchmark.tuning import TuningError, tune
-from friction_benchmark_models import MODELS, MODULES
+from friction_benchmark.tuning import Tuned, Tuning, TuningError
+from friction_benchmark_models import MODULES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
 RIDGE = registered_models(MODULES)["ridge"]
 
 
-def tried(trials: int, seed: int) -> list[dict[str, Value]]:
+def tune(
+    model: RegisteredModel,
+    trials: int,
+    seed: int,
+    error_percent: Callable[[Mapping[str, Value]], float],
+    batch: int = 1,
+) -> Tuned:
+    tuning = Tuning(model, trials, batch, seed)
+    while not tuning.finished:
+        for choice in tuning.next_batch():
+            try:
+                result: float | str = error_percent(choice)
+            except ValueError as error:
+                result = f"ValueError: {error}"
+            tuning.finish(choice, result)
+    return tuning.best()
+
+
+def tried(trials: int, seed: int, batch: int = 1) -> list[dict[str, Value]]:
     seen: list[dict[str, Value]] = []
 
     def error_percent(choice: Mapping[str, Value]) -> float:
         seen.append(dict(choice))
         return float(choice["penalty"])
 
-    tune(RIDGE, trials, seed, error_percent)
+    tune(RIDGE, trials, seed, error_percent, batch)
     return seen
 
 
@@ -40,6 +58,21 @@ def test_one_seed_proposes_the_same_and_another_seed_other_choices() -> None:
     assert tried(5, 3) != tried(5, 4)
 
 
+def test_trials_of_a_batch_do_not_know_of_each_other() -> None:
+    one_by_one, in_batches = tried(10, 3), tried(10, 3, batch=4)
+    assert one_by_one[:5] == in_batches[:5], "the defaults, and what is drawn at random"
+    assert one_by_one[5:] != in_batches[5:]
+    tuning = Tuning(RIDGE, 10, 4, 3)
+    sizes = []
+    while not tuning.finished:
+        batch = tuning.next_batch()
+        sizes.append(len(batch))
+        for choice in batch:
+            assert choice in tuning.next_batch(), "what is finished of a batch does not change the rest of it"
+            tuning.finish(choice, float(choice["penalty"]))
+    assert sizes == [4, 4, 2]
+
+
 def test_proposals_keep_to_the_space() -> None:
     for choice in tried(12, 1):
         assert 2 <= choice["lags"] <= 20
@@ -51,13 +84,6 @@ def test_the_best_is_kept_with_what_it_reached() -> None:
     tuned = tune(RIDGE, 8, 0, lambda choice: abs(float(choice["lags"]) - 7.0))
     assert tuned.validation_percent == min(value for value in tuned.trials if value is not None)
     assert abs(float(tuned.choice["lags"]) - 7.0) == tuned.validation_percent
-
-
-def test_a_model_without_a_space_is_not_tried() -> None:
-    def error_percent(choice: Mapping[str, Value]) -> float:
-        raise AssertionError(choice)
-
-    assert tune(MODELS[0], 5, 0, error_percent).validation_percent is None
 
 
 def test_a_failed_trial_does_not_end_the_tuning() -> None:

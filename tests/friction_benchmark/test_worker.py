@@ -37,8 +37,8 @@ def test_where_sensors_drift_a_model_that_learns_offsets_is_given_those_of_its_t
         return train(model, code, configuration, recordings, fits)
 
     monkeypatch.setattr(worker, "trained", watched)
-    job = PredictionJob(replace(MODELS[0], learns_offset=learns), task_named(task), HELD_OUT, 0, {}, False, "code")
-    predicted = worker.prediction(Context(sources, tmp_path, 0.5, 2, "worker"), job)
+    job = PredictionJob(replace(MODELS[0], learns_offset=learns), task_named(task), HELD_OUT, 0, 0, {}, False, "code")
+    predicted = worker.prediction(Context(sources, tmp_path, 0.5, 2, 1, "worker"), job)
     assert len(predicted.estimates) == 4 * (4 if task == "sensor_drift" else 1)
     assert len(seen) == 4
     assert all(bool(each.metadata.identified_zero) == stated for each in seen)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-from collections.abc import Mapping
-from concurrent.futures import CancelledError, Executor
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError, Executor, Future
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
@@ -63,15 +63,8 @@ class Cluster(ExecutorWorkers):
         """
         if self._client is None:
             self._client = self._connected()
-            try:
-                found = self._client.run(_environment_of)
-            except ModuleNotFoundError as error:
-                raise WorkersError(
-                    f"a worker of {self.address} cannot import {error.name}; install the same version of "
-                    "cylinder-friction there as here, with what it needs"
-                ) from None
-            self._setting = Setting(Path.cwd(), common_environment(environment(), found))
-            self._executor = self._client.get_executor(pure=False)
+            self._setting = Setting(Path.cwd(), common_environment(environment(), self._environments()))
+            self._executor = _ClientExecutor(self._client)
         return self._executor
 
     def prepared(self, piece: Work) -> Work:
@@ -91,30 +84,62 @@ class Cluster(ExecutorWorkers):
         try:
             self._client.wait_for_workers(1, timeout=PATIENCE_S)
         except TimeoutError:
-            raise self._no_worker() from None
+            raise WorkersError(
+                f"the scheduler at {self.address} has had no worker for {PATIENCE_S:.0f} s; start workers with "
+                "`dask worker --nthreads 1` and the scheduler's address, then repeat the command"
+            ) from None
+
+    def _environments(self) -> dict[str, dict[str, str]]:
+        """Return the environments of the workers, by their addresses, but for those that die as they are asked."""
+        found: dict[str, Any] = {}
+        while not found:
+            self.look_after()
+            assert self._client is not None
+            asked = self._client.run(_environment_of, on_error="return")
+            found = {address: each for address, each in asked.items() if not isinstance(each, OSError)}
+        for each in found.values():
+            if isinstance(each, ModuleNotFoundError):
+                raise WorkersError(
+                    f"a worker of {self.address} cannot import {each.name}; install the same version of "
+                    "cylinder-friction there as here, with what it needs"
+                )
+            if isinstance(each, Exception):
+                raise each
+        return found
 
     def _connected(self) -> Client:
         where = {"scheduler_file" if Path(self.address).is_file() else "address": self.address}
         try:
             # Results come by way of the scheduler, which knows which workers have died.
-            client = Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
+            return Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
         except OSError:  # a time-out among them
             raise WorkersError(
                 f"{VARIABLE} is {self.address}, where no Dask scheduler responds within {CONNECT_S:.0f} s; start one "
                 f"with `dask scheduler`, or unset {VARIABLE}"
             ) from None
-        try:
-            client.wait_for_workers(1, timeout=PATIENCE_S)
-        except TimeoutError:
-            client.close()
-            raise self._no_worker() from None
-        return client
 
-    def _no_worker(self) -> WorkersError:
-        return WorkersError(
-            f"the scheduler at {self.address} has had no worker for {PATIENCE_S:.0f} s; start workers with "
-            "`dask worker --nthreads 1` and the scheduler's address, then repeat the command"
-        )
+
+class _ClientExecutor(Executor):
+    """Gives pieces to a client's scheduler.
+
+    ``Client.get_executor`` takes a result whose worker dies as it arrives for an exception, and fails to unpack it.
+    """
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def submit(self, piece: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        finished: Future[Any] = Future()
+        given = self._client.submit(piece, *args, pure=False, **kwargs)
+        assert self._client.loop is not None
+        self._client.loop.add_callback(self._hand_over, given, finished)
+        return finished
+
+    async def _hand_over(self, given: Any, finished: Future[Any]) -> None:
+        try:
+            finished.set_result(await self._client.gather(given, asynchronous=True))
+        except Exception as error:
+            finished.set_exception(error)
 
 
 @dataclass(frozen=True)
@@ -195,6 +220,7 @@ def _take_one_thread() -> None:
     os.environ.pop(VARIABLE, None)
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     threadpool_limits(1)
+    numba.config.reload_config()  # it does so when it compiles, and then refuses another number than it has started
     numba.set_num_threads(1)
 
 

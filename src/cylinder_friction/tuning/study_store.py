@@ -36,22 +36,20 @@ class StudyStoreError(Exception):
 
 
 @contextmanager
-def study_storage(journal: Path | None) -> Iterator[tuple[BaseStorage | None, str]]:
+def study_storage(journal: Path) -> Iterator[tuple[BaseStorage, str]]:
     """Yield the storage and the name of the study whose journal would be that file.
 
     In a database the study has the name of the journal's folder, which states what the trials depend on: clones that
     search the same thing share its trials. One machine at a time: the others wait, and then find them finished.
 
     Args:
-        journal: The file; None keeps trials in memory, whatever the environment states.
+        journal: The file.
 
     Raises:
         StudyStoreError: The database cannot be used.
     """
     url = os.environ.get(STUDY_STORE)
-    if journal is None:
-        yield None, "tuning"
-    elif not url:
+    if not url:
         yield _journal_storage(journal), "tuning"
     else:
         with _alone(_engine(url), journal.parent.name):

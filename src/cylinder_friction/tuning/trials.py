@@ -15,7 +15,7 @@ from typing import Any
 import optuna
 from optuna.distributions import BaseDistribution
 from optuna.samplers import BaseSampler
-from optuna.trial import FrozenTrial, TrialState
+from optuna.trial import FrozenTrial, TrialState, create_trial
 
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.tuning.study_store import study_storage
@@ -51,10 +51,8 @@ def run_trials(
     space: Mapping[str, BaseDistribution],
     plan: TuningPlan,
     objective: Objective,
-    journal: Path | None = None,
-    first: Mapping[str, Any] | None = None,
+    journal: Path,
     after_trial: Callable[[FrozenTrial], None] = lambda _: None,
-    failures: tuple[type[Exception], ...] = (),
     workers: Workers | None = None,
 ) -> list[FrozenTrial]:
     """Run what is left of the plan and return all finished trials in order.
@@ -67,10 +65,8 @@ def run_trials(
         plan: How long.
         objective: See ``Objective``; for workers elsewhere it can be pickled.
         journal: File of the finished trials, read at the start and appended to, or what ``study_storage`` takes in its
-            place; None keeps them in memory.
-        first: Values of the first trial; None: it is proposed like the others.
+            place.
         after_trial: Called with each trial as it finishes, in their order, those of an earlier run first.
-        failures: Errors of the objective that end its trial, with the message as the reason, and not the tuning.
         workers: Run the trials of a batch side by side; None: one after the other, here.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -81,19 +77,39 @@ def run_trials(
         for trial in finished:
             after_trial(trial)
         while len(finished) < plan.trials:
-            begin = len(finished) // plan.batch * plan.batch
-            earlier = finished[:begin]
-            proposed = [
-                _proposed(space, plan, number, earlier, first)
-                for number in range(len(finished), min(begin + plan.batch, plan.trials))
-            ]
-            pieces = [partial(_tried, space, plan, values, earlier, objective, failures) for values in proposed]
+            proposed = next_batch(space, plan, finished)
+            earlier = _earlier(plan, finished)
+            pieces = [partial(_tried, space, plan, values, earlier, objective) for values in proposed]
             for values, result in zip(proposed, workers.in_order(pieces), strict=True):
-                trial = _lost(space, values, result.reason) if isinstance(result, Died) else result
+                trial = failed(space, values, f"lost: {result.reason}") if isinstance(result, Died) else result
                 study.add_trial(trial)
                 finished.append(trial)
                 after_trial(trial)
     return finished
+
+
+def next_batch(
+    space: Mapping[str, BaseDistribution],
+    plan: TuningPlan,
+    finished: Sequence[FrozenTrial],
+    first: Mapping[str, Any] | None = None,
+) -> list[Values]:
+    """Return the values of the trials after the finished ones, up to the end of their batch or of the plan.
+
+    Args:
+        space: Where to look.
+        plan: How long.
+        finished: All trials until now, in order.
+        first: Values of the first trial; None: it is proposed like the others.
+    """
+    earlier = _earlier(plan, finished)
+    following = range(len(finished), min(len(earlier) + plan.batch, plan.trials))
+    return [_proposed(space, plan, number, earlier, first) for number in following]
+
+
+def failed(space: Mapping[str, BaseDistribution], values: Values, reason: str) -> FrozenTrial:
+    """Return a finished trial without a value."""
+    return create_trial(state=TrialState.FAIL, params=values, distributions=dict(space), user_attrs={REASON: reason})
 
 
 def reason_of(trial: FrozenTrial) -> str | None:
@@ -105,6 +121,11 @@ def reason_of(trial: FrozenTrial) -> str | None:
 def reported_at_s(trial: FrozenTrial) -> list[float]:
     """Return when each intermediate error of a trial was reported [s since 1970]."""
     return list(trial.user_attrs.get(REPORTED_S, ()))
+
+
+def _earlier(plan: TuningPlan, finished: Sequence[FrozenTrial]) -> Sequence[FrozenTrial]:
+    """Return the trials before the batch that comes next."""
+    return finished[: len(finished) // plan.batch * plan.batch]
 
 
 def _proposed(
@@ -128,7 +149,6 @@ def _tried(
     values: Values,
     earlier: Sequence[FrozenTrial],
     objective: Objective,
-    failures: tuple[type[Exception], ...],
 ) -> FrozenTrial:
     """Return the finished trial of these values."""
     study = _study(plan, earlier)
@@ -148,22 +168,13 @@ def _tried(
     except DiscardedTrial as discarded:
         trial.set_user_attr(REASON, str(discarded))
         state = TrialState.PRUNED
-    except failures as error:
-        trial.set_user_attr(REASON, f"{type(error).__name__}: {error}")
-        state = TrialState.FAIL
     trial.set_user_attr(REPORTED_S, reported_s)
     return study.tell(trial, value, state)
 
 
-def _lost(space: Mapping[str, BaseDistribution], values: Values, reason: str) -> FrozenTrial:
-    attributes = {REASON: f"lost: {reason}"}
-    return optuna.trial.create_trial(
-        state=TrialState.FAIL, params=values, distributions=dict(space), user_attrs=attributes
-    )
-
-
 def _study(plan: TuningPlan, trials: Sequence[FrozenTrial], sampler: BaseSampler | None = None) -> optuna.Study:
     """Return a study in memory that knows these trials."""
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
     pruner = optuna.pruners.MedianPruner(n_startup_trials=plan.startup_trials, n_warmup_steps=2)
     study = optuna.create_study(sampler=sampler, pruner=pruner)
     study.add_trials(trials)
