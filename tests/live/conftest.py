@@ -1,15 +1,23 @@
-"""A small hybrid's engine, and samples for it."""
+"""A small hybrid's engine, samples for it, and services in this process."""
 
 from __future__ import annotations
 
+import threading
+import time
 from typing import TYPE_CHECKING
 
 import pytest
+import uvicorn
 
+from cylinder_friction.live.app import create_app
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine
+from cylinder_friction.live.journal import Journal
+from cylinder_friction.live.service import LiveService
+from cylinder_friction.live.settings import LiveAccess, LiveLimits
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from cylinder_friction.arrays import Array
@@ -32,3 +40,32 @@ def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp("model") / "hybrid"
     small_hybrid.save(folder)
     return folder
+
+
+@pytest.fixture
+def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
+    """Start a service in a thread; return its address as ``HOST:PORT``."""
+    running: list[tuple[uvicorn.Server, threading.Thread, Journal]] = []
+
+    def start(access: LiveAccess | None = None, limits: LiveLimits | None = None) -> str:
+        access = access or LiveAccess()
+        journal = Journal(tmp_path / "served.db")
+        app = create_app(LiveService(engine, journal, limits=limits), tmp_path / "history", access=access)
+        config = uvicorn.Config(
+            app, port=0, log_level="warning", timeout_graceful_shutdown=1, ssl_certfile=access.tls_certificate,
+            ssl_keyfile=access.tls_key,
+        )  # fmt: skip
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, daemon=True)
+        thread.start()
+        running.append((server, thread, journal))
+        while not server.started:
+            assert thread.is_alive(), "the service ended while starting"
+            time.sleep(0.01)
+        return f"127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+
+    yield start
+    for server, thread, journal in running:
+        server.should_exit = True
+        thread.join(10.0)
+        journal.close()

@@ -8,6 +8,7 @@ import signal
 import time
 import urllib.request
 from contextlib import ExitStack
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,9 +18,11 @@ from websockets.sync.client import connect
 
 from cylinder_friction.live.client import Client, LiveClientError
 from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.live.settings import LiveAccess
 from live_process import free_port, running
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from cylinder_friction.arrays import Array
@@ -124,3 +127,22 @@ def test_the_page_shows_a_session(samples: Array, model: Path, tmp_path: Path, p
     assert problems == []
     assert overflow <= 0
     assert shown == [999, newtons[999, 0]]
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+def test_the_page_asks_for_a_token_once(served: Callable[..., str], tmp_path: Path) -> None:
+    from playwright.sync_api import sync_playwright
+
+    (tmp_path / "tokens").write_text(f"{sha256('größer'.encode()).hexdigest()} read\n", encoding="ascii")
+    address = served(LiveAccess(tokens=tmp_path / "tokens"))
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(f"http://{address}/")
+        for token, words in (("kleiner", "expected a known token"), ("größer", "0 sessions")):
+            page.get_by_label("Token").fill(token)
+            page.get_by_role("button", name="Show the sessions").click()
+            page.get_by_text(words).wait_for()
+        page.reload()
+        page.get_by_text("0 sessions").wait_for()
+        browser.close()

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from cylinder_friction.network.exposure import AccessError
 from cylinder_friction.serving.settings import ServeSettings, ServingError
 
 
@@ -23,7 +24,7 @@ from cylinder_friction.serving.settings import ServeSettings, ServingError
     ],
 )
 def test_what_cannot_be_served_is_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ServingError, match=message):
+    with pytest.raises(AccessError, match=message):
         ServeSettings(**given)
 
 

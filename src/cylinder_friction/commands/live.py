@@ -1,4 +1,4 @@
-"""The command ``live``: friction of many cylinders in real time, on this machine, with a page."""
+"""The command ``live``: friction of many cylinders in real time, with a page."""
 
 import argparse
 import logging
@@ -44,6 +44,8 @@ def run(options: argparse.Namespace) -> int:
     configured = load_live_params(options.config)
     given = {name: getattr(options, name) for name in ("model", "port", "folder")}
     params = configured.model_copy(update={name: value for name, value in given.items() if value is not None})
+    if options.replay and (params.access.tokens or params.access.tls_key):
+        raise LiveError("--replay is to try the service without a machine; it needs one without tokens and TLS")
     with tempfile.TemporaryDirectory() as scratch:
         model = params.model or f"models:/{load_params().registered_name}@champion"
         estimator = load_estimator(model_folder(model, Path(scratch) / "model"))
@@ -56,11 +58,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
-    links = links_of(params)
-    app = create_app(service, params.folder / HISTORY_FOLDER, links)
+    links, access = links_of(params), params.access
+    app = create_app(service, params.folder / HISTORY_FOLDER, links, access, params.host)
     config = uvicorn.Config(
         app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
-        ws_per_message_deflate=False, timeout_graceful_shutdown=2,
+        ws_per_message_deflate=False, timeout_graceful_shutdown=2, ssl_certfile=access.tls_certificate,
+        ssl_keyfile=access.tls_key,
     )  # fmt: skip
     server = uvicorn.Server(config)
     stop = threading.Event()
@@ -102,16 +105,17 @@ def _follow(
     while not server.started:
         if stop.wait(0.05):
             return
-    port = server.servers[0].sockets[0].getsockname()[1]
+    host, port = server.servers[0].sockets[0].getsockname()[:2]
+    address = f"{'s' if params.access.tls_key else ''}://{f'[{host}]' if ':' in host else host}:{port}"
     more = "".join(f"  {link.name:<27} {link.address}\n" for link in links)
     print(
-        f"live at http://127.0.0.1:{port} (stop with Ctrl-C)\n  samples in, estimates out   ws://127.0.0.1:{port}/stream\n"
-        f"  metrics                     http://127.0.0.1:{port}/metrics\n{more}  history                     "
+        f"live at http{address} (stop with Ctrl-C)\n  samples in, estimates out   ws{address}/stream\n"
+        f"  metrics                     http{address}/metrics\n{more}  history                     "
         f"{params.folder / HISTORY_FOLDER}",
         flush=True,
     )
     if recordings:
-        replay = Replay(f"ws://127.0.0.1:{port}/stream", recordings, speed or None)
+        replay = Replay(f"ws{address}/stream", recordings, speed or None)
         count = replay.run(service.engine.inputs, stop)
         print(f"replayed {count} samples of {len(recordings)} sessions", flush=True)
 

@@ -7,11 +7,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from cylinder_friction.network.exposure import AccessError
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.serving.locating import LOCATED_FILE, locate
 from cylinder_friction.serving.settings import ServeSettings, ServingError
 
-EXPECTED = (ServingError,)
+EXPECTED = (AccessError,)
 _OPTIONS = {
     "host": "name or address to listen on; beyond this machine only with tokens",
     "port": "0 for a free one",

@@ -1,7 +1,6 @@
-"""The service on the network: WebSocket in and out, a page, health and metrics; on this machine's loopback alone."""
+"""The service on the network: WebSocket in and out, a page, health and metrics."""
 
 import asyncio
-import json
 import logging
 import time
 from collections.abc import AsyncIterator, Sequence
@@ -9,7 +8,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 from starlette.applications import Starlette
-from starlette.requests import HTTPConnection, Request
+from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
@@ -17,27 +16,38 @@ from starlette.websockets import WebSocket
 
 from cylinder_friction.live.connection import Connection, Peers
 from cylinder_friction.live.frames import EstimateBlock
+from cylinder_friction.live.guard import Guard
 from cylinder_friction.live.history import move_into_history
 from cylinder_friction.live.links import Link, in_background
 from cylinder_friction.live.metrics import metrics_text
 from cylinder_friction.live.service import LiveService, LiveSession
+from cylinder_friction.live.settings import LiveAccess
 from cylinder_friction.live.watching import Watchers
 from cylinder_friction.live.web_socket import WebSocketTransport
 
-KEEP_S, OVERDUE_S, HISTORY_S = 1.0, 0.05, 60.0
+KEEP_S, OVERDUE_S, REFRESH_S, HISTORY_S = 1.0, 0.05, 1.0, 60.0
 LEFT_S = 10
 """For so many seconds estimates stay in the journal, for a client that comes back."""
 STATIC = Path(__file__).parent / "static"
-_LOOPBACK = {"127.0.0.1", "localhost", "[::1]"}
 _log = logging.getLogger(__name__)
 
 
-def create_app(service: LiveService, history: Path, links: Sequence[Link] = ()) -> Starlette:
+def create_app(
+    service: LiveService,
+    history: Path,
+    links: Sequence[Link] = (),
+    access: LiveAccess | None = None,
+    host: str = "127.0.0.1",
+) -> Starlette:
     """Return the application around a service; it moves the journal into ``history`` while it runs, and at its end.
 
     ``links`` are started and ended with it.
+
+    Raises:
+        AccessError: The tokens cannot be read.
     """
     peers, watchers = Peers(), Watchers(service)
+    guard = Guard(access or LiveAccess(), host, peers.refused)
     takers = (peers.send, watchers.note, *(link.note for link in links))
 
     def on_estimates(session: LiveSession, block: EstimateBlock) -> None:
@@ -48,13 +58,11 @@ def create_app(service: LiveService, history: Path, links: Sequence[Link] = ()) 
     lag = _Lag()
 
     async def stream(socket: WebSocket) -> None:
-        if await _foreign(socket):
-            return
-        await socket.accept()
-        await Connection(WebSocketTransport(socket), service, peers).run()
+        if await guard.admits(socket, "write"):
+            await Connection(WebSocketTransport(socket), service, peers).run()
 
     async def watch(socket: WebSocket) -> None:
-        if not await _foreign(socket):
+        if await guard.admits(socket, "read"):
             await watchers.run(socket)
 
     async def readyz(_: Request) -> Response:
@@ -70,7 +78,7 @@ def create_app(service: LiveService, history: Path, links: Sequence[Link] = ()) 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         async with AsyncExitStack() as started:
-            jobs = (_keep(service, peers, history), _overdue(service, lag), watchers.tick())
+            jobs = (_keep(service, peers, history), _overdue(service, lag), watchers.tick(), _refresh(guard))
             await started.enter_async_context(in_background(*jobs))
             for link in links:
                 await started.enter_async_context(link.running(service, peers))
@@ -83,7 +91,7 @@ def create_app(service: LiveService, history: Path, links: Sequence[Link] = ()) 
             Route("/", lambda _: FileResponse(STATIC / "live.html")),
             Route("/livez", lambda _: PlainTextResponse("alive\n")),
             Route("/readyz", readyz),
-            Route("/metrics", metrics),
+            Route("/metrics", guard.http("read", metrics)),
             WebSocketRoute("/stream", stream),
             WebSocketRoute("/watch", watch),
             Mount("/static", StaticFiles(directory=STATIC)),
@@ -112,6 +120,12 @@ async def _overdue(service: LiveService, lag: _Lag) -> None:
         service.overdue()
 
 
+async def _refresh(guard: Guard) -> None:
+    while guard.tokens is not None:
+        await asyncio.sleep(REFRESH_S)
+        guard.tokens.refresh()
+
+
 async def _keep(service: LiveService, peers: Peers, history: Path) -> None:
     moved_s = time.monotonic()
     while True:
@@ -130,23 +144,3 @@ async def _keep(service: LiveService, peers: Peers, history: Path) -> None:
             left = LEFT_S * len(service.sessions)
             await asyncio.to_thread(move_into_history, service.journal, history, left)
             moved_s = time.monotonic()
-
-
-async def _foreign(socket: WebSocket) -> bool:
-    """Refuse a page of another origin, which a browser would let reach this machine's loopback."""
-    problem = foreign_origin(socket)
-    if problem:
-        await socket.accept()
-        await socket.send_text(json.dumps({"error": problem}))
-        await socket.close(1008)
-    return bool(problem)
-
-
-def foreign_origin(connection: HTTPConnection) -> str:
-    """Return what is wrong with the names under which a connection was opened; empty where nothing is."""
-    host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
-    if host.rpartition(":")[0] not in _LOOPBACK:
-        return f"host {host[:80]!r}: this service is for this machine alone; use 127.0.0.1"
-    if origin is not None and origin.partition("://")[2] != host:
-        return f"origin {origin[:80]!r}: only this service's own page may connect from a browser"
-    return ""

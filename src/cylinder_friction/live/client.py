@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -12,15 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.live.client_sockets import ClientSocket, connected
+from cylinder_friction.live.client_sockets import ClientSocket, LiveClientError, connected
 from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
 
 RETRY_S, PATIENCE_S = 0.2, 30.0
 ROWS_A_BLOCK = 1000
-
-
-class LiveClientError(RuntimeError):
-    """The service refused something, or cannot be reached; the message is its own."""
 
 
 class Client:
@@ -34,6 +31,8 @@ class Client:
         session: Name of the cylinder's session, the same after every start.
         sample_time_s: Time between two samples [s].
         inputs: Columns of a sample, as the model names them.
+        token: Of a line with the role ``write``, where the service has tokens.
+        ca: PEM file of the authority that signed the service's certificate, or of the certificate; None: the machine's.
         start_time_s: When the sample of index 0 was taken [s, Unix]; None: now, less what was sent before.
 
     Raises:
@@ -47,10 +46,13 @@ class Client:
         sample_time_s: float,
         inputs: Sequence[str] = ("pressure_1_pa", "pressure_2_pa", "position_m"),
         start_time_s: float | None = None,
+        token: str = "",
+        ca: Path | None = None,
     ) -> None:
         self._url, self._session = url, session
         self._opens: dict[str, Any] = {"session": session, "inputs": list(inputs), "sample_time_s": sample_time_s}
         self._sample_time_s = sample_time_s
+        self._token, self._ca = token, ca
         self._unacknowledged: deque[SampleBlock] = deque()
         self._estimates: deque[EstimateBlock] = deque()
         self._socket: ClientSocket | None = None
@@ -112,7 +114,7 @@ class Client:
         while True:
             try:
                 self._open_socket.close()
-                self._socket = self._open_socket.enter_context(connected(self._url))
+                self._socket = self._open_socket.enter_context(connected(self._url, self._token, self._ca))
                 self._socket.send(json.dumps({"open": self._opens}))
                 opened = self._opened(self._socket)
                 break

@@ -2,9 +2,11 @@
 
 import select
 import socket
+import ssl
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
 
@@ -14,7 +16,13 @@ from websockets.sync.client import ClientConnection, connect
 from cylinder_friction.live.tcp import HEAD, message_size, packed, unpacked
 
 OPEN_S = 5.0
+REFUSED = (4401, 4403)
+"""Codes with which the service closes a connection that may not be."""
 _LARGEST_BYTES = 1 << 30
+
+
+class LiveClientError(RuntimeError):
+    """The service refused something, or cannot be reached; the message is its own."""
 
 
 class ClientSocket(Protocol):
@@ -29,27 +37,41 @@ class ClientSocket(Protocol):
         ...
 
 
-def connected(url: str) -> AbstractContextManager[ClientSocket]:
+def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractContextManager[ClientSocket]:
     """Return the context of a connection to the service at ``ws://``, ``wss://`` or ``tcp://``.
 
     Raises:
         ValueError: It is none of these.
+        LiveClientError: The service does not take this client, or its certificate is not that of ``ca``.
     """
     scheme = url.partition("://")[0]
     if scheme in ("ws", "wss"):
-        return _web_socket(url)
+        return _web_socket(url, token, ca)
     if scheme == "tcp":
         return _tcp(url)
     raise ValueError(f"{url!r}: expected ws://HOST:PORT/stream, wss://... or tcp://HOST:PORT")
 
 
 @contextmanager
-def _web_socket(url: str) -> Iterator[ClientSocket]:
+def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]:
+    tls = ssl.create_default_context(cafile=ca) if url.startswith("wss:") else None
+    headers = {"Authorization": f"Bearer {token}"} if token else {}
     try:
-        with connect(url, max_size=None, open_timeout=OPEN_S, close_timeout=0.5) as connection:
+        with connect(
+            url, max_size=None, open_timeout=OPEN_S, close_timeout=0.5, ssl=tls, additional_headers=headers
+        ) as connection:
             yield _WebSocket(connection)
+    except ssl.SSLCertVerificationError as error:
+        raise LiveClientError(f"{url}: its certificate is not trusted ({error}); give ca") from error
     except ConnectionClosed as error:
         raise ConnectionError(str(error)) from error
+
+
+def _broken(error: ConnectionClosed) -> OSError:
+    """Return a break as an ``OSError``; raises ``LiveClientError`` where another try would be refused as well."""
+    if error.rcvd is not None and error.rcvd.code in REFUSED:
+        raise LiveClientError(error.rcvd.reason) from error
+    return ConnectionError(str(error))
 
 
 class _WebSocket:
@@ -60,13 +82,13 @@ class _WebSocket:
         try:
             self._connection.send(message)
         except ConnectionClosed as error:
-            raise ConnectionError(str(error)) from error
+            raise _broken(error) from error
 
     def recv(self, timeout_s: float) -> bytes | str:
         try:
             return self._connection.recv(timeout=timeout_s)
         except ConnectionClosed as error:
-            raise ConnectionError(str(error)) from error
+            raise _broken(error) from error
 
 
 @contextmanager

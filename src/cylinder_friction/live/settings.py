@@ -1,6 +1,7 @@
 """What a live service is given: how long a session waits, what is taken, and by which links."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -76,6 +77,25 @@ def refuse_unless_port(key: str, port: int, least: int = 0) -> None:
     """Raise ``LiveSettingsError`` for what is no port."""
     if not least <= port <= 65535:
         raise LiveSettingsError(f"{key}: got {port}, expected {least} to 65535")
+
+
+@dataclass(frozen=True)
+class LiveAccess:
+    """Who may reach a service.
+
+    Attributes:
+        tokens: File of one ``SHA256 ROLE`` per line; None: whoever reaches the service may do all. Read again when it
+            changes.
+        without_tokens: Listen beyond loopback although there are no tokens.
+        hosts: Names and addresses under which the service may be addressed, besides its own and those of loopback.
+        tls_certificate, tls_key: PEM files; both or neither.
+    """
+
+    tokens: Path | None = None
+    without_tokens: bool = False
+    hosts: tuple[str, ...] = ()
+    tls_certificate: Path | None = None
+    tls_key: Path | None = None
 
 
 def refuse_unless_positive(settings: object, section: str, *names: str) -> None:

@@ -32,8 +32,7 @@ class Watchers:
                 page.blocks.append((block, session.chunks[-1].samples))
 
     async def run(self, socket: WebSocket) -> None:
-        """Serve a page until it leaves; it sends the name of the session that it shows, or nothing."""
-        await socket.accept()
+        """Serve a page, its socket accepted, until it leaves; it sends the name of the session shown, or nothing."""
         page = _Page(socket)
         self._pages.add(page)
         try:

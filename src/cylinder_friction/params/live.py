@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import yaml
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cylinder_friction.live.opcua_settings import OpcUaServerSettings
-from cylinder_friction.live.settings import LiveLimits, SessionRules, TcpSettings
+from cylinder_friction.live.settings import LiveAccess, LiveLimits, SessionRules, TcpSettings
+from cylinder_friction.network.exposure import refuse_exposed
 from cylinder_friction.params.checking import ParamsError, checked
 from cylinder_friction.params.section import Section
 
@@ -23,6 +24,7 @@ class LiveParams(Section):
         host: Address that page, WebSocket and metrics listen on.
         port: 0 for a free one.
         folder: Of the journal and the history.
+        access: Who may reach it.
         rules: What becomes of samples that come early, late or not.
         limits: What the service takes.
         tcp: Raw TCP; None: off.
@@ -33,10 +35,17 @@ class LiveParams(Section):
     host: str = "127.0.0.1"
     port: int = Field(default=5002, ge=0, le=65535)
     folder: Path = Field(default=Path("live"), strict=False)
+    access: LiveAccess = LiveAccess()
     rules: SessionRules = SessionRules()
     limits: LiveLimits = LiveLimits()
     tcp: TcpSettings | None = None
     opcua_server: OpcUaServerSettings | None = None
+
+    @model_validator(mode="after")
+    def _not_exposed(self) -> LiveParams:
+        access = self.access
+        refuse_exposed(self.host, access.tokens, access.without_tokens, access.tls_certificate, access.tls_key)
+        return self
 
 
 def load_live_params(path: Path | None = None) -> LiveParams:

@@ -17,7 +17,8 @@ from starlette.responses import HTMLResponse, Response
 from starlette.routing import Route
 
 from cylinder_friction.deployment.scoring import ScoringError, score_columns
-from cylinder_friction.serving.access_log import AccessLog
+from cylinder_friction.network.json_log import JsonLog
+from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.serving.decoding import ARROW, JSON, decoder_of, refuse_too_many
 from cylinder_friction.serving.encoding import to_json
 from cylinder_friction.serving.errors import RETRY, RequestError
@@ -27,7 +28,6 @@ from cylinder_friction.serving.metrics import Metrics
 from cylinder_friction.serving.model_source import ModelSource
 from cylinder_friction.serving.openapi import openapi, page
 from cylinder_friction.serving.settings import ServeSettings
-from cylinder_friction.serving.tokens import TokenFile
 
 POLL_S = 1.0
 SMALL_BYTES = 32 << 10
@@ -53,7 +53,7 @@ def create_app(settings: ServeSettings, current_model_file: Path) -> Starlette:
     routes += [Route(path, service.livez) for path in ("/livez", "/ping", "/health")]
     routes += [Route("/readyz", service.readyz), Route("/version", _version), Route("/metrics", service.show_metrics)]
     routes += [Route("/openapi.json", service.show_openapi), Route("/docs", service.show_page)]
-    log = AccessLog(settings.access_log) if settings.access_log else None
+    log = JsonLog(settings.access_log) if settings.access_log else None
     gate = Middleware(Gate, service.metrics, tokens, log, frozenset(route.path for route in routes))
     return Starlette(
         routes=routes, middleware=[gate], lifespan=lifespan, exception_handlers={HTTPException: _refuse_route}

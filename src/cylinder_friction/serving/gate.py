@@ -9,10 +9,10 @@ from typing import Any
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from cylinder_friction.serving.access_log import AccessLog
+from cylinder_friction.network.json_log import JsonLog
+from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.serving.errors import RETRY, RequestError, error_body
 from cylinder_friction.serving.metrics import Metrics
-from cylinder_friction.serving.tokens import TokenFile
 
 OPEN_TO_ALL = frozenset({"/livez", "/readyz", "/ping", "/health"})
 _ID = re.compile(rb"[A-Za-z0-9._-]{1,64}")
@@ -24,7 +24,7 @@ class Gate:
     """Wraps the application; sets ``scope["request_id"]``, and logs what the application puts in ``scope["notes"]``."""
 
     def __init__(
-        self, app: ASGIApp, metrics: Metrics, tokens: TokenFile | None, log: AccessLog | None, routes: frozenset[str]
+        self, app: ASGIApp, metrics: Metrics, tokens: TokenFile | None, log: JsonLog | None, routes: frozenset[str]
     ) -> None:
         self._app, self._metrics, self._tokens, self._log, self._routes = app, metrics, tokens, log, routes
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from cylinder_friction.deployment import golden_trajectory
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.deployment.scoring import ServedGraph
+from cylinder_friction.network.exposure import file_stamp
 from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.serving.settings import ServingError, file_stamp
+from cylinder_friction.serving.settings import ServingError
 
 GRAPH_FILE = "artifacts/sequence.onnx"
 GOLDEN_FILE = f"artifacts/{golden_trajectory.GOLDEN_FILE}"

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cylinder_friction.serving.access_log import rotate
+from cylinder_friction.network.json_log import rotate
 from cylinder_friction.serving.locating import CURRENT_FILE, alias_moved
 from cylinder_friction.serving.settings import ServeSettings, ServingError
 

@@ -2,24 +2,16 @@
 
 import json
 from dataclasses import asdict, dataclass, fields
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, Self
+
+from cylinder_friction.network.exposure import AccessError, is_loopback, refuse_exposed
 
 MIB = 1 << 20
 
 
-class ServingError(ValueError):
-    """Settings, tokens or a model that cannot be served; the message states what to do."""
-
-
-def file_stamp(path: Path) -> tuple[int, int]:
-    """Return what changes when a file is written anew; zeros where it is not there."""
-    try:
-        found = path.stat()
-    except OSError:
-        return 0, 0
-    return found.st_mtime_ns, found.st_ino
+class ServingError(AccessError):
+    """Settings or a model that cannot be served; the message states what to do."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +56,8 @@ class ServeSettings:
         """Refuse what cannot be served.
 
         Raises:
-            ServingError: A limit is not positive, TLS is half given, or the host is public without tokens.
+            ServingError: A limit is not positive.
+            AccessError: TLS is half given, or the host is public without tokens.
         """
         if not 0 <= self.port <= 65535:
             raise ServingError(f"port: got {self.port}, expected 0 to 65535")
@@ -72,21 +65,12 @@ class ServeSettings:
         for name in (*limits, "access_log_bytes", "access_log_files"):
             if not getattr(self, name) > 0:
                 raise ServingError(f"{name}: got {getattr(self, name)}, expected more than 0")
-        if (self.tls_certificate is None) != (self.tls_key is None):
-            raise ServingError("TLS needs both a certificate and its key; got one of them")
-        if not (self.is_loopback or self.tokens or self.without_tokens):
-            raise ServingError(
-                f"host {self.host}: whoever reaches it could use the model; give a file of tokens, listen on "
-                "127.0.0.1, or state that no tokens are wanted"
-            )
+        refuse_exposed(self.host, self.tokens, self.without_tokens, self.tls_certificate, self.tls_key)
 
     @property
     def is_loopback(self) -> bool:
         """Whether only this machine can reach the server."""
-        try:
-            return ip_address(self.host).is_loopback
-        except ValueError:
-            return self.host == "localhost"
+        return is_loopback(self.host)
 
     def to_json(self) -> str:
         """Return the settings as JSON, for a worker process."""

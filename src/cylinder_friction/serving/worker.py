@@ -18,10 +18,11 @@ from pathlib import Path
 
 import uvicorn
 
+from cylinder_friction.network.exposure import AccessError
 from cylinder_friction.serving.app import create_app
 from cylinder_friction.serving.locating import CURRENT_FILE
 from cylinder_friction.serving.processes import LOG_FORMAT, SETTINGS_FILE
-from cylinder_friction.serving.settings import ServeSettings, ServingError
+from cylinder_friction.serving.settings import ServeSettings
 
 _TICKS_PER_S = 10
 _KEPT_CONNECTION_S = 65
@@ -95,7 +96,7 @@ def main(listening: int, supervisor: int, folder: Path) -> int:
             ssl_keyfile=settings.tls_key,
         )
         config.load()
-    except (ServingError, OSError) as error:  # ssl.SSLError is one
+    except (AccessError, OSError) as error:  # ssl.SSLError is one
         sys.stderr.write(f"cylinder-friction serve: {error}\n")
         return 1
     server = Worker(config, socket.socket(fileno=supervisor), settings.timeout_s)

@@ -12,13 +12,30 @@ let socket = null, shown = null, frozen = false, plots = null, sampleTimeS = 0.0
 const data = { index: [], newtons: [[], [], []], samples: [[], [], []], flags: [] };
 
 function connect() {
-  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/watch`);
+  const token = sessionStorage.getItem("token"), address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/watch`;
+  socket = token ? new WebSocket(address, ["cylinder-friction", "token." + base64url(token)]) : new WebSocket(address);
   socket.onopen = () => socket.send(shown ?? "");
-  socket.onclose = () => { by("state").textContent = "not connected; trying again…"; setTimeout(connect, 1000); };
+  socket.onclose = (event) => {
+    if (event.code === 4401 || event.code === 4403) { login(event.reason); return; }
+    by("state").textContent = "not connected; trying again…"; setTimeout(connect, 1000);
+  };
   socket.onmessage = (event) => {
     const content = JSON.parse(event.data);
     if (content.sessions) table(content.sessions); else if (content.rows) take(content.rows);
   };
+}
+
+function base64url(text) {
+  const bytes = Array.from(new TextEncoder().encode(text), (byte) => String.fromCharCode(byte)).join("");
+  return btoa(bytes).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+function login(reason) {
+  const tried = sessionStorage.getItem("token") !== null;
+  sessionStorage.removeItem("token");
+  by("state").textContent = tried ? reason : "This service asks for a token.";
+  by("login").hidden = false;
+  by("token").focus();
 }
 
 function table(sessions) {
@@ -180,11 +197,19 @@ function theme(dark) {
   if (plots) makePlots();
 }
 
+by("login").onsubmit = (event) => {
+  event.preventDefault();
+  sessionStorage.setItem("token", by("token").value.trim());
+  by("token").value = "";
+  by("login").hidden = true;
+  connect();
+};
 by("freeze").onclick = () => freeze(!frozen);
 by("save").onclick = save;
 by("close").onclick = hide;
 by("theme").onclick = () => theme(!document.documentElement.classList.contains("dark"));
 document.onkeydown = (event) => {
+  if (event.target.tagName === "INPUT") return;
   if (event.key === "t") theme(!document.documentElement.classList.contains("dark"));
   else if (shown !== null && event.key === "Escape") hide();
   else if (shown !== null && event.key === "s") save();

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.serving.settings import ServingError
-from cylinder_friction.serving.tokens import TokenFile, read_tokens
+from cylinder_friction.network.exposure import AccessError
+from cylinder_friction.network.tokens import TokenFile, read_tokens
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,7 +18,7 @@ HASH = sha256(b"abc").hexdigest()
 
 def test_hashes_are_read_as_sha256sum_writes_them(tmp_path: Path) -> None:
     (tmp_path / "tokens").write_text(f"# two\n\n{HASH}  -\n{HASH.upper()}\n")
-    assert read_tokens(tmp_path / "tokens") == (HASH, HASH)
+    assert read_tokens(tmp_path / "tokens") == ((HASH, "-"), (HASH, ""))
 
 
 @pytest.mark.parametrize(
@@ -28,12 +28,13 @@ def test_hashes_are_read_as_sha256sum_writes_them(tmp_path: Path) -> None:
         ("# nobody\n", "tokens: holds no token"),
         (f"{HASH}\nabc\n", "tokens:2: expected the SHA-256 of a token, as `sha256sum` writes it"),
         ("g" * 64, "tokens:1: expected"),
+        (sha256(b"").hexdigest(), "tokens:1: the hash of an empty token; expected that of one which is hard to guess"),
         ("\u00e9", "tokens: its tokens cannot be read"),
     ],
 )
 def test_another_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "tokens").write_text(text)
-    with pytest.raises(ServingError, match=message):
+    with pytest.raises(AccessError, match=message):
         TokenFile(tmp_path / "tokens")
 
 

@@ -1,5 +1,6 @@
-"""The access log: one JSON object per line and request, one file for all workers, rotated by size."""
+"""A log of one JSON object per line: several processes may write the same file, which is rotated by size."""
 
+import json
 import logging
 import os
 import stat
@@ -7,12 +8,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-import orjson
-
 _log = logging.getLogger(__name__)
 
 
-class AccessLog:
+class JsonLog:
     """Appends lines to a file, and follows it when it is rotated, by ``rotate`` or by another program."""
 
     def __init__(self, path: Path, looks_every_s: float = 1.0) -> None:
@@ -23,17 +22,17 @@ class AccessLog:
         self._problem = ""
 
     def write(self, entry: dict[str, Any]) -> None:
-        """Append one line, in one step: lines of several workers do not mix. A full disk does not fail a request."""
+        """Append one line, in one step: lines of several workers do not mix. A full disk fails nobody."""
         try:
             if self._was_moved():
                 opened = _opened(self._path)
                 os.close(self._file)
                 self._file = opened
-            os.write(self._file, orjson.dumps(entry, option=orjson.OPT_APPEND_NEWLINE))
+            os.write(self._file, json.dumps(entry, separators=(",", ":")).encode() + b"\n")
             self._problem = ""
         except OSError as error:
-            if str(error) != self._problem:  # once, not with every request
-                _log.error("%s: requests are not logged (%s)", self._path, error)
+            if str(error) != self._problem:  # once, not with every line
+                _log.error("%s: nothing is logged (%s)", self._path, error)
             self._problem = str(error)
 
     def _was_moved(self) -> bool:

@@ -1,4 +1,4 @@
-"""The access log: whole lines, rotation by size, and a disk that cannot be written."""
+"""The log: whole lines, rotation by size, and a disk that cannot be written."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cylinder_friction.serving.access_log import AccessLog, rotate
+from cylinder_friction.network.json_log import JsonLog, rotate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ def lines(path: Path) -> list[int]:
 
 def test_workers_follow_a_rotated_log_and_old_files_are_dropped(tmp_path: Path) -> None:
     path = tmp_path / "access.jsonl"
-    workers = [AccessLog(path, 0.0), AccessLog(path, 0.0)]
+    workers = [JsonLog(path, 0.0), JsonLog(path, 0.0)]
     for number in range(40):
         workers[number % 2].write({"number": number})
         rotate(path, max_bytes=139, files=2)  # ten lines or so
@@ -32,7 +32,7 @@ def test_workers_follow_a_rotated_log_and_old_files_are_dropped(tmp_path: Path) 
 
 def test_a_small_log_stays(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "access.jsonl"
-    AccessLog(path).write({"number": 1})
+    JsonLog(path).write({"number": 1})
     rotate(path, max_bytes=1000, files=2)
     assert lines(path) == [1]
     rotate(tmp_path / "none", max_bytes=1000, files=2)
@@ -44,14 +44,14 @@ def test_a_log_that_cannot_be_written_is_reported_once_and_fails_no_request(
 ) -> None:
     folder = tmp_path / "logs"
     folder.mkdir()
-    log = AccessLog(folder / "access.jsonl", 0.0)
+    log = JsonLog(folder / "access.jsonl", 0.0)
     (folder / "access.jsonl").unlink()
     folder.rmdir()
     with caplog.at_level(logging.ERROR):
         for number in range(3):
             log.write({"number": number})
     assert len(caplog.records) == 1
-    assert "requests are not logged" in caplog.text
+    assert "nothing is logged" in caplog.text
     folder.mkdir()
     log.write({"number": 3})
     assert lines(folder / "access.jsonl") == [3]
@@ -59,4 +59,4 @@ def test_a_log_that_cannot_be_written_is_reported_once_and_fails_no_request(
 
 def test_a_log_in_no_folder_is_refused_at_the_start(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        AccessLog(tmp_path / "none" / "access.jsonl")
+        JsonLog(tmp_path / "none" / "access.jsonl")

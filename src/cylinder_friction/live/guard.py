@@ -1,0 +1,115 @@
+"""Who may do what: the role of a connection's token, and the names under which a browser may come."""
+
+import asyncio
+import base64
+import binascii
+import json
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import JSONResponse, Response
+from starlette.websockets import WebSocket
+
+from cylinder_friction.live.settings import LiveAccess
+from cylinder_friction.network.tokens import TokenFile, bearer_token
+
+ROLES = ("read", "write", "admin")
+"""Each may do what those before it may: see page, results and metrics; open sessions and send; command."""
+PROTOCOL, TOKEN_PROTOCOL = "cylinder-friction", "token."
+"""A browser cannot set headers of a WebSocket: it offers these subprotocols, the second with its token in base64url."""
+GUESS_S = 0.5
+"""How long a wrong token waits for its refusal."""
+_LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a connection is not served: kind for the counter, HTTP status, reason."""
+
+    kind: str
+    status: int
+    reason: str
+
+
+class Guard:
+    """Looks at every connection before it is served.
+
+    Args:
+        access: Tokens and names; as shipped whoever reaches the service may do all, under loopback's names.
+        host: What the service listens on.
+        refused: Counts refusals by kind.
+
+    Raises:
+        AccessError: The tokens cannot be read.
+    """
+
+    def __init__(self, access: LiveAccess, host: str, refused: Counter[str]) -> None:
+        self.tokens = None if access.tokens is None else TokenFile(access.tokens, ROLES)
+        self._hosts, self._refused = _LOOPBACK | {host.lower(), *map(str.lower, access.hosts)}, refused
+
+    def http(
+        self, role: str, endpoint: Callable[[Request], Awaitable[Response]]
+    ) -> Callable[[Request], Awaitable[Response]]:
+        """Return an endpoint that a request reaches only with a token of the role, or a greater one."""
+
+        async def guarded(request: Request) -> Response:
+            refusal = await self._refusal(request, role)
+            if refusal is None:
+                return await endpoint(request)
+            headers = {"WWW-Authenticate": "Bearer"} if refusal.status == 401 else {}
+            return JSONResponse({"error": refusal.reason}, refusal.status, headers)
+
+        return guarded
+
+    async def admits(self, socket: WebSocket, role: str) -> bool:
+        """Accept a WebSocket; return whether it may stay, else it is given the reason and closed."""
+        refusal = await self._refusal(socket, role)
+        await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
+        if refusal is not None:
+            await socket.send_text(json.dumps({"error": refusal.reason}))
+            await socket.close(4000 + refusal.status, refusal.reason.encode()[:120].decode(errors="ignore"))
+        return refusal is None
+
+    async def _refusal(self, connection: HTTPConnection, role: str) -> Refusal | None:
+        refusal = self._foreign(connection) or self._not_allowed(connection, role)
+        if refusal is not None:
+            self._refused[refusal.kind] += 1
+            if refusal.status == 401:
+                await asyncio.sleep(GUESS_S)
+        return refusal
+
+    def _foreign(self, connection: HTTPConnection) -> Refusal | None:
+        """Refuse a page of another origin, which a browser would let reach this service."""
+        host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
+        if urlsplit(f"//{host}").hostname not in self._hosts:
+            reason = f"host {host[:80]!r}: not a name of this service; use 127.0.0.1, or list it under access.hosts"
+            return Refusal("host", 403, reason)
+        if origin is not None and origin.partition("://")[2] != host:
+            reason = f"origin {origin[:80]!r}: only this service's own page may connect from a browser"
+            return Refusal("origin", 403, reason)
+        return None
+
+    def _not_allowed(self, connection: HTTPConnection, role: str) -> Refusal | None:
+        if self.tokens is None:
+            return None
+        has = self.tokens.role_of(token_of(connection))
+        if has is None:
+            return Refusal("token", 401, "expected a known token as Authorization: Bearer TOKEN")
+        if ROLES.index(has) < ROLES.index(role):
+            return Refusal("role", 403, f"this token may {has}; expected one that may {role}")
+        return None
+
+
+def token_of(connection: HTTPConnection) -> bytes:
+    """Return the token of a connection, from its header or its subprotocols; empty where there is none."""
+    for offered in connection.scope.get("subprotocols", ()):
+        if offered.startswith(TOKEN_PROTOCOL):
+            encoded = offered.removeprefix(TOKEN_PROTOCOL)
+            try:
+                return base64.b64decode(encoded + "=" * (-len(encoded) % 4), b"-_", validate=True)
+            except (binascii.Error, ValueError):
+                return b""
+    return bearer_token(connection.headers.get("authorization", "").encode("latin-1"))
