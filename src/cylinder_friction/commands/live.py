@@ -89,6 +89,10 @@ def links_of(params: LiveParams) -> list[Link]:
         from cylinder_friction.live.opcua_server import OpcUaServerLink
 
         links.append(OpcUaServerLink(params.opcua_server))
+    if params.opcua_client is not None:
+        from cylinder_friction.live.opcua_client import OpcUaClientLink
+
+        links.append(OpcUaClientLink(params.opcua_client))
     return links
 
 

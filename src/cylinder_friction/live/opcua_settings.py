@@ -1,6 +1,7 @@
 """What the links by OPC UA are given."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from cylinder_friction.live.settings import LOOPBACK, LiveSettingsError, refuse_unless_port, refuse_unless_positive
 
@@ -33,3 +34,58 @@ class OpcUaServerSettings:
             raise LiveSettingsError(f"opcua_server.update_hz: got {self.update_hz}, expected 1 to 10")
         if self.host not in LOOPBACK:
             raise LiveSettingsError(f"opcua_server.host: got {self.host!r}, expected one of {', '.join(LOOPBACK)}")
+
+
+@dataclass(frozen=True)
+class OpcUaSource:
+    """Nodes of one cylinder: ``samples`` or ``inputs``.
+
+    Attributes:
+        session: Name of its session.
+        samples: A node whose value is an array of doubles: index of the first sample, then the samples, row by row.
+        inputs: A node per input of the model, each with one value in SI units.
+        sampling_ms: How often the server is asked to look at the nodes [ms]; 0: as often as it can.
+    """
+
+    session: str
+    samples: str | None = None
+    inputs: dict[str, str] = field(default_factory=dict)
+    sampling_ms: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse both or neither; raises ``LiveSettingsError``."""
+        if (self.samples is None) == (not self.inputs):
+            raise LiveSettingsError(
+                f"opcua_client.sources: session {self.session!r}: expected either samples, one node, or inputs, a node "
+                "per input of the model"
+            )
+
+
+@dataclass(frozen=True)
+class OpcUaClientSettings:
+    """Samples from an OPC UA server.
+
+    Attributes:
+        url: Of the server, such as ``opc.tcp://plc:4840``.
+        sources: Its nodes.
+        publishing_ms: How often the server sends what is new [ms].
+        queue: How many values of a node the server is asked to keep between two sends.
+        user, password_file: Name, and file of the password; without: anonymous.
+        certificate, private_key: Files of this client's, for a signed and encrypted connection; without: neither.
+    """
+
+    url: str
+    sources: tuple[OpcUaSource, ...]
+    publishing_ms: float = 50.0
+    queue: int = 1000
+    user: str | None = None
+    password_file: Path | None = None
+    certificate: Path | None = None
+    private_key: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; raises ``LiveSettingsError``."""
+        refuse_unless_positive(self, "opcua_client", "publishing_ms", "queue")
+        for one, other in (("user", "password_file"), ("certificate", "private_key")):
+            if (getattr(self, one) is None) != (getattr(self, other) is None):
+                raise LiveSettingsError(f"opcua_client: expected both {one} and {other}, or neither")

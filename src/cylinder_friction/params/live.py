@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 from pydantic import Field, model_validator
 
-from cylinder_friction.live.opcua_settings import OpcUaServerSettings
+from cylinder_friction.live.opcua_settings import OpcUaClientSettings, OpcUaServerSettings
 from cylinder_friction.live.settings import LiveAccess, LiveLimits, SessionRules, TcpSettings
 from cylinder_friction.network.exposure import refuse_exposed
 from cylinder_friction.params.checking import ParamsError, checked
@@ -29,6 +29,7 @@ class LiveParams(Section):
         limits: What the service takes.
         tcp: Raw TCP; None: off.
         opcua_server: Results by OPC UA; None: off.
+        opcua_client: Samples by OPC UA; None: off.
     """
 
     model: str | None = None
@@ -40,6 +41,7 @@ class LiveParams(Section):
     limits: LiveLimits = LiveLimits()
     tcp: TcpSettings | None = None
     opcua_server: OpcUaServerSettings | None = None
+    opcua_client: OpcUaClientSettings | None = None
 
     @model_validator(mode="after")
     def _not_exposed(self) -> LiveParams:
