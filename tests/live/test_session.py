@@ -101,10 +101,3 @@ def test_too_many_that_wait_do_not_wait_longer() -> None:
 def test_the_first_sample_states_where_a_new_session_begins() -> None:
     session = order(None)
     assert stepped(take(session, 1000, 1002)) == [1000, 1001]
-
-
-def test_all_that_waits_can_be_given_up_at_once() -> None:
-    session = order()
-    take(session, 3, 4)
-    take(session, 90, 91)
-    assert [(piece.index, piece.reset) for piece in session.give_up()] == [(0, False), (3, False), (90, True)]

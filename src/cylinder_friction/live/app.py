@@ -1,7 +1,6 @@
 """The service on the network: WebSocket in and out, a page, health and metrics."""
 
 import asyncio
-import logging
 import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -18,6 +17,7 @@ from cylinder_friction.live.connection import Connection, Peers
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.guard import Guard
 from cylinder_friction.live.history import move_into_history
+from cylinder_friction.live.keeping import keep_each_second, move_each_minute
 from cylinder_friction.live.links import Link, in_background
 from cylinder_friction.live.metrics import metrics_text
 from cylinder_friction.live.service import LiveService, LiveSession
@@ -25,11 +25,8 @@ from cylinder_friction.live.settings import LiveAccess
 from cylinder_friction.live.watching import Watchers
 from cylinder_friction.live.web_socket import WebSocketTransport
 
-KEEP_S, OVERDUE_S, REFRESH_S, HISTORY_S = 1.0, 0.05, 1.0, 60.0
-LEFT_S = 10
-"""For so many seconds estimates stay in the journal, for a client that comes back."""
+OVERDUE_S, REFRESH_S = 0.05, 1.0
 STATIC = Path(__file__).parent / "static"
-_log = logging.getLogger(__name__)
 
 
 def create_app(
@@ -78,7 +75,8 @@ def create_app(
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         async with AsyncExitStack() as started:
-            jobs = (_keep(service, peers, history), _overdue(service, lag), watchers.tick(), _refresh(guard))
+            keeping = keep_each_second(service, peers), move_each_minute(service, history)
+            jobs = (*keeping, _overdue(service, lag), watchers.tick(), _refresh(guard))
             await started.enter_async_context(in_background(*jobs))
             for link in links:
                 await started.enter_async_context(link.running(service, peers))
@@ -124,23 +122,3 @@ async def _refresh(guard: Guard) -> None:
     while guard.tokens is not None:
         await asyncio.sleep(REFRESH_S)
         guard.tokens.refresh()
-
-
-async def _keep(service: LiveService, peers: Peers, history: Path) -> None:
-    moved_s = time.monotonic()
-    while True:
-        await asyncio.sleep(KEEP_S)
-        saved, chunks = service.unkept()
-        keeping = asyncio.create_task(asyncio.to_thread(service.journal.keep, saved, chunks))
-        try:
-            await asyncio.shield(keeping)
-        except asyncio.CancelledError:
-            await keeping  # what was handed over is kept before the last of all is
-            raise
-        peers.acknowledge(service.kept(saved))
-        for name in service.close_idle():
-            _log.info("session %s closed: idle; its state is kept", name)
-        if time.monotonic() - moved_s > HISTORY_S:
-            left = LEFT_S * len(service.sessions)
-            await asyncio.to_thread(move_into_history, service.journal, history, left)
-            moved_s = time.monotonic()

@@ -148,7 +148,7 @@ class Connection:
         if what.opens:
             session = self._service.open(what.session, what.inputs, what.sample_time_s)
             self._peers.take_over(session, self)
-            self._put_text(opened_text(session, self._service.engine))
+            self._put_text(opened_text(session))
             if what.estimates_from is not None and what.estimates_from < session.next_index:
                 for block in self._service.given_from(session, what.estimates_from):
                     self.put_estimates(session, block)

@@ -15,7 +15,7 @@ NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
 _OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Job:
     """Successive samples of the session in one slot, shape ``(rows, inputs)``; its state is reset first if asked."""
 

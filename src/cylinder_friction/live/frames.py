@@ -37,7 +37,7 @@ class FrameError(ValueError):
     """A message that is no sequence of blocks; none of its blocks is used."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class SampleBlock:
     """Successive samples of one session."""
 
@@ -47,7 +47,7 @@ class SampleBlock:
     samples: Array  # Shape ``(rows, columns)``
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class EstimateBlock:
     """Their estimates."""
 
@@ -58,7 +58,7 @@ class EstimateBlock:
     flags: NDArray[np.uint32]  # Shape ``(rows,)``
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Acknowledgement:
     """All samples of a session before ``index`` are kept, whatever happens to the service."""
 

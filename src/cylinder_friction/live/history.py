@@ -1,5 +1,6 @@
-"""The journal's estimates as Parquet: a folder per session, a file per UTC day and stretch, whole files only."""
+"""The journal's estimates as Parquet: a folder per session and UTC day, whole files only."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
@@ -7,9 +8,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.live.journal import Chunk, Journal
+from cylinder_friction.live.journal import Chunk, Estimates, Journal
 
 DAY_S = 86400.0
+LATE_FOLDER = "late"
+_NEWTONS = ("friction_n", "lower_n", "upper_n")
 
 
 def move_into_history(journal: Journal, folder: Path, left: int = 0) -> list[Path]:
@@ -21,38 +24,63 @@ def move_into_history(journal: Journal, folder: Path, left: int = 0) -> list[Pat
     not dropped yet is written again as the same file.
 
     Columns: ``index``, ``time_s`` (the sender's clock, Unix), the model's inputs, ``friction_n``, ``lower_n``,
-    ``upper_n``, ``flags``.
+    ``upper_n``, ``flags``; where a second model was recorded, the same four with ``shadow_`` before them. Their models'
+    SHA-256 are in the file's metadata. Samples that came too late to be stepped lie, without estimates, in a folder
+    ``late`` beside the session's days.
     """
-    written = []
     last = journal.last_chunk() - left
-    for name in journal.with_chunks(last):
-        by_day: dict[int, list[Chunk]] = {}
-        for chunk in journal.chunks(name, last):
-            by_day.setdefault(int(chunk.time_s // DAY_S), []).append(chunk)
-        for day, chunks in by_day.items():
-            date = np.datetime64(day, "D")
-            path = folder / quote(name, safe="") / f"{date}" / f"{chunks[0].index:016d}.parquet"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draft = path.with_suffix(".draft")
-            pq.write_table(table_of(chunks), draft)
-            draft.replace(path)
-            written.append(path)
-        journal.forget(name, last)
-    return written
+    return [path for name in journal.with_chunks(last) for path in move_session(journal, name, last, folder)]
 
 
-def table_of(chunks: list[Chunk]) -> pa.Table:
-    """Return chunks of one session as one table."""
-    rows = [len(chunk.flags) for chunk in chunks]
-    within = [np.arange(count) for count in rows]
+def move_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
+    """Do so for one session, up to a chunk's number."""
+    files: dict[Path, list[Chunk]] = {}
+    for chunk in journal.chunks(name, last):
+        days = folder / quote(name, safe="")
+        if chunk.estimates is None:
+            days /= LATE_FOLDER
+        day = days / str(np.datetime64(int(chunk.time_s // DAY_S), "D"))
+        open_file = next((path for path, held in files.items() if path.parent == day and _alike(held[0], chunk)), None)
+        files.setdefault(open_file or day / f"{chunk.index:016d}.parquet", []).append(chunk)
+    for path, chunks in files.items():
+        write_whole(table_of(chunks), path)
+    journal.forget(name, last)
+    return list(files)
+
+
+def write_whole(table: pa.Table, path: Path) -> None:
+    """Write a file that is there as a whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_suffix(".draft")
+    pq.write_table(table, draft)
+    draft.replace(path)
+
+
+def table_of(chunks: Sequence[Chunk]) -> pa.Table:
+    """Return chunks of one session, made by the same models, as one table."""
+    within = [np.arange(len(chunk.samples)) for chunk in chunks]
+    pairs = list(zip(chunks, within, strict=True))
     columns = {
-        "index": np.concatenate([chunk.index + each for chunk, each in zip(chunks, within, strict=True)]),
-        "time_s": np.concatenate(
-            [chunk.time_s + chunk.sample_time_s * each for chunk, each in zip(chunks, within, strict=True)]
-        ),
+        "index": np.concatenate([chunk.index + each for chunk, each in pairs]),
+        "time_s": np.concatenate([chunk.time_s + chunk.sample_time_s * each for chunk, each in pairs]),
     }
-    samples, newtons = np.concatenate([each.samples for each in chunks]), np.concatenate([c.newtons for c in chunks])
+    samples = np.concatenate([each.samples for each in chunks])
     columns |= {name: samples[:, place] for place, name in enumerate(chunks[0].inputs)}
-    columns |= {name: newtons[:, place] for place, name in enumerate(("friction_n", "lower_n", "upper_n"))}
-    columns["flags"] = np.concatenate([chunk.flags for chunk in chunks])
-    return pa.table({name: pa.array(np.ascontiguousarray(values)) for name, values in columns.items()})
+    columns |= _estimates("", [each.estimates for each in chunks])
+    columns |= _estimates("shadow_", [each.shadow for each in chunks])
+    made_by = dict(zip(("model", "shadow_model"), chunks[0].made_by, strict=True))
+    table = pa.table({name: pa.array(np.ascontiguousarray(values)) for name, values in columns.items()})
+    return table.replace_schema_metadata({key: model for key, model in made_by.items() if model})
+
+
+def _alike(one: Chunk, other: Chunk) -> bool:
+    return (one.made_by, one.inputs) == (other.made_by, other.inputs)
+
+
+def _estimates(prefix: str, parts: Iterable[Estimates | None]) -> dict[str, np.ndarray]:
+    given = [part for part in parts if part is not None]
+    if not given:
+        return {}
+    newtons = np.concatenate([each.newtons for each in given])
+    columns = {prefix + name: newtons[:, place] for place, name in enumerate(_NEWTONS)}
+    return columns | {prefix + "flags": np.concatenate([each.flags for each in given])}

@@ -2,27 +2,35 @@
 
 import json
 import sqlite3
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.live.models import SavedState, Switch
 
 _SAME_TIME = 0.5
 """Share of the sample time by which the sender's clock may jitter between chunks that are kept as one."""
-_TABLES = """
-CREATE TABLE IF NOT EXISTS session (
-    name TEXT PRIMARY KEY, model TEXT NOT NULL, next_index INTEGER NOT NULL, state BLOB NOT NULL, counts TEXT NOT NULL
-) WITHOUT ROWID;
+_VERSION = 2
+_TABLES = f"""
+CREATE TABLE IF NOT EXISTS session (name TEXT PRIMARY KEY, content TEXT NOT NULL, state BLOB NOT NULL, shadow BLOB)
+    WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS chunk (
-    id INTEGER PRIMARY KEY, name TEXT NOT NULL, first_index INTEGER NOT NULL, time_s REAL NOT NULL,
-    sample_time_s REAL NOT NULL, inputs TEXT NOT NULL, rows INTEGER NOT NULL, samples BLOB NOT NULL,
-    newtons BLOB NOT NULL, flags BLOB NOT NULL
+    id INTEGER PRIMARY KEY, name TEXT NOT NULL, first_index INTEGER NOT NULL, rows INTEGER NOT NULL,
+    content TEXT NOT NULL, samples BLOB NOT NULL, estimates BLOB NOT NULL, shadow BLOB
 );
+CREATE INDEX IF NOT EXISTS chunk_of_session ON chunk (name, id);
+PRAGMA user_version = {_VERSION};
 """
+
+
+class JournalError(ValueError):
+    """A file that is no journal of this version; the message states what to do."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +38,33 @@ class SavedSession:
     """A session as it was when it was last kept."""
 
     name: str
-    model: str  # SHA-256 of the model whose state it is
     next_index: int  # All samples before it are kept
-    state: bytes
     counts: dict[str, int]
+    current: SavedState
+    shadow: SavedState | None = None
+    switch: Switch | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
+class Estimates:
+    """What one model made of successive samples."""
+
+    model: str  # SHA-256
+    newtons: Array  # Friction, lower, upper [N], shape ``(rows, 3)``
+    flags: NDArray[np.uint32]
+
+    def as_bytes(self) -> bytes:
+        """Return newtons, then flags."""
+        return self.newtons.tobytes() + self.flags.tobytes()
+
+    @classmethod
+    def from_bytes(cls, model: str, content: bytes, rows: int) -> Self:
+        """Return what ``as_bytes`` wrote."""
+        newtons = np.frombuffer(content, "<f8", 3 * rows).reshape(rows, 3)
+        return cls(model, newtons, np.frombuffer(content, "<u4", rows, 24 * rows))
+
+
+@dataclass(slots=True)
 class Chunk:
     """Successive samples of a session with their estimates."""
 
@@ -46,111 +74,163 @@ class Chunk:
     sample_time_s: float
     inputs: tuple[str, ...]
     samples: Array  # Shape ``(rows, inputs)``
-    newtons: Array  # Friction, lower, upper [N], shape ``(rows, 3)``
-    flags: NDArray[np.uint32]
+    estimates: Estimates | None  # None: they came after their gap had been given up, and were not stepped
+    shadow: Estimates | None = None  # Of a second model, where they are recorded
+
+    @property
+    def made_by(self) -> tuple[str | None, str | None]:
+        """Model and second model."""
+        of, beside = self.estimates, self.shadow
+        return None if of is None else of.model, None if beside is None else beside.model
 
 
 def merged(chunks: Sequence[Chunk]) -> list[Chunk]:
-    """Return chunks of one session with those that follow each other, in index and in the sender's time, as one."""
+    """Return chunks with those of one session that follow each other, in index and in the sender's time, as one."""
     runs: list[list[Chunk]] = []
     for chunk in chunks:
-        last = runs[-1][-1] if runs else None
-        rows = 0 if last is None else len(last.flags)
-        if last is not None and (
-            chunk.index == last.index + rows
-            and abs(chunk.time_s - last.time_s - rows * last.sample_time_s) < _SAME_TIME * last.sample_time_s
-        ):
+        if runs and _follows(runs[-1][-1], chunk):
             runs[-1].append(chunk)
         else:
             runs.append([chunk])
     return [run[0] if len(run) == 1 else _one(run) for run in runs]
 
 
+def _follows(last: Chunk, chunk: Chunk) -> bool:
+    rows = len(last.samples)
+    late_s = chunk.time_s - last.time_s - rows * last.sample_time_s
+    same_time = abs(late_s) < _SAME_TIME * last.sample_time_s
+    same = (chunk.name, chunk.made_by) == (last.name, last.made_by)
+    return same and same_time and chunk.index == last.index + rows
+
+
 def _one(run: Sequence[Chunk]) -> Chunk:
-    return replace(
-        run[0],
-        samples=np.concatenate([each.samples for each in run]),
-        newtons=np.concatenate([each.newtons for each in run]),
-        flags=np.concatenate([each.flags for each in run]),
-    )
+    samples = np.concatenate([each.samples for each in run])
+    estimates, shadow = _joined([each.estimates for each in run]), _joined([each.shadow for each in run])
+    return replace(run[0], samples=samples, estimates=estimates, shadow=shadow)
+
+
+def _joined(parts: Sequence[Estimates | None]) -> Estimates | None:
+    """Return the estimates of one model as one; None where the first part has none."""
+    given = [part for part in parts if part is not None]
+    if not given:
+        return None
+    flags = np.concatenate([each.flags for each in given])
+    return Estimates(given[0].model, np.concatenate([each.newtons for each in given]), flags)
 
 
 class Journal:
     """Sessions and their latest estimates in one file; all of what is kept together, or nothing, when a kill comes.
 
+    One thread reads while another keeps; those that write wait for each other.
+
     Args:
         path: Its file; made where there is none.
+
+    Raises:
+        JournalError: The file is of another version.
     """
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-        self._database.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL;" + _TABLES)
+        self._writing, self._turn = (
+            sqlite3.connect(path, check_same_thread=False, isolation_level=None),
+            threading.Lock(),
+        )
+        tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+        version = self._writing.execute("PRAGMA user_version").fetchone()[0]
+        if tables and version != _VERSION:
+            self._writing.close()
+            raise JournalError(
+                f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
+                "move it into the history (start and stop it once), or move the file away"
+            )
+        self._writing.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL;" + _TABLES)
+        self._reading = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
 
     def close(self) -> None:
         """Close the file."""
-        self._database.close()
+        self._reading.close()
+        self._writing.close()
 
     def session(self, name: str) -> SavedSession | None:
         """Return a session as it was last kept, or None."""
-        row = self._database.execute(
-            "SELECT name, model, next_index, state, counts FROM session WHERE name = ?", (name,)
-        ).fetchone()
+        row = self._reading.execute("SELECT content, state, shadow FROM session WHERE name = ?", (name,)).fetchone()
         if row is None:
             return None
-        known, model, next_index, state, counts = row
-        return SavedSession(known, model, next_index, state, json.loads(counts))
+        content, state, shadow = json.loads(row[0]), row[1], row[2]
+        switch = content["switch"] and Switch.from_dict(content["switch"])
+        beside = None if shadow is None else SavedState(content["shadow"], shadow)
+        current = SavedState(content["model"], state)
+        return SavedSession(name, content["next_index"], content["counts"], current, beside, switch)
 
     def names(self) -> list[str]:
         """Return the names of all sessions that were ever kept."""
-        return [name for (name,) in self._database.execute("SELECT name FROM session ORDER BY name")]
+        return [name for (name,) in self._reading.execute("SELECT name FROM session ORDER BY name")]
 
     def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Chunk]) -> None:
         """Keep states and the estimates that led to them, all or nothing."""
-        with self._transaction():
-            self._database.executemany(
-                "INSERT OR REPLACE INTO session VALUES (?, ?, ?, ?, ?)",
-                [(each.name, each.model, each.next_index, each.state, json.dumps(each.counts)) for each in sessions],
-            )
-            self._database.executemany(
-                "INSERT INTO chunk (name, first_index, time_s, sample_time_s, inputs, rows, samples, newtons, flags) "
-                "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                [
-                    (
-                        each.name, each.index, each.time_s, each.sample_time_s, json.dumps(each.inputs),
-                        len(each.flags), each.samples.tobytes(), each.newtons.tobytes(), each.flags.tobytes(),
-                    )
-                    for each in chunks
-                ],
-            )  # fmt: skip
+        rows = [_session_row(each) for each in sessions], [_chunk_row(each) for each in merged(chunks)]
+        with self._turn:
+            self._writing.execute("BEGIN IMMEDIATE")
+            with self._writing:  # commits, or rolls back
+                self._writing.executemany("INSERT OR REPLACE INTO session VALUES (?, ?, ?, ?)", rows[0])
+                self._writing.executemany(
+                    "INSERT INTO chunk (name, first_index, rows, content, samples, estimates, shadow) "
+                    "VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    rows[1],
+                )
 
     def last_chunk(self) -> int:
         """Return the number of the newest chunk; 0 where there is none."""
-        return int(self._database.execute("SELECT COALESCE(MAX(id), 0) FROM chunk").fetchone()[0])
+        return int(self._reading.execute("SELECT COALESCE(MAX(id), 0) FROM chunk").fetchone()[0])
 
     def chunks(self, name: str, up_to: int, from_index: int = 0) -> Iterator[Chunk]:
         """Yield a session's chunks, oldest first, up to a number, from the one that holds or follows an index."""
-        rows = self._database.execute(
-            "SELECT name, first_index, time_s, sample_time_s, inputs, rows, samples, newtons, flags FROM chunk "
+        rows = self._reading.execute(
+            "SELECT first_index, rows, content, samples, estimates, shadow FROM chunk "
             "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
             (name, up_to, from_index),
         )
-        for who, index, time_s, sample_time_s, inputs, count, samples, newtons, flags in rows:
+        for index, count, content, samples, estimates, shadow in rows:
+            of = json.loads(content)
             yield Chunk(
-                who, index, time_s, sample_time_s, tuple(json.loads(inputs)),
-                np.frombuffer(samples, "<f8").reshape(count, -1), np.frombuffer(newtons, "<f8").reshape(count, 3),
-                np.frombuffer(flags, "<u4"),
+                name, index, of["time_s"], of["sample_time_s"], tuple(of["inputs"]),
+                np.frombuffer(samples, "<f8").reshape(count, -1),
+                None if of["model"] is None else Estimates.from_bytes(of["model"], estimates, count),
+                None if shadow is None else Estimates.from_bytes(of["shadow"], shadow, count),
             )  # fmt: skip
 
     def forget(self, name: str, up_to: int) -> None:
         """Drop a session's chunks up to a number: they lie elsewhere now."""
-        self._database.execute("DELETE FROM chunk WHERE name = ? AND id <= ?", (name, up_to))
+        with self._turn:
+            self._writing.execute("DELETE FROM chunk WHERE name = ? AND id <= ?", (name, up_to))
 
     def with_chunks(self, up_to: int) -> list[str]:
         """Return the names of the sessions that have chunks up to a number."""
-        rows = self._database.execute("SELECT DISTINCT name FROM chunk WHERE id <= ? ORDER BY name", (up_to,))
+        rows = self._reading.execute("SELECT DISTINCT name FROM chunk WHERE id <= ? ORDER BY name", (up_to,))
         return [name for (name,) in rows]
 
-    def _transaction(self) -> sqlite3.Connection:
-        self._database.execute("BEGIN IMMEDIATE")
-        return self._database  # as a context it commits, or rolls back
+
+def _session_row(session: SavedSession) -> tuple[str, str, bytes, bytes | None]:
+    content = {
+        "next_index": session.next_index,
+        "counts": session.counts,
+        "model": session.current.model,
+        "shadow": session.shadow and session.shadow.model,
+        "switch": session.switch and session.switch.as_dict(),
+    }
+    shadow = None if session.shadow is None else session.shadow.state
+    return session.name, json.dumps(content), session.current.state, shadow
+
+
+def _chunk_row(chunk: Chunk) -> tuple[str, int, int, str, bytes, bytes, bytes | None]:
+    model, shadow_model = chunk.made_by
+    content = {
+        "time_s": chunk.time_s, "sample_time_s": chunk.sample_time_s, "inputs": chunk.inputs, "model": model,
+        "shadow": shadow_model,
+    }  # fmt: skip
+    estimates = b"" if chunk.estimates is None else chunk.estimates.as_bytes()
+    shadow = None if chunk.shadow is None else chunk.shadow.as_bytes()
+    return (
+        chunk.name, chunk.index, len(chunk.samples), json.dumps(content), chunk.samples.tobytes(), estimates, shadow
+    )  # fmt: skip

@@ -1,14 +1,17 @@
-"""Sessions, the engine and the journal put together; knows no network."""
+"""Sessions, their models and the journal put together; knows no network."""
 
 import math
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+from cylinder_friction.live.clock_check import ClockCheck
 from cylinder_friction.live.engine import Engine, Job
 from cylinder_friction.live.frames import EstimateBlock, SampleBlock
-from cylinder_friction.live.journal import Chunk, Journal, SavedSession, merged
+from cylinder_friction.live.journal import Chunk, Estimates, Journal, SavedSession
+from cylinder_friction.live.models import Part, Running, SavedState, SessionModels
 from cylinder_friction.live.session import Counts, Piece, SessionOrder
 from cylinder_friction.live.settings import LiveLimits, SessionRules
 
@@ -27,8 +30,9 @@ class LiveSession:
 
     name: str
     handle: int
-    slot: int
+    models: SessionModels
     order: SessionOrder
+    clock: ClockCheck
     chunks: list[Chunk] = field(default_factory=list)  # Not kept yet
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
@@ -38,14 +42,27 @@ class LiveSession:
         """Index of the sample that is stepped next."""
         return self.order.next_index or 0
 
+    @property
+    def model(self) -> str:
+        """SHA-256 of the model that gives the newtons."""
+        return self.models.current.engine.model
+
+    def saved(self) -> SavedSession:
+        """Return all that a restart needs."""
+        models = self.models
+        shadow = None if models.shadow is None else models.shadow.saved()
+        counts = dict(vars(self.order.counts))
+        return SavedSession(self.name, self.next_index, counts, models.current.saved(), shadow, models.switch)
+
 
 class LiveService:
     """Friction of many cylinders: samples go in by session and index, estimates come out in order.
 
     Args:
-        engine: Of the one model that all sessions run.
+        engine: Of the model that new sessions run, and that those of another model change to.
         journal: Where states and estimates are kept.
         on_estimates: Called with a session and the estimates of successive samples, as soon as they are there.
+        others: Engines of other models: sessions that have run one of them go on with it until the change.
     """
 
     def __init__(
@@ -56,9 +73,11 @@ class LiveService:
         rules: SessionRules | None = None,
         limits: LiveLimits | None = None,
         clock: Callable[[], float] = time.monotonic,
+        others: Iterable[Engine] = (),
     ) -> None:
         self.engine, self.journal, self.on_estimates = engine, journal, on_estimates
         self.rules, self.limits, self._clock = rules or SessionRules(), limits or LiveLimits(), clock
+        self.engines = {each.model: each for each in (*others, engine)}
         self.sessions: dict[str, LiveSession] = {}
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
@@ -75,20 +94,28 @@ class LiveService:
             return self.sessions[name]
         if len(self.sessions) >= self.limits.sessions:
             raise LiveError(f"session {name!r}: {len(self.sessions)} sessions are open, all that are taken; try later")
-        saved = self.journal.session(name)
-        slot = self.engine.add()
         order = SessionOrder(self.engine.sample_time_s, len(self.engine.inputs), self.rules)
-        if saved is not None:
-            order.next_index, order.counts = saved.next_index, Counts.from_dict(saved.counts)
-            if saved.model == self.engine.model:
-                self.engine.restore(slot, saved.state)
-            else:
-                order.counts.resets += 1
-        session = LiveSession(name, self._next_handle, slot, order, last_seen_s=self._clock())
+        models = self._models(self.journal.session(name), order)
+        clock = ClockCheck(self.engine.sample_time_s)
+        session = LiveSession(name, self._next_handle, models, order, clock, last_seen_s=self._clock())
         session.kept_index = session.next_index
         self.sessions[name] = self._by_handle[session.handle] = session
         self._next_handle += 1
         return session
+
+    def add_model(self, engine: Engine) -> None:
+        """Make a model known, so that sessions can change to it.
+
+        Raises:
+            LiveError: It takes other samples.
+        """
+        known = self.engines.setdefault(engine.model, engine)
+        if (known.inputs, known.sample_time_s) != (self.engine.inputs, self.engine.sample_time_s):
+            del self.engines[engine.model]
+            raise LiveError(
+                f"model {engine.model[:12]}: takes {list(known.inputs)} every {known.sample_time_s:g} s; the sessions "
+                f"send {list(self.engine.inputs)} every {self.engine.sample_time_s:g} s"
+            )
 
     def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
         """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
@@ -96,9 +123,9 @@ class LiveService:
         blocks = []
         for chunk in chunks:
             known = max(0, index - chunk.index)
-            if known < len(chunk.flags):
+            if chunk.estimates is not None and known < len(chunk.samples):
                 time_s = chunk.time_s + known * chunk.sample_time_s
-                newtons, flags = chunk.newtons[known:], chunk.flags[known:]
+                newtons, flags = chunk.estimates.newtons[known:], chunk.estimates.flags[known:]
                 blocks.append(EstimateBlock(session.handle, chunk.index + known, time_s, newtons, flags))
         return blocks
 
@@ -130,8 +157,11 @@ class LiveService:
         pieces: list[tuple[LiveSession, Piece]] = []
         for session, block in zip(owners, blocks, strict=True):
             session.last_seen_s = now_s
+            session.clock.note(block.index, block.time_s)
             found = session.order.receive(block.index, block.time_s, block.samples, now_s)
             pieces += [(session, piece) for piece in found]
+            if session.order.late:
+                self._keep_late(session)
         self._step(pieces)
 
     def overdue(self) -> None:
@@ -144,32 +174,28 @@ class LiveService:
         held = sum(each.order.held_rows for each in self.sessions.values())
         return {"sessions": len(self.sessions), "held_rows": held, "unkept_rows": self.unkept_rows}
 
-    def unkept(self) -> tuple[list[SavedSession], list[Chunk]]:
-        """Return what ``Journal.keep`` is to keep; from now on it counts as handed over."""
+    def unkept(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[Chunk]]:
+        """Return what ``Journal.keep`` is to keep of some sessions; from now on it counts as handed over."""
         saved, chunks = [], []
-        for session in self.sessions.values():
-            if session.chunks:
-                saved.append(
-                    SavedSession(
-                        session.name, self.engine.model, session.next_index, self.engine.saved(session.slot),
-                        dict(vars(session.order.counts)),
-                    )
-                )  # fmt: skip
-                chunks += merged(session.chunks)
+        for session in sessions:
+            if session.chunks or not session.models.switch_kept:
+                saved.append(session.saved())
+                self.unkept_rows -= sum(len(each.samples) for each in session.chunks)
+                chunks += session.chunks
                 session.chunks = []
-        self.unkept_rows = 0
         return saved, chunks
 
     def kept(self, saved: Sequence[SavedSession]) -> list[LiveSession]:
         """Note what has been kept; return the sessions whose samples can be acknowledged."""
-        known = [(self.sessions[each.name], each.next_index) for each in saved if each.name in self.sessions]
-        for session, index in known:
-            session.kept_index = index
+        known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
+        for session, each in known:
+            session.kept_index = each.next_index
+            session.models.switch_kept |= each.switch == session.models.switch
         return [session for session, _ in known]
 
     def keep(self) -> list[LiveSession]:
         """Keep everything now; return the sessions whose samples can be acknowledged."""
-        saved, chunks = self.unkept()
+        saved, chunks = self.unkept(self.sessions.values())
         self.journal.keep(saved, chunks)
         return self.kept(saved)
 
@@ -182,25 +208,70 @@ class LiveService:
             if now_s - each.last_seen_s > self.limits.idle_s and not each.chunks and each.kept_index == each.next_index
         ]
         for session in idle:
-            self.engine.remove(session.slot)
+            session.models.close()
             del self.sessions[session.name], self._by_handle[session.handle]
         return [session.name for session in idle]
+
+    def _models(self, saved: SavedSession | None, order: SessionOrder) -> SessionModels:
+        """Return the models of a session as it was kept, and bring ``order`` to where it stood."""
+        if saved is None:
+            return SessionModels(self._fresh())
+        order.next_index, order.counts = saved.next_index, Counts.from_dict(saved.counts)
+        current = self._restored(saved.current)
+        if current is None:
+            order.counts.resets += 1
+            return SessionModels(self._fresh())
+        shadow = self._restored(saved.shadow)
+        known = saved.switch is not None and saved.switch.model in self.engines
+        models = SessionModels(current, shadow, saved.switch if known else None)
+        if models.switch is None and current.engine is not self.engine:
+            models.change_to(self.engine.model, saved.next_index, round(self.rules.warm_s / self.engine.sample_time_s))
+        return models
+
+    def _fresh(self) -> Running:
+        return Running(self.engine, self.engine.add())
+
+    def _restored(self, saved: SavedState | None) -> Running | None:
+        engine = None if saved is None else self.engines.get(saved.model)
+        if saved is None or engine is None:
+            return None
+        running = Running(engine, engine.add())
+        engine.restore(running.slot, saved.state)
+        return running
 
     def _step(self, pieces: Sequence[tuple[LiveSession, Piece]]) -> None:
         if not pieces:
             return
-        results = self.engine.run([Job(session.slot, piece.samples, piece.reset) for session, piece in pieces])
-        for (session, piece), (newtons, flags) in zip(pieces, results, strict=True):
-            block = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, flags)
-            session.chunks.append(
-                Chunk(
-                    session.name, piece.index, piece.time_s, self.engine.sample_time_s, self.engine.inputs,
-                    piece.samples, newtons, flags,
-                )
-            )  # fmt: skip
-            self.unkept_rows += len(flags)
-            if self.on_estimates is not None:
-                self.on_estimates(session, block)
+        parts = [(session, part) for session, piece in pieces for part in session.models.parts(piece, self.engines)]
+        jobs: defaultdict[Engine, list[Job]] = defaultdict(list)
+        for _, part in parts:
+            for running in part.models:
+                jobs[running.engine].append(Job(running.slot, part.piece.samples, part.piece.reset))
+        results = {engine: iter(engine.run(each)) for engine, each in jobs.items()}
+        for session, part in parts:
+            given = [Estimates(each.engine.model, *next(results[each.engine])) for each in part.models]
+            self._give(session, part, *given)
+
+    def _give(self, session: LiveSession, part: Part, estimates: Estimates, shadow: Estimates | None = None) -> None:
+        self._add(session, part.piece, estimates, shadow if part.recorded else None)
+        if self.on_estimates is not None:
+            newtons, flags = estimates.newtons, estimates.flags
+            self.on_estimates(
+                session, EstimateBlock(session.handle, part.piece.index, part.piece.time_s, newtons, flags)
+            )
+
+    def _keep_late(self, session: LiveSession) -> None:
+        for piece in session.order.late:
+            self._add(session, piece, None)
+        session.order.late.clear()
+
+    def _add(
+        self, session: LiveSession, piece: Piece, estimates: Estimates | None, shadow: Estimates | None = None
+    ) -> None:
+        step_s, inputs = self.engine.sample_time_s, self.engine.inputs
+        chunk = Chunk(session.name, piece.index, piece.time_s, step_s, inputs, piece.samples, estimates, shadow)
+        session.chunks.append(chunk)
+        self.unkept_rows += len(piece.samples)
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
         if not _NAME.fullmatch(name):

@@ -16,7 +16,7 @@ class Counts:
 
     stepped: int = 0  # Stepped in their turn
     duplicate: int = 0  # Had been stepped before; dropped
-    late: int = 0  # Came after their gap had been given up; dropped
+    late: int = 0  # Came after their gap had been given up; not stepped, but kept
     missing: int = 0  # Of short gaps: stepped as no numbers
     skipped: int = 0  # Of long gaps: not stepped, the session began anew
     reordered: int = 0  # Stepped after having waited for samples before them
@@ -28,7 +28,7 @@ class Counts:
         return cls(**{each.name: int(content.get(each.name, 0)) for each in fields(cls)})
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Piece:
     """Successive samples to be stepped now, shape ``(rows, inputs)``, after a reset if asked."""
 
@@ -65,6 +65,8 @@ class SessionOrder:
     def __post_init__(self) -> None:
         self._held: list[_Held] = []  # By index; never overlapping
         self._gaps: list[tuple[int, int]] = []  # Given up, newest last
+        self.late: list[Piece] = []
+        """Samples that came after their gap had been given up, until somebody takes them away."""
 
     def receive(self, index: int, time_s: float, samples: Array, now_s: float) -> list[Piece]:
         """Take samples in, beginning at ``index``; return what can be stepped, in order."""
@@ -72,7 +74,7 @@ class SessionOrder:
             self.next_index = index
         begun = max(0, min(len(samples), self.next_index - index))
         if begun:
-            self._count_old(index, index + begun)
+            self._sort_old(Piece(index, time_s, samples[:begun]))
             index, time_s, samples = index + begun, time_s + begun * self.sample_time_s, samples[begun:]
         if not len(samples):
             return []
@@ -86,13 +88,6 @@ class SessionOrder:
         """Return what is to be stepped although samples before it are missing: they were waited for long enough."""
         pieces: list[Piece] = []
         while self._held and self._must_go_on(now_s):
-            pieces += self._over_the_gap()
-        return pieces
-
-    def give_up(self) -> list[Piece]:
-        """Return all that waits, gaps stepped over: nothing more will come."""
-        pieces: list[Piece] = []
-        while self._held:
             pieces += self._over_the_gap()
         return pieces
 
@@ -133,10 +128,23 @@ class SessionOrder:
         self.next_index = piece.index + len(piece.samples)
         return piece
 
-    def _count_old(self, begin: int, end: int) -> None:
-        late = sum(max(0, min(end, last) - max(begin, first)) for first, last in self._gaps)
+    def _sort_old(self, old: Piece) -> None:
+        """Tell samples that lie in a gap, each once, from duplicates."""
+        end, late = old.index + len(old.samples), 0
+        gaps: list[tuple[int, int]] = []
+        for first, last in self._gaps:
+            begin, stop = max(old.index, first), min(end, last)
+            if begin >= stop:
+                gaps.append((first, last))
+                continue
+            late += stop - begin
+            part = slice(begin - old.index, stop - old.index)
+            time_s = old.time_s + part.start * self.sample_time_s
+            self.late.append(Piece(begin, time_s, old.samples[part]))
+            gaps += [gap for gap in ((first, begin), (stop, last)) if gap[0] < gap[1]]
+        self._gaps = gaps
         self.counts.late += late
-        self.counts.duplicate += end - begin - late
+        self.counts.duplicate += len(old.samples) - late
 
     def _hold(self, new: _Held) -> None:
         """Keep what is not held yet of new samples."""

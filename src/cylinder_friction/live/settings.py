@@ -19,15 +19,17 @@ class SessionRules:
         hold_rows: How many may wait; beyond it the gap before them is taken for lost.
         short_gap_s: A gap up to this long is stepped through as samples that are no numbers, which the step holds and
             flags; after a longer one the session begins anew, as after a reset [s].
+        warm_s: How long a model that a session changes to runs beside the old one before it takes over [s].
     """
 
     hold_s: float = 0.5
     hold_rows: int = 2000
     short_gap_s: float = 0.5
+    warm_s: float = 10.0
 
     def __post_init__(self) -> None:
         """Refuse what is not positive; raises ``LiveSettingsError``."""
-        refuse_unless_positive(self, "rules", "hold_s", "hold_rows", "short_gap_s")
+        refuse_unless_positive(self, "rules", "hold_s", "hold_rows", "short_gap_s", "warm_s")
 
 
 @dataclass(frozen=True)

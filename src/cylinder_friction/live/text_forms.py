@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.frames import LARGEST_INDEX, EstimateBlock
 from cylinder_friction.live.service import LiveError, LiveSession
 from cylinder_friction.realtime.flags import Flag
@@ -60,7 +59,7 @@ def read_text(text: str) -> TextMessage:
     return TextMessage(False, str(body["session"]), index=index, time_s=time_s, samples=rows)
 
 
-def opened_text(session: LiveSession, engine: Engine) -> str:
+def opened_text(session: LiveSession) -> str:
     """Return the reply to an opened session: its handle, and the index from which samples are to be sent (again)."""
     return json.dumps(
         {
@@ -69,7 +68,7 @@ def opened_text(session: LiveSession, engine: Engine) -> str:
                 "handle": session.handle,
                 "next_index": session.next_index,
                 "kept_index": session.kept_index,
-                "model": engine.model,
+                "model": session.model,
                 "counts": vars(session.order.counts),
             }
         }

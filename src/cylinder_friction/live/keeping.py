@@ -1,0 +1,67 @@
+"""Sessions and estimates into the journal each second, and from there into the history, beside the samples that come."""
+
+import asyncio
+import logging
+import os
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from cylinder_friction.live.connection import Peers
+from cylinder_friction.live.history import move_session
+from cylinder_friction.live.service import LiveService, LiveSession
+
+KEEP_S, HISTORY_S = 1.0, 60.0
+KEEP_STEPS = 25
+"""In so many steps all sessions are kept: while one is, no estimate waits for more than a few of them."""
+LEFT_S = 10
+"""For so many seconds estimates stay in the journal, for a client that comes back."""
+_log = logging.getLogger(__name__)
+
+
+async def keep_each_second(service: LiveService, peers: Peers) -> None:
+    """Keep every session once a second, a few at a time, so that none waits long for the others."""
+    while True:
+        sessions = list(service.sessions.values())
+        some = -(-len(sessions) // KEEP_STEPS) or 1
+        steps = max(1, -(-len(sessions) // some))
+        for first in range(0, steps * some, some):
+            due_s = time.monotonic() + KEEP_S / steps
+            await _keep_some(service, peers, sessions[first : first + some])
+            await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+        for name in service.close_idle():
+            _log.info("session %s closed: idle; its state is kept", name)
+
+
+async def _keep_some(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
+    saved, chunks = service.unkept(sessions)
+    if not saved:
+        return
+    keeping = asyncio.create_task(asyncio.to_thread(service.journal.keep, saved, chunks))
+    try:
+        await asyncio.shield(keeping)
+    except asyncio.CancelledError:
+        await keeping  # what was handed over is kept before the last of all is
+        raise
+    peers.acknowledge(service.kept(saved))
+
+
+async def move_each_minute(service: LiveService, history: Path) -> None:
+    """Move the journal into the history within each minute, a session at a time, when nothing else is to do."""
+    loop, behind = asyncio.get_running_loop(), ThreadPoolExecutor(1, "history", _give_way)
+    while True:
+        begun_s = time.monotonic()
+        last = service.journal.last_chunk() - LEFT_S * len(service.sessions)
+        names = service.journal.with_chunks(last)
+        for done, name in enumerate(names, 1):
+            await loop.run_in_executor(behind, move_session, service.journal, name, last, history)
+            await asyncio.sleep(max(0.0, begun_s + HISTORY_S * done / len(names) - time.monotonic()))
+        await asyncio.sleep(max(0.0, begun_s + HISTORY_S - time.monotonic()))
+
+
+def _give_way() -> None:
+    """Let other threads go first; Linux alone knows how for one thread."""
+    if sys.platform == "linux":
+        os.nice(10)
