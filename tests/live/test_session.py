@@ -101,3 +101,14 @@ def test_too_many_that_wait_do_not_wait_longer() -> None:
 def test_the_first_sample_states_where_a_new_session_begins() -> None:
     session = order(None)
     assert stepped(take(session, 1000, 1002)) == [1000, 1001]
+
+
+def test_late_samples_are_kept_once_each_and_never_stepped() -> None:
+    session = order()
+    take(session, 0, 2)
+    take(session, 20, 22)
+    session.overdue(1.0)  # samples 2 to 19 are given up
+    assert take(session, 1, 6) == []
+    assert take(session, 4, 8) == []
+    assert [(piece.index, len(piece.samples)) for piece in session.late] == [(2, 4), (6, 2)]
+    assert (session.counts.late, session.counts.duplicate) == (6, 3)

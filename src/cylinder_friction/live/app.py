@@ -63,8 +63,14 @@ def create_app(
             await watchers.run(socket)
 
     async def readyz(_: Request) -> Response:
-        ready = lag.worst_s < 1.0
-        body = {"ready": ready, "model": service.engine.model, "loop_lag_s": lag.worst_s, **service.load()}
+        ready = lag.worst_s < 1.0 and not service.keeps_not_because
+        body = {
+            "ready": ready,
+            "not_kept": service.keeps_not_because,
+            "model": service.engine.model,
+            "loop_lag_s": lag.worst_s,
+            **service.load(),
+        }
         return JSONResponse(body, 200 if ready else 503)
 
     async def metrics(_: Request) -> Response:

@@ -1,8 +1,9 @@
-"""Sessions and estimates into the journal each second, and from there into the history, beside the samples that come."""
+"""Sessions and estimates into the journal each second, and from there into the history, while samples come."""
 
 import asyncio
 import logging
 import os
+import sqlite3
 import sys
 import time
 from collections.abc import Sequence
@@ -45,20 +46,27 @@ async def _keep_some(service: LiveService, peers: Peers, sessions: Sequence[Live
     except asyncio.CancelledError:
         await keeping  # what was handed over is kept before the last of all is
         raise
+    except (sqlite3.Error, OSError) as error:
+        _log.error("nothing is kept or acknowledged: %s; tried again each second", error)
+        service.not_kept(saved, chunks, str(error))
+        return
     peers.acknowledge(service.kept(saved))
 
 
 async def move_each_minute(service: LiveService, history: Path) -> None:
-    """Move the journal into the history within each minute, a session at a time, when nothing else is to do."""
+    """Move the journal into the history each minute, a session at a time, when nothing else is to do."""
     loop, behind = asyncio.get_running_loop(), ThreadPoolExecutor(1, "history", _give_way)
     while True:
-        begun_s = time.monotonic()
-        last = service.journal.last_chunk() - LEFT_S * len(service.sessions)
+        await asyncio.sleep(HISTORY_S / 2)
+        begun_s, last = time.monotonic(), service.journal.last_chunk()
+        last -= LEFT_S * len(service.journal.with_chunks(last))
         names = service.journal.with_chunks(last)
         for done, name in enumerate(names, 1):
-            await loop.run_in_executor(behind, move_session, service.journal, name, last, history)
-            await asyncio.sleep(max(0.0, begun_s + HISTORY_S * done / len(names) - time.monotonic()))
-        await asyncio.sleep(max(0.0, begun_s + HISTORY_S - time.monotonic()))
+            try:
+                await loop.run_in_executor(behind, move_session, service.journal, name, last, history)
+            except (sqlite3.Error, OSError) as error:
+                _log.error("session %s stays in the journal, not in the history: %s", name, error)
+            await asyncio.sleep(max(0.0, begun_s + HISTORY_S / 2 * done / len(names) - time.monotonic()))
 
 
 def _give_way() -> None:

@@ -82,6 +82,8 @@ class LiveService:
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
         self.unkept_rows = 0
+        self.keeps_not_because = ""
+        """Why nothing could be kept the last time; empty where it could."""
 
     def open(self, name: str, inputs: Sequence[str], sample_time_s: float) -> LiveSession:
         """Return the session of that name, where it stood when it was last kept, or a new one.
@@ -185,8 +187,17 @@ class LiveService:
                 session.chunks = []
         return saved, chunks
 
+    def not_kept(self, saved: Sequence[SavedSession], chunks: Sequence[Chunk], reason: str) -> None:
+        """Take back what could not be kept; it is handed over again the next time."""
+        self.keeps_not_because = reason
+        for session in (self.sessions[each.name] for each in saved):
+            own = [chunk for chunk in chunks if chunk.name == session.name]
+            session.chunks = own + session.chunks
+            self.unkept_rows += sum(len(each.samples) for each in own)
+
     def kept(self, saved: Sequence[SavedSession]) -> list[LiveSession]:
         """Note what has been kept; return the sessions whose samples can be acknowledged."""
+        self.keeps_not_because = ""
         known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
         for session, each in known:
             session.kept_index = each.next_index

@@ -129,7 +129,7 @@ class SessionOrder:
         return piece
 
     def _sort_old(self, old: Piece) -> None:
-        """Tell samples that lie in a gap, each once, from duplicates."""
+        """Sort samples that lie in a gap, each once, from duplicates."""
         end, late = old.index + len(old.samples), 0
         gaps: list[tuple[int, int]] = []
         for first, last in self._gaps:
