@@ -5,19 +5,27 @@ from __future__ import annotations
 import asyncio
 import socket
 from contextlib import asynccontextmanager
+from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import yaml
 from asyncua import Client, ua
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from cylinder_friction.live.connection import Peers
 from cylinder_friction.live.frames import SampleBlock
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.opcua_quality import Health, health_of, status_of
-from cylinder_friction.live.opcua_server import NAMESPACE, OpcUaServerLink
+from cylinder_friction.live.opcua_server import APPLICATION, NAMESPACE, OpcUaServerLink
 from cylinder_friction.live.opcua_settings import OpcUaServerSettings
 from cylinder_friction.live.service import LiveService
+from cylinder_friction.network.tokens import TokenFile
+from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.params.live import load_live_params
 from cylinder_friction.realtime.flags import Flag
 from live_process import free_port
 
@@ -165,6 +173,54 @@ def test_sessions_beyond_the_configured_number_are_counted_not_shown(
             return len(await (await client.nodes.objects.get_child("2:CylinderFriction")).get_children())
 
     assert asyncio.run(look()) == 1
+
+
+def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine: Engine, tmp_path: Path) -> None:
+    (tmp_path / "tokens").write_text(f"{sha256(b'a token').hexdigest()} read\n", "ascii")
+    files = {name: tmp_path / name for name in ("key.pem", "certificate.der")}
+    settings = OpcUaServerSettings(port=free_port(), certificate=files["certificate.der"], private_key=files["key.pem"])
+    link = OpcUaServerLink(settings, TokenFile(tmp_path / "tokens"))
+
+    async def made() -> None:
+        usage = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+        await setup_self_signed_certificate(files["key.pem"], files["certificate.der"], APPLICATION, "x", usage, {})
+
+    async def enter(user: str | None, password: str, encrypted: bool = True) -> int:
+        client = Client(link.address)
+        if encrypted:
+            await client.set_security(SecurityPolicyBasic256Sha256, files["certificate.der"], files["key.pem"])
+        if user is not None:
+            client.set_user(user)
+            client.set_password(password)
+        async with client:
+            return await client.get_namespace_index(NAMESPACE)
+
+    async def run() -> None:
+        await made()
+        service = LiveService(engine, Journal(tmp_path / "journal.db"))
+        async with link.running(service, Peers()):
+            assert await enter("anybody", "a token") == 2
+            for wrong in (("anybody", "another"), (None, ""), ("anybody", "a token", False)):
+                with pytest.raises((ua.UaError, ConnectionError)):
+                    await enter(*wrong)
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("server", "words"),
+    [
+        ({"host": "0.0.0.0"}, "which others reach; give opcua_server.certificate and private_key, and access.tokens"),
+        ({"host": "0.0.0.0", "certificate": "a", "private_key": "b"}, "which others reach"),
+        ({"certificate": "a"}, "opcua_server: expected both certificate and private_key, or neither"),
+        ({"update_hz": 100.0}, "opcua_server.update_hz: got 100.0, expected 1 to 10"),
+    ],
+)
+def test_what_would_be_open_to_others_is_refused(server: dict[str, Any], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "live.yaml"
+    path.write_text(yaml.safe_dump({"opcua_server": server}), "utf-8")
+    with pytest.raises(ParamsError, match=words):
+        load_live_params(path)
 
 
 def test_a_taken_port_is_an_error_of_the_start(engine: Engine, tmp_path: Path) -> None:

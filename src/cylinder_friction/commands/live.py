@@ -16,11 +16,13 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine
+from cylinder_friction.live.guard import ROLES
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.links import Link
 from cylinder_friction.live.replay import Replay
 from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.live.tcp import TcpLink
+from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.params.checking import load_params
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 from cylinder_friction.recordings.reading_logs import read_logs
@@ -98,7 +100,8 @@ def links_of(params: LiveParams) -> list[Link]:
     if params.opcua_server is not None:
         from cylinder_friction.live.opcua_server import OpcUaServerLink
 
-        links.append(OpcUaServerLink(params.opcua_server))
+        tokens = None if params.access.tokens is None else TokenFile(params.access.tokens, ROLES)
+        links.append(OpcUaServerLink(params.opcua_server, tokens))
     if params.opcua_client is not None:
         from cylinder_friction.live.opcua_client import OpcUaClientLink
 

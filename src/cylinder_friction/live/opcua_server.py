@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from asyncua import Node, Server, ua
+from asyncua.crypto.permission_rules import User, UserRole
 
 from cylinder_friction.live.connection import Peers
 from cylinder_friction.live.frames import EstimateBlock
@@ -21,12 +22,17 @@ from cylinder_friction.live.opcua_quality import CLOSED, FAILED, SILENT, Health,
 from cylinder_friction.live.opcua_settings import OpcUaServerSettings
 from cylinder_friction.live.own_loop import in_own_loop
 from cylinder_friction.live.service import LiveService, LiveSession
+from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.realtime.flags import Flag
 
 NAMESPACE, APPLICATION = "urn:cylinder-friction:live:results", "urn:cylinder-friction:live"
 DEVICES = "http://opcfoundation.org/UA/DI/"
 HEALTH_TYPE, HEALTH_NAMES = 6244, 6450
 """Numbers of ``DeviceHealthEnumeration`` and of its names in the namespace of OPC 10000-100."""
+ENCRYPTED = [
+    ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+    ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
+]
 SILENT_S = 5.0
 """A session that gives nothing for so long keeps its last values, as uncertain ones."""
 BLOCKS = 2000
@@ -37,12 +43,18 @@ logging.getLogger("asyncua").setLevel(logging.WARNING)
 
 
 class OpcUaServerLink(Link):
-    """An OPC UA server beside a live service, in a thread of its own."""
+    """An OPC UA server beside a live service, in a thread of its own.
+
+    Args:
+        settings: Address, rate and certificate.
+        tokens: One of them is the password of each user; None: whoever reaches it may read.
+    """
 
     name = "opcua server"
 
-    def __init__(self, settings: OpcUaServerSettings) -> None:
+    def __init__(self, settings: OpcUaServerSettings, tokens: TokenFile | None = None) -> None:
         super().__init__(f"opc.tcp://{settings.host}:{settings.port}/")
+        self._tokens = tokens
         self._settings = settings
         self._blocks: dict[str, deque[EstimateBlock]] = {}
         self._shown: dict[str, _Shown] = {}
@@ -59,19 +71,26 @@ class OpcUaServerLink(Link):
         blocks.append(block)
 
     async def _run(self, service: LiveService, ready: Callable[[], None], stop: asyncio.Event) -> None:
-        server = Server()
+        server = Server(user_manager=None if self._tokens is None else _Users(self._tokens))
         await server.init()
         await server.set_application_uri(APPLICATION)
         server.set_server_name("cylinder-friction live")
         server.set_endpoint(self.address)
         server.allow_remote_admin(False)
-        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-        server.set_identity_tokens([ua.AnonymousIdentityToken])
+        if self._settings.certificate is None:
+            server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        else:
+            await server.load_certificate(self._settings.certificate)
+            await server.load_private_key(self._settings.private_key)
+            server.set_security_policy(ENCRYPTED)
+        server.set_identity_tokens([ua.AnonymousIdentityToken if self._tokens is None else ua.UserNameIdentityToken])
         space = await _Space.of(server, self._settings.range_n)
         async with server:
             ready()
             while not stop.is_set():
                 began_s = time.monotonic()
+                if self._tokens is not None:
+                    self._tokens.refresh()
                 await self._update(service, space, began_s)
                 rest_s = 1.0 / self._settings.update_hz - (time.monotonic() - began_s)
                 await _sleep(stop, max(0.01, rest_s))
@@ -110,6 +129,21 @@ class OpcUaServerLink(Link):
             (time.time() - time_s, ua.VariantType.Double),
             (int(health_of(flags, failed_before)), ua.VariantType.Int32),
         ]
+
+
+class _Users:
+    """Users by any name, whose password is a token of any role: all may read, nobody may write."""
+
+    def __init__(self, tokens: TokenFile) -> None:
+        self._tokens = tokens
+
+    def get_user(
+        self, iserver: Any, username: str | None = None, password: str | None = None, certificate: Any = None
+    ) -> User | None:
+        """Return a user, None for one that is refused."""
+        del iserver, certificate
+        known = password is not None and self._tokens.role_of(password.encode()) is not None
+        return User(role=UserRole.User, name=username) if known else None
 
 
 @dataclass

@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cylinder_friction.live.settings import LOOPBACK, LiveSettingsError, refuse_unless_port, refuse_unless_positive
+from cylinder_friction.live.settings import LiveSettingsError, refuse_unless_port, refuse_unless_positive
+from cylinder_friction.network.exposure import is_loopback
 
 
 @dataclass(frozen=True)
@@ -11,12 +12,13 @@ class OpcUaServerSettings:
     """The OPC UA server of results.
 
     Attributes:
-        host: Address that it listens on: one of this machine's loopback, whoever reaches it may read.
+        host: Address that it listens on; other than loopback only with certificate, key and the service's tokens.
         port: Its port.
         update_hz: How often values are updated, 1 to 10 [Hz].
         range_n: Friction is expected within ± this: ``EURange`` of the three forces [N].
         health_s: For how long a failed sensor counts for ``DeviceHealth`` after it has recovered [s].
         sessions: Most sessions that have an object; those that were closed keep theirs.
+        certificate, private_key: Files of the server's; with them connections are signed and encrypted, all of them.
     """
 
     host: str = "127.0.0.1"
@@ -25,6 +27,8 @@ class OpcUaServerSettings:
     range_n: float = 10_000.0
     health_s: float = 60.0
     sessions: int = 2000
+    certificate: Path | None = None
+    private_key: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; raises ``LiveSettingsError``."""
@@ -32,8 +36,15 @@ class OpcUaServerSettings:
         refuse_unless_port("opcua_server.port", self.port, 1)
         if not 1.0 <= self.update_hz <= 10.0:
             raise LiveSettingsError(f"opcua_server.update_hz: got {self.update_hz}, expected 1 to 10")
-        if self.host not in LOOPBACK:
-            raise LiveSettingsError(f"opcua_server.host: got {self.host!r}, expected one of {', '.join(LOOPBACK)}")
+        _refuse_half(self, "opcua_server", "certificate", "private_key")
+
+    def refuse_exposed(self, tokens: Path | None) -> None:
+        """Refuse what others could read or listen to; raises ``LiveSettingsError``."""
+        if not is_loopback(self.host) and (tokens is None or self.certificate is None):
+            raise LiveSettingsError(
+                f"opcua_server.host: got {self.host!r}, which others reach; give opcua_server.certificate and "
+                "private_key, and access.tokens, or listen on 127.0.0.1"
+            )
 
 
 @dataclass(frozen=True)
@@ -86,6 +97,10 @@ class OpcUaClientSettings:
     def __post_init__(self) -> None:
         """Refuse what cannot be; raises ``LiveSettingsError``."""
         refuse_unless_positive(self, "opcua_client", "publishing_ms", "queue")
-        for one, other in (("user", "password_file"), ("certificate", "private_key")):
-            if (getattr(self, one) is None) != (getattr(self, other) is None):
-                raise LiveSettingsError(f"opcua_client: expected both {one} and {other}, or neither")
+        _refuse_half(self, "opcua_client", "user", "password_file")
+        _refuse_half(self, "opcua_client", "certificate", "private_key")
+
+
+def _refuse_half(settings: object, section: str, one: str, other: str) -> None:
+    if (getattr(settings, one) is None) != (getattr(settings, other) is None):
+        raise LiveSettingsError(f"{section}: expected both {one} and {other}, or neither")

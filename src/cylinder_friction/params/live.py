@@ -47,6 +47,8 @@ class LiveParams(Section):
     def _not_exposed(self) -> LiveParams:
         access = self.access
         refuse_exposed(self.host, access.tokens, access.without_tokens, access.tls_certificate, access.tls_key)
+        if self.opcua_server is not None:
+            self.opcua_server.refuse_exposed(access.tokens)
         return self
 
 
