@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 import pytest
 import uvicorn
 
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine
@@ -21,13 +24,23 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.recordings.recording import Recording
 
 
 @pytest.fixture(scope="session")
 def engine(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Engine:
     return Engine(built_engine(small_hybrid, tmp_path_factory.mktemp("engines")))
+
+
+@pytest.fixture(scope="session")
+def other_estimator(small_hybrid: HybridEstimator, labelled_recordings: list[Recording]) -> HybridEstimator:
+    """Another model for the same samples."""
+    hybrid = HybridEstimator(
+        small_hybrid.cylinder, "force_balance", Architecture(1, 4, 0.0, 1e-3), TrainingPlan(1, 1, 200, 20, 4),
+        ForestPlan(2, 3, 2000, 20),
+    )  # fmt: skip
+    hybrid.fit(labelled_recordings)
+    return hybrid
 
 
 @pytest.fixture(scope="session")

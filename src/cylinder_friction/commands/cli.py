@@ -28,6 +28,7 @@ COMMANDS = {
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
     "live": "friction of many cylinders in real time, with a page; --replay LOGS to try it",
+    "switch": "let a running live service change to another model, watch it beside the present one, or go back",
     "golden": "the trajectories that every real-time runtime must meet",
     "export": "write a trained estimator in another form, for use elsewhere",
     "latency": "measure the cost of one step in every runtime on this machine",
@@ -36,6 +37,7 @@ COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
 COMPLETION_HELP = "print the completion script of a shell, to be kept in a file"
 EXTRAS = {
     "live": "live",
+    "switch": "live",
     "serve": "serve",
     "ui": "serve",
     **dict.fromkeys(("stage", "params", "track", "lineage", "rollback"), "pipeline"),

@@ -13,9 +13,9 @@ import uvicorn
 
 from cylinder_friction.commands.estimate import cylinder_of, model_folder
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.live.app import create_app
+from cylinder_friction.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
 from cylinder_friction.live.engine import Engine
-from cylinder_friction.live.engine_building import built_engine
+from cylinder_friction.live.engine_building import built_engine, other_engines
 from cylinder_friction.live.guard import ROLES
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.links import Link
@@ -33,7 +33,7 @@ FEW_COLLECTIONS = 200_000
 """More objects than wait to be kept at a time; below that, looking for cycles took 7 % of the core and found none."""
 SHORT_TURN_S = 5e-4
 """So long samples may wait for a thread that keeps others."""
-JOURNAL_FILE, HISTORY_FOLDER, ENGINES_FOLDER = "journal.db", "history", "engines"
+JOURNAL_FILE = "journal.db"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,9 +57,16 @@ def run(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as scratch:
         model = params.model or f"models:/{load_params().registered_name}@champion"
         estimator = load_estimator(model_folder(model, Path(scratch) / "model"))
-        engine = Engine(built_engine(estimator, params.folder / ENGINES_FOLDER))
+        engines = params.folder / ENGINES_FOLDER
+        engine = Engine(built_engine(estimator, engines))
         recordings = _replayed(options, engine) if options.replay else {}
-        service = LiveService(engine, Journal(params.folder / JOURNAL_FILE), rules=params.rules, limits=params.limits)
+        service = LiveService(
+            engine,
+            Journal(params.folder / JOURNAL_FILE),
+            rules=params.rules,
+            limits=params.limits,
+            others=other_engines(engines, engine),
+        )
         _serve(service, params, options.speed, recordings)
     return 0
 
@@ -67,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
 def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     links, access = links_of(params), params.access
-    app = create_app(service, params.folder / HISTORY_FOLDER, links, access, params.host)
+    app = create_app(service, params.folder, links, access, params.host)
     config = uvicorn.Config(
         app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
         ws_per_message_deflate=False, timeout_graceful_shutdown=2, ssl_certfile=access.tls_certificate,

@@ -13,6 +13,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
+from cylinder_friction.live.changing import Changing
 from cylinder_friction.live.connection import Connection, Peers
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.guard import Guard
@@ -26,24 +27,26 @@ from cylinder_friction.live.watching import Watchers
 from cylinder_friction.live.web_socket import WebSocketTransport
 
 OVERDUE_S, REFRESH_S = 0.05, 1.0
+HISTORY_FOLDER, ENGINES_FOLDER = "history", "engines"
 STATIC = Path(__file__).parent / "static"
 
 
 def create_app(
     service: LiveService,
-    history: Path,
+    folder: Path,
     links: Sequence[Link] = (),
     access: LiveAccess | None = None,
     host: str = "127.0.0.1",
 ) -> Starlette:
-    """Return the application around a service; it moves the journal into ``history`` while it runs, and at its end.
+    """Return the application around a service; ``folder`` is that of its history and engines.
 
     ``links`` are started and ended with it.
 
     Raises:
         AccessError: The tokens cannot be read.
     """
-    peers, watchers = Peers(), Watchers(service)
+    peers, watchers, history = Peers(), Watchers(service), folder / HISTORY_FOLDER
+    changing = Changing(service, folder / ENGINES_FOLDER)
     guard = Guard(access or LiveAccess(), host, peers.refused)
     takers = (peers.send, watchers.note, *(link.note for link in links))
 
@@ -96,6 +99,8 @@ def create_app(
             Route("/livez", lambda _: PlainTextResponse("alive\n")),
             Route("/readyz", readyz),
             Route("/metrics", guard.http("read", metrics)),
+            Route("/models", guard.http("read", changing.status)),
+            Route("/models", guard.http("admin", changing.command), methods=["POST"]),
             WebSocketRoute("/stream", stream),
             WebSocketRoute("/watch", watch),
             Mount("/static", StaticFiles(directory=STATIC)),

@@ -1,8 +1,10 @@
 """The compiled step for many sessions: one call into C for all that have samples."""
 
 import ctypes
+import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,14 @@ class Job:
     reset: bool = False
 
 
+def processor() -> str:
+    """Return what compiled code depends on: the machine's kind, and the instructions that it has."""
+    known = Path("/proc/cpuinfo")
+    lines = known.read_text(encoding="utf-8").splitlines() if known.is_file() else [platform.processor()]
+    able = [line for line in lines if line.startswith(("flags", "Features"))] or lines
+    return sha256(f"{platform.machine()} {able[0]}".encode()).hexdigest()
+
+
 class Engine:
     """States of many sessions of one model, stepped by its own C.
 
@@ -41,6 +51,8 @@ class Engine:
 
     def __init__(self, folder: Path) -> None:
         described = read_json(folder / DESCRIPTION)
+        if described["processor"] != processor():
+            raise OSError(f"{folder}: compiled for another processor; start the service here with that model")
         self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
         self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
         loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))

@@ -1,6 +1,5 @@
 """An estimator's engine: its exported C with a loop over sessions, compiled once for this machine."""
 
-import platform
 import subprocess
 import tempfile
 from contextlib import suppress
@@ -10,7 +9,7 @@ from pathlib import Path
 from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, find_compiler
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.live.engine import DESCRIPTION, LIBRARY, NAME
+from cylinder_friction.live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
 from cylinder_friction.recordings.files import write_json, write_text
 
 _BATCH = """\
@@ -51,7 +50,9 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
         draft = Path(name) / "engine"
         exported = export_c(estimator, draft, NAME)
-        folder = engines / sha256(f"{exported.model} {_machine()}".encode()).hexdigest()[:32]
+        folder = (
+            engines / sha256(" ".join((exported.model, processor(), _compiler(), *OPTIMISED)).encode()).hexdigest()[:32]
+        )
         if (folder / DESCRIPTION).is_file():
             return folder
         arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
@@ -60,6 +61,7 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
         compile_shared((exported.source, batch), draft / LIBRARY, ("-std=c99", *OPTIMISED))
         described = {
             "model": exported.model,
+            "processor": processor(),
             "inputs": list(exported.inputs),
             "sample_time_s": estimator.sample_time_s,
             "state_bytes": exported.state_bytes,
@@ -70,15 +72,22 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
     return folder
 
 
-def _machine() -> str:
-    """Return what compiled code depends on: the compiler, and what its processor can do."""
-    compiler = subprocess.run(  # noqa: S603 - the user's compiler
-        [find_compiler(), "--version"], capture_output=True, text=True, check=False
-    ).stdout.partition("\n")[0]
-    features = Path("/proc/cpuinfo")
-    able = (
-        [line for line in features.read_text().splitlines() if line.startswith(("flags", "Features"))][:1]
-        if (features.is_file())
-        else [platform.processor()]
-    )
-    return " ".join([compiler, *OPTIMISED, platform.machine(), *able])
+def other_engines(engines: Path, engine: Engine) -> list[Engine]:
+    """Return the engines of other models that take the same samples: those that sessions may have run before."""
+    found = []
+    for folder in sorted(engines.iterdir()):
+        with suppress(OSError, ValueError, KeyError):  # of another processor, or not whole
+            other = Engine(folder)
+            if other.model != engine.model and (other.inputs, other.sample_time_s) == (
+                engine.inputs,
+                engine.sample_time_s,
+            ):
+                found.append(other)
+    return found
+
+
+def _compiler() -> str:
+    """Return which compiler there is, as it names itself."""
+    command = [find_compiler(), "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - the user's compiler
+    return done.stdout.partition("\n")[0]

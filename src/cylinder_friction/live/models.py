@@ -87,14 +87,14 @@ class SessionModels:
         self._ask(Switch(model, next_index + self._lead_rows, None, recorded))
 
     def take_over(self, index: int) -> None:
-        """Let both models change places at a sample, or about a second from now where that has gone by.
-
-        Raises:
-            LookupError: No model runs beside the present one, or is about to.
-        """
-        if self.switch is None:
-            raise LookupError("no second model")
+        """Let both models change places at a sample, or about a second from now where that has gone by."""
+        assert self.switch is not None
         self._ask(replace(self.switch, takes_over_at=max(index, self.switch.begins_at)))
+
+    @property
+    def begins_at(self) -> int:
+        """First sample that the second model gets, or got."""
+        return 0 if self.switch is None else self.switch.begins_at
 
     def end_shadow(self) -> None:
         """Stop the second model."""

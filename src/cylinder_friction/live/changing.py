@@ -1,0 +1,146 @@
+"""Commands on a running service: let a model run beside the present one, take over, go back, end."""
+
+import asyncio
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from cylinder_friction.live.engine import Engine
+from cylinder_friction.live.service import LiveError, LiveService, LiveSession
+
+KEPT_WITHIN_S = 5.0
+LARGEST_BODY = 1 << 20
+_ENGINE = re.compile(r"[0-9a-f]{32}")
+
+
+class Command(BaseModel):
+    """Body of ``POST /models``.
+
+    Attributes:
+        do: ``beside``: let the engine's model run beside the present one, and take over if ``after_s`` or ``at_index``
+            is given; ``take-over``: let both change places, which is also the way back; ``end``: stop the second one.
+        engine: Name of its folder below the service's ``engines``.
+        recorded: Whether the second model's newtons are kept beside the first's.
+        after_s: How long it runs beside before it takes over [s].
+        at_index: From which sample on it takes over, in every session.
+        sessions: Names; None: all that are open, and those that are opened later.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    do: Literal["beside", "take-over", "end"]
+    engine: str | None = None
+    recorded: bool = False
+    after_s: float | None = Field(default=None, ge=0.0, le=1e9)
+    at_index: int | None = Field(default=None, ge=0, lt=1 << 53)
+    sessions: tuple[str, ...] | None = None
+
+
+class Changing:
+    """The resource ``/models``.
+
+    Args:
+        service: Whose sessions change.
+        engines: Folder in which ``built_engine`` puts engines.
+    """
+
+    def __init__(self, service: LiveService, engines: Path) -> None:
+        self._service, self._engines = service, engines
+
+    async def status(self, _: Request) -> Response:
+        """Reply with the models that are known, and how many sessions run which."""
+        runs, beside = Counter[str](), Counter[str]()
+        for session in self._service.sessions.values():
+            runs[session.model] += 1
+            if session.models.shadow is not None:
+                beside[session.models.shadow.engine.model] += 1
+        models = {
+            model: {"gives_newtons": runs[model], "runs_beside": beside[model]} for model in self._service.engines
+        }
+        return JSONResponse({"of_new_sessions": self._service.engine.model, "models": models})
+
+    async def command(self, request: Request) -> Response:
+        """Do what a body asks for; reply when it is kept, so that a restart knows it."""
+        try:
+            command = Command.model_validate_json(await _body(request))
+            sessions = self._do(command)
+        except (ValidationError, LiveError) as error:
+            return JSONResponse({"error": str(error)}, 422)
+        waits_s = 0.0
+        while not all(each.models.switch_kept for each in sessions):
+            await asyncio.sleep(0.05)
+            waits_s += 0.05
+            if waits_s > KEPT_WITHIN_S:
+                return JSONResponse({"error": "asked for, but not kept yet; see /readyz"}, 503)
+        return JSONResponse({"sessions": len(sessions)})
+
+    def _do(self, command: Command) -> list[LiveSession]:
+        sessions = self._asked_for(command.sessions)
+        if command.do == "end":
+            for session in sessions:
+                session.models.end_shadow()
+        elif command.do == "beside":
+            self._beside(command, sessions)
+        else:
+            self._take_over(sessions, lambda session: command.at_index or session.next_index)
+            if command.sessions is None:
+                self._later_sessions_too(sessions)
+        return sessions
+
+    def _beside(self, command: Command, sessions: list[LiveSession]) -> None:
+        engine = self._engine(command.engine or "")
+        self._service.add_model(engine)
+        takes_over = command.after_s is not None or command.at_index is not None
+        rows = round((command.after_s or 0.0) / engine.sample_time_s)
+        changed = [session for session in sessions if session.model != engine.model]
+        for session in changed:
+            session.models.run_beside(engine.model, session.next_index, command.recorded)
+        if takes_over:
+            self._take_over(changed, lambda session: command.at_index or session.models.begins_at + rows)
+            if command.sessions is None:
+                self._service.engine = self._service.engines[engine.model]
+
+    def _take_over(self, sessions: Iterable[LiveSession], index_of: Callable[[LiveSession], int]) -> None:
+        without = [session.name for session in sessions if session.models.switch is None]
+        if without:
+            raise LiveError(f"session {without[0]!r}: no second model runs in it; begin with do: beside")
+        for session in sessions:
+            session.models.take_over(index_of(session))
+
+    def _later_sessions_too(self, sessions: list[LiveSession]) -> None:
+        following = Counter(each.models.switch.model for each in sessions if each.models.switch is not None)
+        for model, _ in following.most_common(1):
+            self._service.engine = self._service.engines[model]
+
+    def _asked_for(self, names: tuple[str, ...] | None) -> list[LiveSession]:
+        if names is None:
+            return list(self._service.sessions.values())
+        unknown = [name for name in names if name not in self._service.sessions]
+        if unknown:
+            raise LiveError(f"session {unknown[0][:80]!r}: not open")
+        return [self._service.sessions[name] for name in names]
+
+    def _engine(self, name: str) -> Engine:
+        folder = self._engines / name
+        if not _ENGINE.fullmatch(name) or not folder.is_dir():
+            raise LiveError(f"engine {name[:80]!r}: not in {self._engines}; `cylinder-friction switch` puts it there")
+        try:
+            return Engine(folder)
+        except (OSError, ValueError, KeyError) as error:
+            raise LiveError(f"engine {name}: cannot be loaded ({error})") from error
+
+
+async def _body(request: Request) -> bytes:
+    parts, size = [], 0
+    async for part in request.stream():
+        parts.append(part)
+        size += len(part)
+        if size > LARGEST_BODY:
+            raise LiveError(f"got more than {LARGEST_BODY} bytes; expected a command")
+    return b"".join(parts)
