@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
+import asyncio
+import getpass
+import os
+import queue
+import shutil
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
+import pytest
 import yaml
+from paho.mqtt.client import Client as PahoClient
+from paho.mqtt.client import MQTTv5
+from paho.mqtt.enums import CallbackAPIVersion
+
+from cylinder_friction.live.app import create_app
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
+
+    from cylinder_friction.live.links import Link
+    from cylinder_friction.live.service import LiveService
 
 
 def free_port() -> int:
@@ -46,3 +61,73 @@ def running(
     finally:
         process.kill()
         process.wait()
+
+
+MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
+"""Debian keeps it off the path of users."""
+needs_broker = pytest.mark.skipif(MOSQUITTO is None, reason="mosquitto is not installed")
+
+
+class Mosquitto:
+    """A broker on loopback that can be stopped and started again at the same port; further settings are its own."""
+
+    def __init__(self, folder: Path, *settings: str) -> None:
+        self.port = free_port()
+        self._file = folder / "mosquitto.conf"
+        lines = [
+            f"user {getpass.getuser()}",
+            f"listener {self.port} 127.0.0.1",
+            *(settings or ("allow_anonymous true",)),
+        ]
+        self._file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start it; returns when it listens."""
+        self._process = subprocess.Popen([str(MOSQUITTO), "-c", str(self._file)], stderr=subprocess.DEVNULL)
+        for _ in range(200):
+            try:
+                socket.create_connection(("127.0.0.1", self.port), 1.0).close()
+                break
+            except OSError:
+                time.sleep(0.05)
+
+    def kill(self) -> None:
+        """End it at once, with all that it held."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+
+
+def served(links: Sequence[Link], service: LiveService, folder: Path, use: Callable[[], Any]) -> Any:
+    """What ``use`` returns in a thread of its own while the service runs."""
+
+    async def run() -> Any:
+        async with create_app(service, folder / "history", links).router.lifespan_context(None):  # type: ignore[arg-type]
+            return await asyncio.to_thread(use)
+
+    return asyncio.run(run())
+
+
+@contextmanager
+def by_hand(broker: Mosquitto, *topics: str) -> Iterator[tuple[PahoClient, queue.Queue[tuple[str, bytes]]]]:
+    """A client that is not ours, and what it gets."""
+    client, got, ready = PahoClient(CallbackAPIVersion.VERSION2, protocol=MQTTv5), queue.Queue(), threading.Event()
+    client.on_message = lambda _client, _data, message: got.put((message.topic, message.payload))
+    client.on_subscribe = lambda *_: ready.set()
+    client.connect("127.0.0.1", broker.port)
+    client.subscribe([(topic, 1) for topic in topics])
+    client.loop_start()
+    try:
+        assert ready.wait(10.0)
+        yield client, got
+    finally:
+        client.disconnect()
+        client.loop_stop()

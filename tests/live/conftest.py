@@ -18,6 +18,7 @@ from cylinder_friction.live.engine_building import built_engine
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import LiveAccess, LiveLimits
+from live_process import Mosquitto
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -82,3 +83,9 @@ def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
         server.should_exit = True
         thread.join(10.0)
         journal.close()
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    with Mosquitto(tmp_path) as started:
+        yield started

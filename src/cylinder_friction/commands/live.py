@@ -113,6 +113,14 @@ def links_of(params: LiveParams) -> list[Link]:
         from cylinder_friction.live.opcua_client import OpcUaClientLink
 
         links.append(OpcUaClientLink(params.opcua_client))
+    if params.mqtt is not None:
+        from cylinder_friction.live.mqtt import MqttLink
+
+        links.append(MqttLink(params.mqtt))
+    if params.sparkplug is not None:
+        from cylinder_friction.live.sparkplug import SparkplugLink
+
+        links.append(SparkplugLink(params.sparkplug))
     return links
 
 

@@ -27,7 +27,8 @@ class Client:
     ``next_index``. One client is for one thread.
 
     Args:
-        url: Of the service: ``ws://127.0.0.1:5002/stream``, or ``tcp://127.0.0.1:5003``.
+        url: Of the service: ``ws://127.0.0.1:5002/stream``, ``tcp://127.0.0.1:5003``, or
+            ``mqtt://127.0.0.1:1883/cylinder-friction/CLIENT``, CLIENT being this one's alone.
         session: Name of the cylinder's session, the same after every start.
         sample_time_s: Time between two samples [s].
         inputs: Columns of a sample, as the model names them.
@@ -57,7 +58,7 @@ class Client:
         self._estimates: deque[EstimateBlock] = deque()
         self._socket: ClientSocket | None = None
         self._open_socket = ExitStack()
-        self._handle, self.acknowledged_index = 0, 0
+        self._handle, self.acknowledged_index, self._asked_from = 0, 0, -1
         self.next_index = self.estimated_index = self._connect()
         self.start_time_s = time.time() - self.next_index * sample_time_s if start_time_s is None else start_time_s
 
@@ -66,6 +67,7 @@ class Client:
         for begin in range(0, len(samples), ROWS_A_BLOCK):
             part = np.ascontiguousarray(samples[begin : begin + ROWS_A_BLOCK], dtype=np.float64)
             time_s = self.start_time_s + self.next_index * self._sample_time_s
+            self._wait_for_room()
             block = SampleBlock(self._handle, self.next_index, time_s, part)
             self._unacknowledged.append(block)
             self.next_index += len(part)
@@ -122,7 +124,8 @@ class Client:
                 if time.monotonic() > deadline:
                     raise LiveClientError(f"{self._url}: not reached in {PATIENCE_S:g} s ({error})") from error
                 time.sleep(RETRY_S)
-        self._handle, self.acknowledged_index = opened["handle"], opened["kept_index"]
+        self._handle = opened["handle"]
+        self.acknowledged_index = max(self.acknowledged_index, opened["kept_index"])
         return int(opened["next_index"])
 
     def _opened(self, socket: ClientSocket) -> dict[str, Any]:
@@ -133,6 +136,11 @@ class Client:
                 raise LiveClientError(content["error"])
             if "opened" in content:
                 return dict(content["opened"])
+
+    def _wait_for_room(self) -> None:
+        window = None if self._socket is None else self._socket.window
+        while window is not None and len(self._unacknowledged) >= window:
+            self._receive(0.2)
 
     def _send(self, block: SampleBlock) -> None:
         try:
@@ -167,12 +175,18 @@ class Client:
             self._resume()
             return True
         if isinstance(message, str):
+            if message.startswith('{"opened"'):
+                return True  # MQTT may bring a message twice
             raise LiveClientError(message)
         for block in unpack(message):
             if isinstance(block, Acknowledgement):
                 self.acknowledged_index = max(self.acknowledged_index, block.index)
                 self._forget_acknowledged()
             elif isinstance(block, EstimateBlock):
+                if block.index > self.estimated_index != self._asked_from:
+                    self._asked_from = self.estimated_index  # once: the service may have none, after a long gap
+                    self._resume()
+                    return True
                 self._take(block)
         return True
 

@@ -1,14 +1,17 @@
-"""What carries a client's messages, by its address: WebSocket or raw TCP."""
+"""What carries a client's messages, by its address: WebSocket, raw TCP or MQTT."""
 
+import json
+import queue
 import select
 import socket
 import ssl
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Protocol
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
@@ -18,6 +21,7 @@ from cylinder_friction.live.tcp import HEAD, message_size, packed, unpacked
 OPEN_S = 5.0
 REFUSED = (4401, 4403)
 """Codes with which the service closes a connection that may not be."""
+KEEPALIVE_S = 20
 _LARGEST_BYTES = 1 << 30
 
 
@@ -26,7 +30,13 @@ class LiveClientError(RuntimeError):
 
 
 class ClientSocket(Protocol):
-    """Whole messages to and from the service; a break is an ``OSError``."""
+    """Whole messages to and from the service; a break is an ``OSError``.
+
+    Attributes:
+        window: Most blocks that may be on their way without an acknowledgement; None: the link itself holds back.
+    """
+
+    window: int | None
 
     def send(self, message: bytes | str) -> None:
         """Send a message."""
@@ -38,7 +48,7 @@ class ClientSocket(Protocol):
 
 
 def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractContextManager[ClientSocket]:
-    """Return the context of a connection to the service at ``ws://``, ``wss://`` or ``tcp://``.
+    """Return the context of a connection to the service at ``ws://``, ``wss://``, ``tcp://``, ``mqtt://``, ``mqtts://``.
 
     Raises:
         ValueError: It is none of these.
@@ -49,7 +59,12 @@ def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractCont
         return _web_socket(url, token, ca)
     if scheme == "tcp":
         return _tcp(url)
-    raise ValueError(f"{url!r}: expected ws://HOST:PORT/stream, wss://... or tcp://HOST:PORT")
+    if scheme in ("mqtt", "mqtts"):
+        return _mqtt(url)
+    raise ValueError(
+        f"{url!r}: expected ws://HOST:PORT/stream, wss://..., tcp://HOST:PORT, mqtt://BROKER:PORT/PREFIX/CLIENT or "
+        "mqtts://..."
+    )
 
 
 @contextmanager
@@ -75,6 +90,8 @@ def _broken(error: ConnectionClosed) -> OSError:
 
 
 class _WebSocket:
+    window: int | None = None
+
     def __init__(self, connection: ClientConnection) -> None:
         self._connection = connection
 
@@ -101,6 +118,8 @@ def _tcp(url: str) -> Iterator[ClientSocket]:
 
 
 class _Tcp:
+    window: int | None = None
+
     def __init__(self, connection: socket.socket) -> None:
         self._connection, self._got = connection, bytearray()
 
@@ -133,3 +152,73 @@ class _Tcp:
         if not part:
             raise ConnectionError("the service has closed the connection")
         self._got += part
+
+
+@contextmanager
+def _mqtt(url: str) -> Iterator[ClientSocket]:
+    place = urlsplit(url)
+    topic = place.path.strip("/")
+    connection = _Mqtt(topic)
+    client = connection.client
+    if place.scheme == "mqtts":
+        client.tls_set()
+    if place.username is not None:
+        client.username_pw_set(unquote(place.username), unquote(place.password or ""))
+    client.connect(place.hostname or "", place.port or (8883 if place.scheme == "mqtts" else 1883), KEEPALIVE_S)
+    client.loop_start()
+    try:
+        connection.wait_for_service()
+        yield connection
+    finally:
+        client.disconnect()
+        client.loop_stop()
+
+
+class _Mqtt:
+    """A client of a broker that knows from ``PREFIX/state`` whether the service may have missed a message."""
+
+    window: int | None = 200
+
+    def __init__(self, topic: str) -> None:
+        from paho.mqtt.client import Client, MQTTv5
+        from paho.mqtt.enums import CallbackAPIVersion
+
+        prefix, _, name = topic.rpartition("/")
+        self._topic, self._state, self._since = topic, f"{prefix}/state", ""
+        self._got: queue.Queue[bytes | str | None] = queue.Queue()  # None: messages may have been lost
+        self._there = threading.Event()
+        self.client = Client(CallbackAPIVersion.VERSION2, name, protocol=MQTTv5, reconnect_on_failure=False)
+        self.client.max_queued_messages_set(1000)
+        self.client.on_connect = lambda client, *_: client.subscribe([(self._state, 1), (f"{topic}/out", 1)])
+        self.client.on_disconnect = lambda *_: self._got.put(None)
+        self.client.on_message = lambda _client, _data, message: self._take(message.topic, bytes(message.payload))
+
+    def wait_for_service(self) -> None:
+        if not self._there.wait(OPEN_S):
+            raise ConnectionError(f"no live service states on {self._state} that it is there")
+
+    def send(self, message: bytes | str) -> None:
+        if self.client.publish(f"{self._topic}/in", message, qos=1).rc:
+            raise ConnectionError("the broker is away, or takes no more")
+
+    def recv(self, timeout_s: float) -> bytes | str:
+        try:
+            message = self._got.get(timeout=timeout_s) if timeout_s > 0.0 else self._got.get_nowait()
+        except queue.Empty:
+            raise TimeoutError from None
+        if message is None:
+            raise ConnectionError("messages to the service may have been lost")
+        if isinstance(message, str) and message.startswith('{"closed"'):
+            raise ConnectionError(message)
+        return message
+
+    def _take(self, topic: str, payload: bytes) -> None:
+        if topic != self._state:
+            self._got.put(payload.decode() if payload.startswith(b"{") else payload)
+            return
+        state = json.loads(payload)
+        if state["online"]:
+            if self._since not in ("", state["since"]):
+                self._got.put(None)
+            self._since = state["since"]
+            self._there.set()

@@ -1,5 +1,6 @@
 """What a live service is given: how long a session waits, what is taken, and by which links."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,30 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 class LiveSettingsError(ValueError):
     """Settings that cannot be; the message names the key."""
+
+
+def token_of(path: str | None) -> str | None:
+    """Return what a file holds, without the space around it; None without a file."""
+    return Path(path).read_text(encoding="utf-8").strip() if path else None
+
+
+def refuse_unless_topic(key: str, topic: str, levels: int = 20) -> None:
+    """Raise ``LiveSettingsError`` for what cannot be a part of a topic, of at most so many ``levels``."""
+    if not re.fullmatch(r"[^+#/\0]+(/[^+#/\0]+)*", topic) or topic.count("/") >= levels:
+        raise LiveSettingsError(f"{key}: got {topic!r}, expected up to {levels} levels of a topic, without + and #")
+
+
+def refuse_unless_port(key: str, port: int, least: int = 0) -> None:
+    """Raise ``LiveSettingsError`` for what is no port."""
+    if not least <= port <= 65535:
+        raise LiveSettingsError(f"{key}: got {port}, expected {least} to 65535")
+
+
+def refuse_unless_positive(settings: object, section: str, *names: str) -> None:
+    """Raise ``LiveSettingsError`` for the first attribute that is not more than 0."""
+    for name in names:
+        if not getattr(settings, name) > 0:
+            raise LiveSettingsError(f"{section}.{name}: got {getattr(settings, name)}, expected more than 0")
 
 
 @dataclass(frozen=True)
@@ -75,10 +100,37 @@ class TcpSettings:
         refuse_unless_port("tcp.port", self.port)
 
 
-def refuse_unless_port(key: str, port: int, least: int = 0) -> None:
-    """Raise ``LiveSettingsError`` for what is no port."""
-    if not least <= port <= 65535:
-        raise LiveSettingsError(f"{key}: got {port}, expected {least} to 65535")
+@dataclass(frozen=True)
+class BrokerSettings:
+    """An MQTT 5 broker.
+
+    Attributes:
+        host: Its address.
+        port: Its port; 8883 is usual with TLS.
+        tls: Whether it is spoken to by TLS; a password needs it, except on loopback.
+        ca_file: Certificates that sign the broker's; None: the system's.
+        user: Name that the service logs in by; None: without.
+        password_file: File of the password, a line.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 1883
+    tls: bool = False
+    ca_file: str | None = None
+    user: str | None = None
+    password_file: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no port, and a password in plain text to elsewhere; raises ``LiveSettingsError``."""
+        refuse_unless_port("broker.port", self.port, 1)
+        if self.password_file and not self.tls and self.host not in LOOPBACK:
+            raise LiveSettingsError(
+                f"broker.tls: got false with a password for {self.host}, expected true: anyone between would read it"
+            )
+
+    def password(self) -> str | None:
+        """Return the password; raises ``OSError`` where its file cannot be read."""
+        return token_of(self.password_file)
 
 
 @dataclass(frozen=True)
@@ -100,8 +152,50 @@ class LiveAccess:
     tls_key: Path | None = None
 
 
-def refuse_unless_positive(settings: object, section: str, *names: str) -> None:
-    """Raise ``LiveSettingsError`` for the first attribute that is not more than 0."""
-    for name in names:
-        if not getattr(settings, name) > 0:
-            raise LiveSettingsError(f"{section}.{name}: got {getattr(settings, name)}, expected more than 0")
+@dataclass(frozen=True)
+class MqttSettings:
+    """Frames and JSON over MQTT, ``PREFIX/CLIENT/in`` and ``PREFIX/CLIENT/out``.
+
+    Attributes:
+        broker: Where messages go through.
+        prefix: First levels of all topics.
+        client_id: Of the service; one per service and broker.
+        results_hz: How often the latest newtons of a session are published as JSON on ``PREFIX/results/SESSION``.
+        waiting_messages: Most messages of one client that wait to be taken; beyond it the client has to open anew.
+        session_s: How long the broker keeps messages for the service when their connection breaks [s].
+    """
+
+    broker: BrokerSettings = BrokerSettings()
+    prefix: str = "cylinder-friction"
+    client_id: str = "cylinder-friction-live"
+    results_hz: float = 2.0
+    waiting_messages: int = 500
+    session_s: int = 60
+
+    def __post_init__(self) -> None:
+        """Refuse what is not positive, and wildcards; raises ``LiveSettingsError``."""
+        refuse_unless_positive(self, "mqtt", "results_hz", "waiting_messages", "session_s")
+        refuse_unless_topic("mqtt.prefix", self.prefix)
+
+
+@dataclass(frozen=True)
+class SparkplugSettings:
+    """Births and data of Sparkplug B, ``spBv1.0/GROUP/.../NODE/SESSION``.
+
+    Attributes:
+        broker: Where messages go through.
+        group: Group of edge nodes.
+        node: This service among them.
+        rate_hz: How often the latest newtons of a session are published.
+    """
+
+    broker: BrokerSettings = BrokerSettings()
+    group: str = "cylinder-friction"
+    node: str = "live"
+    rate_hz: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not positive, and names that are no level of a topic; raises ``LiveSettingsError``."""
+        refuse_unless_positive(self, "sparkplug", "rate_hz")
+        for key in ("group", "node"):
+            refuse_unless_topic(f"sparkplug.{key}", getattr(self, key), levels=1)

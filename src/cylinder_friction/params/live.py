@@ -8,7 +8,14 @@ import yaml
 from pydantic import Field, model_validator
 
 from cylinder_friction.live.opcua_settings import OpcUaClientSettings, OpcUaServerSettings
-from cylinder_friction.live.settings import LiveAccess, LiveLimits, SessionRules, TcpSettings
+from cylinder_friction.live.settings import (
+    LiveAccess,
+    LiveLimits,
+    MqttSettings,
+    SessionRules,
+    SparkplugSettings,
+    TcpSettings,
+)
 from cylinder_friction.network.exposure import refuse_exposed
 from cylinder_friction.params.checking import ParamsError, checked
 from cylinder_friction.params.section import Section
@@ -28,6 +35,8 @@ class LiveParams(Section):
         rules: What becomes of samples that come early, late or not.
         limits: What the service takes.
         tcp: Raw TCP; None: off.
+        mqtt: Frames and JSON by an MQTT 5 broker; None: off.
+        sparkplug: Births and data of Sparkplug B; None: off.
         opcua_server: Results by OPC UA; None: off.
         opcua_client: Samples by OPC UA; None: off.
     """
@@ -40,6 +49,8 @@ class LiveParams(Section):
     rules: SessionRules = SessionRules()
     limits: LiveLimits = LiveLimits()
     tcp: TcpSettings | None = None
+    mqtt: MqttSettings | None = None
+    sparkplug: SparkplugSettings | None = None
     opcua_server: OpcUaServerSettings | None = None
     opcua_client: OpcUaClientSettings | None = None
 
