@@ -124,7 +124,7 @@ async def load(
     kept = sum(sum(each.acknowledged.values()) for each in seen)
     latencies_ms = 1e3 * np.concatenate([each.latencies_s for each in seen])
     quantiles = np.quantile(latencies_ms, (0.5, 0.99, 0.999, 1.0))
-    half = len(memory_bytes) // 2
+    quarters = [np.median(each) for each in np.array_split(memory_bytes, 4)]
     print(f"{given.sessions} sessions x {rows / (1e-3 * given.frame_ms):.0f} Hz, {given.connections} connections, "
           f"frames of {given.frame_ms:g} ms, {lasted_s:.0f} s")  # fmt: skip
     print(
@@ -136,8 +136,8 @@ async def load(
         f"estimates            {estimates:,} of {expected:,}; other than a stream's own: {sum(s.wrong for s in seen)}"
     )
     print(f"acknowledged         {kept:,}")
-    print(f"memory [MB]          first half up to {max(memory_bytes[: half + 1]) / 1e6:.0f}, "
-          f"second half up to {max(memory_bytes[half:]) / 1e6:.0f}")  # fmt: skip
+    print(f"memory [MB]          medians of the quarters {', '.join(f'{1e-6 * each:.1f}' for each in quarters)}; "
+          f"most {1e-6 * max(memory_bytes):.1f}")  # fmt: skip
 
 
 async def opened(socket: ClientConnection, place: int, count: int, inputs: tuple[str, ...]) -> list[int]:

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.live.frames import SampleBlock
-from cylinder_friction.live.history import move_into_history
+from cylinder_friction.live.history import join_past_days, move_into_history
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.live.settings import LiveLimits
@@ -118,6 +118,26 @@ def test_a_day_ends_a_file(engine: Engine, samples: Array, tmp_path: Path) -> No
     service.keep()
     paths = move_into_history(service.journal, tmp_path)
     assert [path.parent.name for path in paths] == ["1970-01-01", "1970-01-02"]
+
+
+def test_a_past_day_becomes_one_file_also_over_a_kill(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    service = service_of(engine, tmp_path)
+    session = opened(service, "press")
+    for at in range(0, 40, 10):
+        service.receive([SampleBlock(session.handle, at, 60.0 + 0.005 * at, samples[at : at + 10])])
+        service.keep()
+        paths = move_into_history(service.journal, tmp_path / "history")
+    left_by_a_kill = paths[0].read_bytes()
+    assert join_past_days(tmp_path / "history") == []  # today may grow
+    service.receive([SampleBlock(session.handle, 40, DAY_S, samples[40:50])])
+    service.keep()
+    move_into_history(service.journal, tmp_path / "history")
+    (joined,) = join_past_days(tmp_path / "history")
+    paths[0].write_bytes(left_by_a_kill)
+    for _ in range(2):
+        assert join_past_days(tmp_path / "history") == []
+        assert list(joined.parent.iterdir()) == [joined]
+        assert pd.read_parquet(joined)["index"].tolist() == list(range(40))
 
 
 def test_a_gap_is_stepped_as_a_broken_wire(

@@ -1,5 +1,6 @@
 """The journal's estimates as Parquet: a folder per session and UTC day, whole files only."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from urllib.parse import quote
@@ -84,3 +85,42 @@ def _estimates(prefix: str, parts: Iterable[Estimates | None]) -> dict[str, np.n
     newtons = np.concatenate([each.newtons for each in given])
     columns = {prefix + name: newtons[:, place] for place, name in enumerate(_NEWTONS)}
     return columns | {prefix + "flags": np.concatenate([each.flags for each in given])}
+
+
+def join_past_days(folder: Path) -> list[Path]:
+    """Join the files of every session's days but its newest; return the joined ones.
+
+    A kill in between loses nothing and doubles nothing: the joined file takes the place of the first of its parts, and
+    parts that lie within it are dropped the next time.
+    """
+    days: defaultdict[Path, list[Path]] = defaultdict(list)
+    for day in sorted(path for path in folder.glob("**/????-??-??") if path.is_dir()):
+        days[day.parent].append(day)
+    return [path for of_session in days.values() for day in of_session[:-1] for path in _joined_day(day)]
+
+
+def _joined_day(day: Path) -> list[Path]:
+    runs: list[list[Path]] = []
+    last_index = -1
+    for path in sorted(day.glob("*.parquet")):
+        described = pq.read_metadata(path)
+        if int(path.stem) <= last_index:
+            path.unlink()  # it has been joined
+            continue
+        last_index = described.row_group(described.num_row_groups - 1).column(0).statistics.max
+        if runs and pq.read_schema(runs[-1][0]).equals(pq.read_schema(path), check_metadata=True):
+            runs[-1].append(path)
+        else:
+            runs.append([path])
+    return [_join(run) for run in runs if len(run) > 1]
+
+
+def _join(parts: Sequence[Path]) -> Path:
+    draft = parts[0].with_suffix(".draft")
+    with pq.ParquetWriter(draft, pq.read_schema(parts[0])) as writer:
+        for part in parts:
+            writer.write_table(pq.read_table(part))
+    draft.replace(parts[0])
+    for part in parts[1:]:
+        part.unlink()
+    return parts[0]

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from cylinder_friction.live.connection import Peers
-from cylinder_friction.live.history import move_session
+from cylinder_friction.live.history import join_past_days, move_session
 from cylinder_friction.live.service import LiveService, LiveSession
 
 KEEP_S, HISTORY_S = 1.0, 60.0
@@ -56,6 +56,7 @@ async def _keep_some(service: LiveService, peers: Peers, sessions: Sequence[Live
 async def move_each_minute(service: LiveService, history: Path) -> None:
     """Move the journal into the history each minute, a session at a time, when nothing else is to do."""
     loop, behind = asyncio.get_running_loop(), ThreadPoolExecutor(1, "history", _give_way)
+    joined = ""  # On which day
     while True:
         await asyncio.sleep(HISTORY_S / 2)
         begun_s, last = time.monotonic(), service.journal.last_chunk()
@@ -67,6 +68,13 @@ async def move_each_minute(service: LiveService, history: Path) -> None:
             except (sqlite3.Error, OSError) as error:
                 _log.error("session %s stays in the journal, not in the history: %s", name, error)
             await asyncio.sleep(max(0.0, begun_s + HISTORY_S / 2 * done / len(names) - time.monotonic()))
+        today = time.strftime("%F", time.gmtime())
+        if today != joined:
+            try:
+                await loop.run_in_executor(behind, join_past_days, history)
+                joined = today
+            except OSError as error:
+                _log.error("past days of the history stay in parts: %s", error)
 
 
 def _give_way() -> None:
