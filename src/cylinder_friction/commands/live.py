@@ -18,6 +18,7 @@ from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine, other_engines
 from cylinder_friction.live.guard import ROLES
 from cylinder_friction.live.journal import Journal
+from cylinder_friction.live.line_protocol import LineProtocolLink
 from cylinder_friction.live.links import Link
 from cylinder_friction.live.replay import Replay
 from cylinder_friction.live.service import LiveError, LiveService
@@ -121,6 +122,8 @@ def links_of(params: LiveParams) -> list[Link]:
         from cylinder_friction.live.sparkplug import SparkplugLink
 
         links.append(SparkplugLink(params.sparkplug))
+    if params.line_protocol is not None:
+        links.append(LineProtocolLink(params.line_protocol))
     return links
 
 

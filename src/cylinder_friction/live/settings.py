@@ -199,3 +199,40 @@ class SparkplugSettings:
         refuse_unless_positive(self, "sparkplug", "rate_hz")
         for key in ("group", "node"):
             refuse_unless_topic(f"sparkplug.{key}", getattr(self, key), levels=1)
+
+
+@dataclass(frozen=True)
+class LineProtocolSettings:
+    """Estimates for a time-series database; either ``url`` or ``folder``.
+
+    Attributes:
+        url: Where lines are posted, as ``http://127.0.0.1:8086/write?db=friction``.
+        folder: Where a file per UTC day is written.
+        token_file: File of the token that ``url`` wants, a line.
+        measurement: Name of the lines.
+        rows_hz: Rows per second of a session, by sample index; 0: all.
+        flush_s: Time between two sends [s].
+        batch_rows: Rows of one post; a block more at most.
+        queue_rows: Most rows that wait; beyond it the oldest are dropped.
+    """
+
+    url: str | None = None
+    folder: str | None = None
+    token_file: str | None = None
+    measurement: str = "friction"
+    rows_hz: float = 10.0
+    flush_s: float = 1.0
+    batch_rows: int = 5000
+    queue_rows: int = 200_000
+
+    def __post_init__(self) -> None:
+        """Refuse both or neither place, and what is not positive; raises ``LiveSettingsError``."""
+        refuse_unless_positive(self, "line_protocol", "flush_s", "batch_rows", "queue_rows")
+        if self.rows_hz < 0.0:
+            raise LiveSettingsError(f"line_protocol.rows_hz: got {self.rows_hz}, expected 0 (all) or more")
+        if (self.url is None) == (self.folder is None):
+            raise LiveSettingsError(
+                f"line_protocol: got url {self.url!r}, folder {self.folder!r}; expected one of them"
+            )
+        if self.url is not None and not re.match(r"https?://", self.url):
+            raise LiveSettingsError(f"line_protocol.url: got {self.url!r}, expected http://... or https://...")

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from cylinder_friction.live.opcua_settings import OpcUaClientSettings, OpcUaServerSettings
 from cylinder_friction.live.settings import (
+    LineProtocolSettings,
     LiveAccess,
     LiveLimits,
     MqttSettings,
@@ -37,6 +38,7 @@ class LiveParams(Section):
         tcp: Raw TCP; None: off.
         mqtt: Frames and JSON by an MQTT 5 broker; None: off.
         sparkplug: Births and data of Sparkplug B; None: off.
+        line_protocol: Estimates for a time-series database; None: off.
         opcua_server: Results by OPC UA; None: off.
         opcua_client: Samples by OPC UA; None: off.
     """
@@ -51,6 +53,7 @@ class LiveParams(Section):
     tcp: TcpSettings | None = None
     mqtt: MqttSettings | None = None
     sparkplug: SparkplugSettings | None = None
+    line_protocol: LineProtocolSettings | None = None
     opcua_server: OpcUaServerSettings | None = None
     opcua_client: OpcUaClientSettings | None = None
 
