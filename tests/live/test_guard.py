@@ -99,7 +99,8 @@ def test_without_a_known_token_only_the_empty_page_and_health_are_shown(address:
         assert got(address, "/metrics", headers)[::2] == (401, "Bearer")
         for path in ROUTES.values():
             assert refused(address, path, headers) == ("expected a known token as Authorization: Bearer TOKEN", 4401)
-    assert [got(address, path)[0] for path in ("/", "/static/live.js", "/livez", "/readyz")] == [200] * 4
+    assert [got(address, path)[0] for path in ("/", "/static/live.js", "/livez")] == [200] * 3
+    assert "loop_lag_s" in got(address, "/readyz")[1]
     metrics = got(address, "/metrics", bearer("the read token"))[1]
     assert 'cylinder_friction_live_refused_total{kind="token"} 12.0' in metrics
 

@@ -3,6 +3,7 @@
 import argparse
 import gc
 import logging
+import signal
 import sys
 import tempfile
 import threading
@@ -16,11 +17,14 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine, other_engines
+from cylinder_friction.live.events import Events
+from cylinder_friction.live.golden import golden_difference_n
 from cylinder_friction.live.guard import ROLES
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.line_protocol import LineProtocolLink
 from cylinder_friction.live.links import Link
 from cylinder_friction.live.replay import Replay
+from cylinder_friction.live.server import LiveServer
 from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.live.tcp import TcpLink
 from cylinder_friction.network.tokens import TokenFile
@@ -57,9 +61,9 @@ def run(options: argparse.Namespace) -> int:
         raise LiveError("--replay is to try the service without a machine; it needs one without tokens and TLS")
     with tempfile.TemporaryDirectory() as scratch:
         model = params.model or f"models:/{load_params().registered_name}@champion"
-        estimator = load_estimator(model_folder(model, Path(scratch) / "model"))
+        folder = model_folder(model, Path(scratch) / "model")
         engines = params.folder / ENGINES_FOLDER
-        engine = Engine(built_engine(estimator, engines))
+        engine = Engine(built_engine(load_estimator(folder), engines))
         recordings = _replayed(options, engine) if options.replay else {}
         service = LiveService(
             engine,
@@ -68,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
             limits=params.limits,
             others=other_engines(engines, engine),
         )
+        service.golden_difference_n = golden_difference_n(engine, folder)
         _serve(service, params, options.speed, recordings)
     return 0
 
@@ -75,13 +80,15 @@ def run(options: argparse.Namespace) -> int:
 def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     links, access = links_of(params), params.access
-    app = create_app(service, params.folder, links, access, params.host)
+    app = create_app(service, params.folder, links, access, params.host, Events(params.log))
     config = uvicorn.Config(
         app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
-        ws_per_message_deflate=False, timeout_graceful_shutdown=2, ssl_certfile=access.tls_certificate,
+        ws_per_message_deflate=False, timeout_graceful_shutdown=1, ssl_certfile=access.tls_certificate,
         ssl_keyfile=access.tls_key,
     )  # fmt: skip
-    server = uvicorn.Server(config)
+    server = LiveServer(config, app.state.drain)
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup's stays
+        signal.signal(signal.SIGHUP, server.handle_exit)
     stop = threading.Event()
     follower = threading.Thread(
         target=_follow, args=(server, service, params, links, speed, recordings, stop), daemon=True

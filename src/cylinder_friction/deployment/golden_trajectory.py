@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:  # numba and what it compiles take 200 MB, and a server needs neither
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
+
+    # numba and what it compiles take 200 MB, and a server needs neither
     from cylinder_friction.deployment.scoring import ServedGraph
     from cylinder_friction.realtime.model import StepModel
 
@@ -20,7 +27,7 @@ TOLERANCE_N = 0.1
 
 
 class GoldenError(ValueError):
-    """A graph does not give what was recorded with it."""
+    """A runtime does not give what was recorded with its model."""
 
 
 def recorded(graph: ServedGraph, model: StepModel) -> dict[str, Any]:
@@ -33,13 +40,13 @@ def recorded(graph: ServedGraph, model: StepModel) -> dict[str, Any]:
     return {"samples": samples.tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
 
 
-def difference_n(graph: ServedGraph, golden: dict[str, Any]) -> float:
-    """Return how far a graph is from its golden trajectory at most [N].
+def difference_n(run: Callable[[Array], tuple[Array, NDArray[np.integer[Any]]]], golden: dict[str, Any]) -> float:
+    """Return how far what ``run`` makes of the samples is from the golden trajectory at most [N].
 
     Raises:
         GoldenError: It is farther than ``TOLERANCE_N``, or flags differ.
     """
-    newtons, flags = graph.run(np.array(golden["samples"], dtype=np.float64))
+    newtons, flags = run(np.array(golden["samples"], dtype=np.float64))
     found_n = float(np.abs(newtons[:, :3] - np.array(golden["newtons"])).max())
     changed = int((flags != np.array(golden["flags"])).sum())
     if changed or not found_n <= TOLERANCE_N:

@@ -15,10 +15,11 @@ from starlette.websockets import WebSocket
 
 from cylinder_friction.live.changing import Changing
 from cylinder_friction.live.connection import Connection, Peers
+from cylinder_friction.live.events import Events
 from cylinder_friction.live.frames import EstimateBlock
-from cylinder_friction.live.guard import Guard
+from cylinder_friction.live.guard import Guard, client_of
 from cylinder_friction.live.history import move_into_history
-from cylinder_friction.live.keeping import keep_each_second, move_each_minute
+from cylinder_friction.live.keeping import keep_each_second, keep_some, move_each_minute
 from cylinder_friction.live.links import Link, in_background
 from cylinder_friction.live.metrics import metrics_text
 from cylinder_friction.live.service import LiveService, LiveSession
@@ -28,6 +29,8 @@ from cylinder_friction.live.web_socket import WebSocketTransport
 
 OVERDUE_S, REFRESH_S = 0.05, 1.0
 HISTORY_FOLDER, ENGINES_FOLDER = "history", "engines"
+LAST_WORD_S, LAST_MOVES_S = 0.3, 0.5
+"""For so long clients may read their last acknowledgements at the end; and the journal is moved into the history."""
 STATIC = Path(__file__).parent / "static"
 
 
@@ -37,17 +40,20 @@ def create_app(
     links: Sequence[Link] = (),
     access: LiveAccess | None = None,
     host: str = "127.0.0.1",
+    events: Events | None = None,
 ) -> Starlette:
     """Return the application around a service; ``folder`` is that of its history and engines.
 
-    ``links`` are started and ended with it.
+    ``links`` are started and ended with it; ``app.state.drain`` takes no more messages, and keeps and acknowledges
+    those that came.
 
     Raises:
         AccessError: The tokens cannot be read.
     """
-    peers, watchers, history = Peers(), Watchers(service), folder / HISTORY_FOLDER
+    events, history = events or Events(), folder / HISTORY_FOLDER
+    peers, watchers = Peers(events), Watchers(service)
     changing = Changing(service, folder / ENGINES_FOLDER)
-    guard = Guard(access or LiveAccess(), host, peers.refused)
+    guard = Guard(access or LiveAccess(), host, peers.refused, events)
     takers = (peers.send, watchers.note, *(link.note for link in links))
 
     def on_estimates(session: LiveSession, block: EstimateBlock) -> None:
@@ -55,45 +61,51 @@ def create_app(
             take(session, block)
 
     service.on_estimates = on_estimates
-    lag = _Lag()
+
+    async def drain() -> None:
+        peers.draining = True
+        await keep_some(service, peers, list(service.sessions.values()))
+        await peers.sent(LAST_WORD_S)
 
     async def stream(socket: WebSocket) -> None:
         if await guard.admits(socket, "write"):
-            await Connection(WebSocketTransport(socket), service, peers).run()
+            await Connection(WebSocketTransport(socket), service, peers, client_of(socket)).run()
 
     async def watch(socket: WebSocket) -> None:
         if await guard.admits(socket, "read"):
             await watchers.run(socket)
 
     async def readyz(_: Request) -> Response:
-        ready = lag.worst_s < 1.0 and not service.keeps_not_because
+        ready = service.loop_lag_s < 1.0 and not service.keeps_not_because and not peers.draining
+        golden_n = service.golden_difference_n
         body = {
             "ready": ready,
+            "ending": peers.draining,
+            "golden_trajectory": "none is in the model's folder" if golden_n is None else "met",
+            "golden_difference_n": golden_n,
             "not_kept": service.keeps_not_because,
             "model": service.engine.model,
-            "loop_lag_s": lag.worst_s,
+            "loop_lag_s": service.loop_lag_s,
             **service.load(),
         }
         return JSONResponse(body, 200 if ready else 503)
 
     async def metrics(_: Request) -> Response:
-        return PlainTextResponse(
-            metrics_text(service, peers, links, lag.worst_s), media_type="text/plain; version=0.0.4"
-        )
+        return PlainTextResponse(metrics_text(service, peers, links), media_type="text/plain; version=0.0.4")
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         async with AsyncExitStack() as started:
             keeping = keep_each_second(service, peers), move_each_minute(service, history)
-            jobs = (*keeping, _overdue(service, lag), watchers.tick(), _refresh(guard))
+            jobs = (*keeping, _overdue(service), watchers.tick(), _refresh(guard), events.watch(service))
             await started.enter_async_context(in_background(*jobs))
             for link in links:
                 await started.enter_async_context(link.running(service, peers))
             yield
         service.keep()
-        move_into_history(service.journal, history)
+        move_into_history(service.journal, history, within_s=LAST_MOVES_S)
 
-    return Starlette(
+    app = Starlette(
         routes=[
             Route("/", lambda _: FileResponse(STATIC / "live.html")),
             Route("/livez", lambda _: PlainTextResponse("alive\n")),
@@ -107,6 +119,8 @@ def create_app(
         ],
         lifespan=lifespan,
     )
+    app.state.drain = drain
+    return app
 
 
 class _Lag:
@@ -115,17 +129,19 @@ class _Lag:
     def __init__(self) -> None:
         self.worst_s, self._next_s, self._since_s = 0.0, 0.0, time.monotonic()
 
-    def note(self, late_s: float) -> None:
+    def note(self, late_s: float) -> float:
         self._next_s = max(self._next_s, late_s)
         if time.monotonic() - self._since_s > 1.0:
             self.worst_s, self._next_s, self._since_s = self._next_s, 0.0, time.monotonic()
+        return self.worst_s
 
 
-async def _overdue(service: LiveService, lag: _Lag) -> None:
+async def _overdue(service: LiveService) -> None:
+    lag = _Lag()
     while True:
         due_s = time.monotonic() + OVERDUE_S
         await asyncio.sleep(OVERDUE_S)
-        lag.note(time.monotonic() - due_s)
+        service.loop_lag_s = lag.note(time.monotonic() - due_s)
         service.overdue()
 
 

@@ -132,6 +132,8 @@ class Client:
         while True:
             message = socket.recv(5.0)
             content = json.loads(message) if isinstance(message, str) else {}
+            if "retry_after_s" in content:
+                raise ConnectionError(content["error"])
             if "error" in content:
                 raise LiveClientError(content["error"])
             if "opened" in content:

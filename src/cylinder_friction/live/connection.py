@@ -2,10 +2,13 @@
 
 import asyncio
 import json
+import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import Protocol
 
+from cylinder_friction.live.events import Events
 from cylinder_friction.live.frames import (
     Acknowledgement,
     EstimateBlock,
@@ -15,11 +18,15 @@ from cylinder_friction.live.frames import (
     pack_estimates,
     unpack,
 )
-from cylinder_friction.live.service import LiveError, LiveService, LiveSession
+from cylinder_friction.live.service import BusyError, LiveError, LiveService, LiveSession
 from cylinder_friction.live.text_forms import estimates_text, opened_text, read_text
 
 UNSENT_BYTES = 4 << 20
 """Beyond this a client that does not read is not read from, until it does."""
+RETRY_S = 1.0
+"""After how long a client that is refused for the load may try again."""
+BURST_S = 10.0
+"""So many seconds' worth of samples a client may send at once: what it kept during a break."""
 PATIENCE_S = 0.05
 """How long a writer is held back before it is looked at again."""
 
@@ -41,18 +48,33 @@ class Transport(Protocol):
 
 
 class Peers:
-    """Which connection owns which session, and how often what was refused."""
+    """Which connection owns which session, how often what was refused, and whether the service is ending."""
 
-    def __init__(self) -> None:
+    def __init__(self, events: Events | None = None) -> None:
+        self.events = events or Events()
+        self.draining, self.keeping = False, asyncio.Lock()
         self._owners: dict[str, Connection] = {}
         self.refused: Counter[str] = Counter()
         self.connections = 0
+        self._connected: set[Connection] = set()
+
+    def enter(self, connection: "Connection") -> None:
+        """Note a connection that has begun."""
+        self._connected.add(connection)
+        self.connections += 1
+
+    async def sent(self, within_s: float) -> None:
+        """Wait until all that waits for clients is on its way, ``within_s`` at most."""
+        deadline_s = time.monotonic() + within_s
+        while any(each.unsent for each in self._connected) and time.monotonic() < deadline_s:
+            await asyncio.sleep(0.01)
 
     def take_over(self, session: LiveSession, connection: "Connection") -> None:
         """Give a session to a connection; the one before gets a note, and nothing more of it."""
         before = self._owners.get(session.name)
         if before is not None and before is not connection:
             before.lost(session)
+            self.events.note("session lost", session=session.name, client=before.client, to=connection.client)
         self._owners[session.name] = connection
 
     def owns(self, connection: "Connection", session: LiveSession) -> bool:
@@ -61,6 +83,8 @@ class Peers:
 
     def leave(self, connection: "Connection") -> None:
         """Forget a connection that has ended; its sessions stay open."""
+        self._connected.discard(connection)
+        self.connections -= 1
         self._owners = {name: owner for name, owner in self._owners.items() if owner is not connection}
 
     def send(self, session: LiveSession, block: EstimateBlock) -> None:
@@ -77,24 +101,51 @@ class Peers:
                 owner.put_acknowledgement(session)
 
 
+class Pace:
+    """How fast one client sends, against how fast it may."""
+
+    def __init__(self, rows_per_s: float) -> None:
+        self._row_s, self._paid_until_s = 1.0 / rows_per_s, 0.0
+
+    def count(self, rows: int, now_s: float) -> None:
+        """Note samples that have come."""
+        self._paid_until_s = max(self._paid_until_s, now_s - BURST_S) + rows * self._row_s
+
+    def is_ahead(self, now_s: float) -> bool:
+        """Return whether the client has sent more than it may by now."""
+        return self._paid_until_s > now_s
+
+
 class Connection:
     """A client. It opens sessions by text, then sends frames; either way estimates come back as samples came."""
 
-    def __init__(self, transport: Transport, service: LiveService, peers: Peers) -> None:
+    def __init__(self, transport: Transport, service: LiveService, peers: Peers, client: str = "") -> None:
+        self.client = client
+        self._pace = Pace(service.limits.rows_per_s)
         self._transport, self._service, self._peers = transport, service, peers
         self._frames: list[bytes] = []
         self._texts: list[str] = []
         self._in_text: set[str] = set()  # Sessions whose client last sent text
-        self._unsent, self._waiting = 0, asyncio.Event()
+        self.unsent, self._waiting = 0, asyncio.Event()
 
     async def run(self) -> None:
         """Serve the client until it leaves."""
-        self._peers.connections += 1
+        if self._peers.connections >= self._service.limits.connections:
+            self._peers.refused["connections"] += 1
+            self._peers.events.note("connection refused", client=self.client, kind="connections")
+            error = f"{self._peers.connections} clients are connected, all that are taken; try later"
+            with suppress(ClientGoneError):
+                await self._transport.send(json.dumps({"error": error, "retry_after_s": RETRY_S}))
+            return
+        self._peers.enter(self)
         writer = asyncio.create_task(self._write())
         try:
             while not writer.done():
-                self._take(await self._transport.receive())
-                while self._unsent > UNSENT_BYTES or self._service.unkept_rows > self._service.limits.unkept_rows:
+                message = await self._transport.receive()
+                if self._peers.draining:
+                    continue  # not acknowledged: the client sends it to the next service
+                self._take(message)
+                while self._is_too_fast():
                     await asyncio.sleep(PATIENCE_S)  # TCP then holds the client back
                     if writer.done():
                         return
@@ -102,9 +153,12 @@ class Connection:
             pass
         finally:
             self._peers.leave(self)
-            self._peers.connections -= 1
             writer.cancel()
             await asyncio.gather(writer, return_exceptions=True)
+
+    def _is_too_fast(self) -> bool:
+        waiting = self._service.unkept_rows > self._service.limits.unkept_rows
+        return waiting or self.unsent > UNSENT_BYTES or self._pace.is_ahead(time.monotonic())
 
     def lost(self, session: LiveSession) -> None:
         """Note that another connection has opened the session."""
@@ -132,7 +186,8 @@ class Connection:
                 self._take_text(message)
         except (FrameError, LiveError) as error:
             self._peers.refused[type(error).__name__] += 1
-            self._put_text(json.dumps({"error": str(error)}))
+            later = {"retry_after_s": RETRY_S} if isinstance(error, BusyError) else {}
+            self._put_text(json.dumps({"error": str(error), **later}))
 
     def _take_frame(self, message: bytes) -> None:
         blocks = unpack(message)
@@ -141,12 +196,22 @@ class Connection:
             raise FrameError("got estimates or acknowledgements; expected samples alone")
         for block in samples:
             self._refuse_others(self._service.session_of(block))
+        self._receive(samples)
+
+    def _receive(self, samples: Sequence[SampleBlock]) -> None:
+        self._pace.count(sum(len(block.samples) for block in samples), time.monotonic())
         self._service.receive(samples)
 
     def _take_text(self, text: str) -> None:
+        if len(text) > self._service.limits.text_bytes:
+            raise LiveError(
+                f"got {len(text)} bytes of JSON, expected at most {self._service.limits.text_bytes}; send frames"
+            )
         what = read_text(text)
         if what.opens:
             session = self._service.open(what.session, what.inputs, what.sample_time_s)
+            event = "session resumed" if session.next_index else "session opened"
+            self._peers.events.note(event, session=session.name, index=session.next_index, client=self.client)
             self._peers.take_over(session, self)
             self._put_text(opened_text(session))
             if what.estimates_from is not None and what.estimates_from < session.next_index:
@@ -158,7 +223,7 @@ class Connection:
             raise LiveError(f"session {what.session[:80]!r}: not open; open it first")
         self._refuse_others(session)
         self._in_text.add(session.name)
-        self._service.receive([SampleBlock(session.handle, what.index, what.time_s, what.samples)])
+        self._receive([SampleBlock(session.handle, what.index, what.time_s, what.samples)])
 
     def _refuse_others(self, session: LiveSession) -> None:
         if not self._peers.owns(self, session):
@@ -166,12 +231,12 @@ class Connection:
 
     def _put_frame(self, frame: bytes) -> None:
         self._frames.append(frame)
-        self._unsent += len(frame)
+        self.unsent += len(frame)
         self._waiting.set()
 
     def _put_text(self, text: str) -> None:
         self._texts.append(text)
-        self._unsent += len(text)
+        self.unsent += len(text)
         self._waiting.set()
 
     async def _write(self) -> None:
@@ -179,8 +244,10 @@ class Connection:
             await self._waiting.wait()
             self._waiting.clear()
             texts, frames = self._texts, self._frames
-            self._texts, self._frames, self._unsent = [], [], 0
+            sending = self.unsent
+            self._texts, self._frames = [], []
             for text in texts:
                 await self._transport.send(text)
             if frames:
                 await self._transport.send(b"".join(frames))
+            self.unsent -= sending

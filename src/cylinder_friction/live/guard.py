@@ -13,6 +13,7 @@ from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
 from starlette.websockets import WebSocket
 
+from cylinder_friction.live.events import Events
 from cylinder_friction.live.settings import LiveAccess
 from cylinder_friction.network.tokens import TokenFile, bearer_token
 
@@ -41,14 +42,16 @@ class Guard:
         access: Tokens and names; as shipped whoever reaches the service may do all, under loopback's names.
         host: What the service listens on.
         refused: Counts refusals by kind.
+        events: Get them as well.
 
     Raises:
         AccessError: The tokens cannot be read.
     """
 
-    def __init__(self, access: LiveAccess, host: str, refused: Counter[str]) -> None:
+    def __init__(self, access: LiveAccess, host: str, refused: Counter[str], events: Events) -> None:
         self.tokens = None if access.tokens is None else TokenFile(access.tokens, ROLES)
         self._hosts, self._refused = _LOOPBACK | {host.lower(), *map(str.lower, access.hosts)}, refused
+        self._events = events
 
     def http(
         self, role: str, endpoint: Callable[[Request], Awaitable[Response]]
@@ -77,6 +80,7 @@ class Guard:
         refusal = self._foreign(connection) or self._not_allowed(connection, role)
         if refusal is not None:
             self._refused[refusal.kind] += 1
+            self._events.note("connection refused", client=client_of(connection), kind=refusal.kind)
             if refusal.status == 401:
                 await asyncio.sleep(GUESS_S)
         return refusal
@@ -101,6 +105,11 @@ class Guard:
         if ROLES.index(has) < ROLES.index(role):
             return Refusal("role", 403, f"this token may {has}; expected one that may {role}")
         return None
+
+
+def client_of(connection: HTTPConnection) -> str:
+    """Return where a connection comes from."""
+    return "" if connection.client is None else f"{connection.client.host}:{connection.client.port}"
 
 
 def token_of(connection: HTTPConnection) -> bytes:

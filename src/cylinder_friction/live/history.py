@@ -1,5 +1,7 @@
 """The journal's estimates as Parquet: a folder per session and UTC day, whole files only."""
 
+import math
+import time
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -16,10 +18,11 @@ LATE_FOLDER = "late"
 _NEWTONS = ("friction_n", "lower_n", "upper_n")
 
 
-def move_into_history(journal: Journal, folder: Path, left: int = 0) -> list[Path]:
+def move_into_history(journal: Journal, folder: Path, left: int = 0, within_s: float = math.inf) -> list[Path]:
     """Write the chunks of the journal into Parquet and drop them there; return the files.
 
-    The newest ``left`` chunks of all stay, for clients that come back and have not read their estimates.
+    The newest ``left`` chunks of all stay, for clients that come back and have not read their estimates; so does what
+    is not begun ``within_s``.
 
     A kill in between loses nothing and doubles nothing: a file is named by session, day and first index, and what was
     not dropped yet is written again as the same file.
@@ -29,8 +32,9 @@ def move_into_history(journal: Journal, folder: Path, left: int = 0) -> list[Pat
     SHA-256 are in the file's metadata. Samples that came too late to be stepped lie, without estimates, in a folder
     ``late`` beside the session's days.
     """
-    last = journal.last_chunk() - left
-    return [path for name in journal.with_chunks(last) for path in move_session(journal, name, last, folder)]
+    last, deadline_s = journal.last_chunk() - left, time.monotonic() + within_s
+    names = (name for name in journal.with_chunks(last) if time.monotonic() < deadline_s)
+    return [path for name in names for path in move_session(journal, name, last, folder)]
 
 
 def move_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:

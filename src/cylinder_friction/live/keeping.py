@@ -30,13 +30,19 @@ async def keep_each_second(service: LiveService, peers: Peers) -> None:
         steps = max(1, -(-len(sessions) // some))
         for first in range(0, steps * some, some):
             due_s = time.monotonic() + KEEP_S / steps
-            await _keep_some(service, peers, sessions[first : first + some])
+            await keep_some(service, peers, sessions[first : first + some])
             await asyncio.sleep(max(0.0, due_s - time.monotonic()))
         for name in service.close_idle():
-            _log.info("session %s closed: idle; its state is kept", name)
+            peers.events.note("session closed", session=name, why="idle")
 
 
-async def _keep_some(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
+async def keep_some(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
+    """Keep what is new of some sessions, and acknowledge it."""
+    async with peers.keeping:
+        await _keep_now(service, peers, sessions)
+
+
+async def _keep_now(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
     saved, chunks = service.unkept(sessions)
     if not saved:
         return

@@ -18,16 +18,16 @@ _GAUGES = {
 }
 
 
-def metrics_text(service: LiveService, peers: Peers, links: Sequence[Link], loop_lag_s: float) -> str:
+def metrics_text(service: LiveService, peers: Peers, links: Sequence[Link]) -> str:
     """Return the metrics in Prometheus's text format."""
     registry = CollectorRegistry()
-    registry.register(_Live(service, peers, links, loop_lag_s))
+    registry.register(_Live(service, peers, links))
     return generate_latest(registry).decode()
 
 
 class _Live(Collector):
-    def __init__(self, service: LiveService, peers: Peers, links: Sequence[Link], loop_lag_s: float) -> None:
-        self._service, self._peers, self._links, self._lag_s = service, peers, links, loop_lag_s
+    def __init__(self, service: LiveService, peers: Peers, links: Sequence[Link]) -> None:
+        self._service, self._peers, self._links = service, peers, links
 
     def collect(self) -> Iterator[Metric]:
         samples: Counter[str] = Counter()
@@ -51,4 +51,6 @@ class _Live(Collector):
         for name, value in self._service.load().items():
             yield GaugeMetricFamily(f"cylinder_friction_live_{name}", _GAUGES[name], value)
         yield GaugeMetricFamily("cylinder_friction_live_connections", "Clients.", self._peers.connections)
-        yield GaugeMetricFamily("cylinder_friction_live_loop_lag_seconds", "Worst of the last second.", self._lag_s)
+        yield GaugeMetricFamily(
+            "cylinder_friction_live_loop_lag_seconds", "Worst of the last second.", self._service.loop_lag_s
+        )

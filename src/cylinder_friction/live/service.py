@@ -24,6 +24,10 @@ class LiveError(ValueError):
     """A request that cannot be met; the message states what was got and what is expected."""
 
 
+class BusyError(LiveError):
+    """A request that may be met later."""
+
+
 @dataclass
 class LiveSession:
     """One open session."""
@@ -82,6 +86,10 @@ class LiveService:
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
         self.unkept_rows = 0
+        self.golden_difference_n: float | None = None
+        """How far the engine is from its golden trajectory [N]; None where there is none."""
+        self.loop_lag_s = 0.0
+        """How late the event loop was of late, at worst, as its owner states."""
         self.keeps_not_because = ""
         """Why nothing could be kept the last time; empty where it could."""
 
@@ -90,6 +98,7 @@ class LiveService:
 
         Raises:
             LiveError: The name is not one, there are too many sessions, or columns or sample time are not the model's.
+            BusyError: The session is new, and the service has no time for it.
         """
         self._refuse_other_samples(name, inputs, sample_time_s)
         if name in self.sessions:
@@ -97,7 +106,12 @@ class LiveService:
         if len(self.sessions) >= self.limits.sessions:
             raise LiveError(f"session {name!r}: {len(self.sessions)} sessions are open, all that are taken; try later")
         order = SessionOrder(self.engine.sample_time_s, len(self.engine.inputs), self.rules)
-        models = self._models(self.journal.session(name), order)
+        saved = self.journal.session(name)
+        if saved is None and self.loop_lag_s > self.limits.loop_lag_s:
+            raise BusyError(
+                f"session {name!r}: new sessions are refused while the service is {self.loop_lag_s:.2f} s late"
+            )
+        models = self._models(saved, order)
         clock = ClockCheck(self.engine.sample_time_s)
         session = LiveSession(name, self._next_handle, models, order, clock, last_seen_s=self._clock())
         session.kept_index = session.next_index

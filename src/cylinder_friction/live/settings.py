@@ -1,7 +1,7 @@
 """What a live service is given: how long a session waits, what is taken, and by which links."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -66,16 +66,24 @@ class LiveLimits:
         unkept_rows: Most rows that wait to be kept, all sessions together; beyond it writers are slowed down.
         idle_s: How long a session may rest before it is closed, its state kept [s].
         message_bytes: Largest message of a client.
+        text_bytes: Largest message of JSON, which takes a hundred times as long to read as frames.
+        connections: Most clients, and as many pages, that are connected at a time.
+        rows_per_s: Most samples per second of a connection, ten seconds' worth at once; beyond it the client is slowed.
+        loop_lag_s: How late the event loop may be before new sessions are refused; known ones are not [s].
     """
 
     sessions: int = 1000
     unkept_rows: int = 2_000_000
     idle_s: float = 600.0
     message_bytes: int = 1 << 20
+    text_bytes: int = 1 << 16
+    connections: int = 1000
+    rows_per_s: float = 100_000.0
+    loop_lag_s: float = 0.25
 
     def __post_init__(self) -> None:
         """Refuse what is not positive; raises ``LiveSettingsError``."""
-        refuse_unless_positive(self, "limits", "sessions", "unkept_rows", "idle_s", "message_bytes")
+        refuse_unless_positive(self, "limits", *(each.name for each in fields(self)))
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,9 @@ class Watchers:
 
     async def run(self, socket: WebSocket) -> None:
         """Serve a page, its socket accepted, until it leaves; it sends the name of the session shown, or nothing."""
+        if len(self._pages) >= self._service.limits.connections:
+            await socket.close(1013, f"{len(self._pages)} pages are open, all that are taken; try later")
+            return
         page = _Page(socket)
         self._pages.add(page)
         try:

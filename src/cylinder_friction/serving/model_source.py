@@ -61,7 +61,7 @@ def open_model(model: ServedModel) -> ModelInService:
     """
     try:
         graph, golden = ServedGraph(model.folder / GRAPH_FILE), model.folder / GOLDEN_FILE
-        return ModelInService(model, graph, difference_n(graph, read_json(golden)) if golden.is_file() else None)
+        return ModelInService(model, graph, difference_n(graph.run, read_json(golden)) if golden.is_file() else None)
     except GoldenError as error:
         raise ServingError(f"{model.name} version {model.version}: {error}; register the model again") from error
     except Exception as error:  # ONNX Runtime raises many kinds

@@ -81,7 +81,7 @@ def save_model_folder(
     write_bytes(graph, sequence_graph(model).SerializeToString(deterministic=True))
     served = ServedGraph(graph)
     write_json(golden, trajectory := recorded(served, model))
-    difference_n(served, trajectory)
+    difference_n(served.run, trajectory)
     pyfunc.save_model(
         path=str(path),
         python_model=str(MODEL_CODE),

@@ -1,0 +1,199 @@
+"""The live service killed again and again under load: no differing bit, no lost sample, and how soon it goes on.
+
+Every session has a client of its own, which sends in the model's own time. Each turn ends the service at a random
+moment and starts it anew at once. At the end what the clients got, and what lies in the history, is compared with a
+stream of each session's own.
+
+    python performance/live_kills.py --kills 100
+    python performance/live_kills.py --kills 5 --signal TERM --sessions 500 --readers 3
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from websockets.sync.client import connect
+
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.live.client import Client
+from cylinder_friction.recordings.storage import read_recordings
+
+PORT, BLOCK_S = 5904, 0.05
+
+
+@dataclass
+class Cylinder:
+    """What one session's client sent and got."""
+
+    name: str
+    begin: int  # Its samples begin here in the recording, so that sessions differ
+    newtons: list[np.ndarray] = field(default_factory=list)
+    indices: list[int] = field(default_factory=list)
+    got_s: float = 0.0  # When the latest estimates came
+    sent: int = 0
+    error: str = ""
+
+
+def main() -> int:
+    """Run it, print one table, return 1 where anything differs."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--model", type=Path, default=Path("models/hybrid"))
+    options.add_argument("--recordings", type=Path, default=Path("data/processed/test"))
+    options.add_argument("--sessions", type=int, default=50)
+    options.add_argument("--readers", type=int, default=0, help="connections that open a session each and never read")
+    options.add_argument("--kills", type=int, default=100)
+    options.add_argument("--signal", choices=("KILL", "TERM"), default="KILL")
+    options.add_argument("--seed", type=int, default=1)
+    given = options.parse_args()
+    estimator = load_estimator(given.model)
+    step_s = float(estimator.sample_time_s or 0.005)
+    recorded = read_recordings(given.recordings)[0].samples(estimator.inputs)
+    cylinders = [Cylinder(f"press {place}", 17 * place) for place in range(given.sessions)]
+    stop = threading.Event()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        service = started(given.model, folder)
+        wait_until_ready()
+        threads = [
+            threading.Thread(target=send, args=(each, recorded, tuple(estimator.inputs), step_s, stop))
+            for each in cylinders
+        ]
+        for thread in threads:
+            thread.start()
+        stalled = [connect(f"ws://127.0.0.1:{PORT}/watch", max_size=None) for _ in range(given.readers)]
+        service, times = kill_again_and_again(given, service, folder, cylinders)
+        for each in stalled:
+            each.socket.close()
+        stop.set()
+        for thread in threads:
+            thread.join()
+        service.send_signal(signal.SIGTERM)
+        service.wait()
+        wait_for_history(given.model, folder)
+        problems = compare(cylinders, recorded, estimator, folder / "history")
+    samples = sum(each.sent for each in cylinders)
+    print(f"{given.sessions} sessions, {samples:,} samples, {len(times)} times SIG{given.signal}")
+    for what, column in zip(("signal to exit", "start to ready", "start to first new newtons", "to all sessions'"),
+                            np.array(times).T, strict=True):  # fmt: skip
+        print(f"{what:<27} median {np.median(column):.2f} s, worst {column.max():.2f} s")
+    print("differing bits, lost samples: " + ("none" if not problems else "; ".join(problems[:5])))
+    return int(bool(problems))
+
+
+def started(model: Path, folder: Path) -> subprocess.Popen[bytes]:
+    """Start the service."""
+    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model)]
+    return subprocess.Popen([*command, "--port", str(PORT), "--folder", str(folder)], stdout=subprocess.DEVNULL)
+
+
+def wait_until_ready() -> None:
+    """Wait until its port takes connections and it is ready."""
+    for _ in range(6000):
+        try:
+            socket.create_connection(("127.0.0.1", PORT), 0.1).close()
+            urllib.request.urlopen(f"http://127.0.0.1:{PORT}/readyz", timeout=1.0).close()
+        except OSError:
+            time.sleep(0.005)
+        else:
+            return
+    raise RuntimeError("the service did not start within a minute")
+
+
+def send(
+    cylinder: Cylinder, recorded: np.ndarray, inputs: tuple[str, ...], step_s: float, stop: threading.Event
+) -> None:
+    """Send in the model's time until ``stop``, then wait until all is kept and estimated."""
+    rows = max(1, round(BLOCK_S / step_s))
+    try:
+        with Client(f"ws://127.0.0.1:{PORT}/stream", cylinder.name, step_s, inputs) as client:
+            begun_s = time.monotonic()
+            while not stop.is_set():
+                client.send(samples_of(cylinder, recorded, cylinder.sent, rows))
+                cylinder.sent += rows
+                take(client, cylinder, 0.0)
+                time.sleep(max(0.0, begun_s + cylinder.sent * step_s - time.monotonic()))
+            client.wait_until_kept()
+            while len(cylinder.indices) < cylinder.sent and take(client, cylinder, 5.0):
+                pass
+    except Exception as error:  # reported in the table
+        cylinder.error = f"{cylinder.name}: {type(error).__name__} {error}"
+
+
+def samples_of(cylinder: Cylinder, recorded: np.ndarray, begin: int, rows: int) -> np.ndarray:
+    """Return a session's samples, the recording again and again."""
+    return recorded[(cylinder.begin + np.arange(begin, begin + rows)) % len(recorded)]
+
+
+def take(client: Client, cylinder: Cylinder, timeout_s: float) -> bool:
+    """Take estimates that are there; return whether there were any."""
+    any_came = False
+    while len(part := client.estimates(timeout_s)[1]):
+        cylinder.indices += range(len(cylinder.indices), len(cylinder.indices) + len(part))
+        cylinder.newtons.append(part)
+        cylinder.got_s = time.monotonic()
+        any_came, timeout_s = True, 0.0
+    return any_came
+
+
+def kill_again_and_again(
+    given: argparse.Namespace, service: subprocess.Popen[bytes], folder: Path, cylinders: list[Cylinder]
+) -> tuple[subprocess.Popen[bytes], list[tuple[float, float, float, float]]]:
+    """Return the last service, and of each turn the seconds to exit, to ready, to the first and to all newtons."""
+    times, draw = [], np.random.default_rng(given.seed)
+    for _ in range(given.kills):
+        time.sleep(draw.uniform(0.1, 2.5))
+        begun_s = time.monotonic()
+        service.send_signal(signal.SIGKILL if given.signal == "KILL" else signal.SIGTERM)
+        service.wait()
+        ended_s = time.monotonic()
+        service = started(given.model, folder)
+        wait_until_ready()
+        ready_s = time.monotonic()
+        while min(each.got_s for each in cylinders) < ended_s and not any(each.error for each in cylinders):
+            time.sleep(0.002)
+        first_s = min(each.got_s for each in cylinders if each.got_s > ended_s)
+        firsts = first_s - ended_s, max(each.got_s for each in cylinders) - ended_s
+        times.append((ended_s - begun_s, ready_s - ended_s, *firsts))
+    return service, times
+
+
+def wait_for_history(model: Path, folder: Path) -> None:
+    """Start and end the service until nothing is left in its journal."""
+    while sqlite3.connect(folder / "journal.db").execute("SELECT COUNT(*) FROM chunk").fetchone()[0]:
+        service = started(model, folder)
+        wait_until_ready()
+        service.send_signal(signal.SIGTERM)
+        service.wait()
+
+
+def compare(cylinders: list[Cylinder], recorded: np.ndarray, estimator: object, history: Path) -> list[str]:
+    """Return what differs."""
+    problems = [each.error for each in cylinders if each.error]
+    for each in cylinders:
+        expected, _ = estimator.real_time().run(samples_of(each, recorded, 0, each.sent))  # type: ignore[attr-defined]
+        got = np.concatenate(each.newtons)
+        if not np.array_equal(got, expected):
+            problems.append(f"{each.name}: clients got {len(got)} of {each.sent}, or other newtons")
+        files = sorted((history / each.name.replace(" ", "%20")).rglob("*.parquet"))
+        table = pd.concat([pd.read_parquet(path) for path in files])
+        indices, kept = table["index"].to_numpy(), table[["friction_n", "lower_n", "upper_n"]].to_numpy()
+        if not (np.array_equal(indices, np.arange(each.sent)) and np.array_equal(kept, expected)):
+            problems.append(f"{each.name}: the history has {len(indices)} of {each.sent}, or other newtons")
+    return problems
+
+
+if __name__ == "__main__":
+    sys.exit(main())
