@@ -110,7 +110,8 @@ def served(links: Sequence[Link], service: LiveService, folder: Path, use: Calla
     """What ``use`` returns in a thread of its own while the service runs."""
 
     async def run() -> Any:
-        async with create_app(service, folder / "history", links).router.lifespan_context(None):  # type: ignore[arg-type]
+        app: Any = create_app(service, folder / "history", links)
+        async with app.router.lifespan_context(app):
             return await asyncio.to_thread(use)
 
     return asyncio.run(run())
@@ -119,8 +120,9 @@ def served(links: Sequence[Link], service: LiveService, folder: Path, use: Calla
 @contextmanager
 def by_hand(broker: Mosquitto, *topics: str) -> Iterator[tuple[PahoClient, queue.Queue[tuple[str, bytes]]]]:
     """A client that is not ours, and what it gets."""
-    client, got, ready = PahoClient(CallbackAPIVersion.VERSION2, protocol=MQTTv5), queue.Queue(), threading.Event()
-    client.on_message = lambda _client, _data, message: got.put((message.topic, message.payload))
+    client, ready = PahoClient(CallbackAPIVersion.VERSION2, protocol=MQTTv5), threading.Event()
+    got: queue.Queue[tuple[str, bytes]] = queue.Queue()
+    client.on_message = lambda _client, _data, message: got.put((message.topic, bytes(message.payload)))
     client.on_subscribe = lambda *_: ready.set()
     client.connect("127.0.0.1", broker.port)
     client.subscribe([(topic, 1) for topic in topics])
