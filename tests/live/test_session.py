@@ -103,6 +103,26 @@ def test_the_first_sample_states_where_a_new_session_begins() -> None:
     assert stepped(take(session, 1000, 1002)) == [1000, 1001]
 
 
+@given(st.lists(st.tuples(st.integers(0, 60), st.integers(1, 30), st.floats(0.0, 0.6)), min_size=1, max_size=30))
+def test_blocks_that_overlap_in_any_way_step_each_sample_once_and_count_each(
+    blocks: list[tuple[int, int, float]],
+) -> None:
+    session, now_s, pieces = order(), 0.0, []
+    for begin, length, pause_s in blocks:
+        now_s += pause_s
+        pieces += take(session, begin, begin + length, now_s) + session.overdue(now_s)
+    pieces += session.overdue(now_s + 10.0)
+    given_values = [value for value in stepped(pieces) if value == value]
+    assert given_values == sorted(set(given_values))
+    assert [piece.index for piece in pieces if piece.samples[0, 0] == piece.samples[0, 0]] == [
+        piece.samples[0, 0] for piece in pieces if piece.samples[0, 0] == piece.samples[0, 0]
+    ]
+    counts = session.counts
+    assert counts.stepped + counts.duplicate + counts.late == sum(length for _, length, _ in blocks)
+    assert counts.stepped == len(given_values)
+    assert sum(len(piece.samples) for piece in session.late) == counts.late
+
+
 def test_late_samples_are_kept_once_each_and_never_stepped() -> None:
     session = order()
     take(session, 0, 2)

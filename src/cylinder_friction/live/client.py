@@ -73,6 +73,10 @@ class Client:
             self.next_index += len(part)
             self._send(block)
 
+    def skip(self, rows: int) -> None:
+        """Leave out so many samples, which were not taken; after more than a short gap the session begins anew."""
+        self.next_index += rows
+
     def estimates(self, timeout_s: float = 1.0) -> tuple[int, Array, NDArray[np.uint32]]:
         """Return the next estimates: index of the first, newtons ``(rows, 3)``, flags; after ``timeout_s`` no rows."""
         deadline = time.monotonic() + timeout_s

@@ -9,11 +9,13 @@ from cylinder_friction.live.client import Client
 from cylinder_friction.recordings.recording import Recording
 
 BLOCK_S = 0.05
+PAUSE_S = 60.0
+"""What is left out between two recordings of a session, so that each begins anew, as it did when it was recorded."""
 
 
 @dataclass
 class Replay:
-    """Recordings that are sent as sessions of their own, one after the other within a session.
+    """Recordings that are sent as sessions of their own, one after the other within a session, with a pause between.
 
     Args:
         url: Of the service.
@@ -42,7 +44,8 @@ class Replay:
         rows = max(1, round(BLOCK_S / sample_time_s))
         with Client(self.url, name, sample_time_s, inputs) as client:
             begin_s, sent = time.monotonic(), 0
-            for recording in recordings:
+            for number, recording in enumerate(recordings):
+                client.skip(round(PAUSE_S / sample_time_s) if number else 0)
                 samples = recording.samples(inputs)
                 for first in range(0, len(samples), rows):
                     if stop.is_set():

@@ -101,8 +101,7 @@ class SessionOrder:
         return waited_s >= self.rules.hold_s or self.held_rows > self.rules.hold_rows
 
     def _over_the_gap(self) -> Iterator[Piece]:
-        assert self.next_index is not None
-        first, begin = self._held[0], self.next_index
+        first, begin = self._held[0], self._next()
         missing = first.index - begin
         self._gaps = [*self._gaps[-63:], (begin, first.index)]
         short = missing * self.sample_time_s <= self.rules.short_gap_s
@@ -117,11 +116,19 @@ class SessionOrder:
         yield from self._released(reset=not short)
 
     def _released(self, reset: bool = False) -> Iterator[Piece]:
-        while self._held and self._held[0].index == self.next_index:
+        while self._held and self._held[0].index <= self._next():
             first = self._held.pop(0)
-            self.counts.reordered += len(first.samples)
-            yield self._stepped(Piece(first.index, first.time_s, first.samples, reset))
-            reset = False
+            known = min(len(first.samples), self._next() - first.index)  # Stepped since, as part of another block
+            self.counts.duplicate += known
+            if known < len(first.samples):
+                self.counts.reordered += len(first.samples) - known
+                time_s = first.time_s + known * self.sample_time_s
+                yield self._stepped(Piece(first.index + known, time_s, first.samples[known:], reset))
+                reset = False
+
+    def _next(self) -> int:
+        assert self.next_index is not None
+        return self.next_index
 
     def _stepped(self, piece: Piece) -> Piece:
         self.counts.stepped += len(piece.samples)

@@ -1,0 +1,104 @@
+"""A day from the wire to Parquet equals ``cylinder-friction estimate`` on the same logs, bit for bit.
+
+    python performance/live_day.py --model models/hybrid --logs data/raw/rig [--hours 24]
+
+Sends logs through a live service, over and over until the hours are full, each as a recording that begins anew in its
+session, as fast as the service takes them; then compares every row of the history with what the command writes. Exits
+with 1 unless all are there and equal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from live_load import PORT, wait_until_ready
+
+from cylinder_friction.commands.estimate import cylinder_of
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.live.replay import PAUSE_S, Replay
+from cylinder_friction.recordings.reading_logs import read_logs
+from cylinder_friction.recordings.recording import Recording
+
+CLI = (sys.executable, "-m", "cylinder_friction.commands.cli")
+COLUMNS = ["friction_n", "lower_n", "upper_n", "flags"]
+
+
+def main() -> int:
+    """Print how many rows there are, and how many differ."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--model", type=Path, default=Path("models/hybrid"))
+    parser.add_argument("--logs", type=Path, default=Path("data/raw/rig"))
+    parser.add_argument("--channels", type=Path, default=Path("conf/ingest/rig.yaml"))
+    parser.add_argument("--hours", type=float, default=24.0)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        logs = ["--channels", str(options.channels), "--model", str(options.model)]
+        command = [*CLI, "estimate", str(options.logs), *logs, "--output", str(folder / "friction")]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        sessions = sessions_of(options)
+        given = sum(
+            len(recording.table) * recording.sample_time_s
+            for recordings in sessions.values()
+            for recording in recordings
+        )
+        rounds = -(-int(3600.0 * options.hours) // int(given))
+        sent = {session: recordings * rounds for session, recordings in sessions.items()}
+        seconds = through_the_service(options.model, folder / "live", sent)
+        rows, wrong = compared(folder, sent)
+    expected = sum(len(recording.table) for recordings in sent.values() for recording in recordings)
+    print(f"{rows / 720_000:.1f} h in {len(sent)} sessions through the service in {seconds:.0f} s")
+    print(f"{rows:,} rows in its history of {expected:,} sent; other than `estimate` gives: {wrong:,}")
+    return 0 if rows == expected and not wrong else 1
+
+
+def sessions_of(options: argparse.Namespace) -> dict[str, list[Recording]]:
+    """Return the recordings of the logs by session."""
+    sessions: dict[str, list[Recording]] = {}
+    for recording in read_logs([str(options.logs)], options.channels, cylinder_of(None)):
+        sessions.setdefault(recording.metadata.session, []).append(recording)
+    return sessions
+
+
+def through_the_service(model: Path, folder: Path, sent: dict[str, list[Recording]]) -> float:
+    """Send all recordings, end the service; return how many seconds it took."""
+    service = subprocess.Popen(
+        [*CLI, "live", "--model", str(model), "--port", str(PORT), "--folder", str(folder)], stdout=subprocess.DEVNULL
+    )
+    try:
+        wait_until_ready()
+        begun_s = time.monotonic()
+        inputs = load_estimator(model).inputs
+        Replay(f"ws://127.0.0.1:{PORT}/stream", sent, None).run(inputs, threading.Event())
+        return time.monotonic() - begun_s
+    finally:
+        service.terminate()
+        service.wait()
+
+
+def compared(folder: Path, sent: dict[str, list[Recording]]) -> tuple[int, int]:
+    """Return how many rows of sent recordings the history holds, and how many of them differ."""
+    rows = wrong = 0
+    for session, recordings in sent.items():
+        files = sorted((folder / "live/history" / session).rglob("*.parquet"))
+        history = pd.concat([pd.read_parquet(file) for file in files]).set_index("index")
+        begin = 0
+        for recording in recordings:
+            expected = pd.read_parquet(folder / "friction" / f"{recording.name}.parquet")[COLUMNS].to_numpy()
+            got = history.loc[begin : begin + len(expected) - 1, COLUMNS].to_numpy()
+            rows += len(got)
+            wrong += len(expected) if got.shape != expected.shape else int(np.any(got != expected, axis=1).sum())
+            begin += len(expected) + round(PAUSE_S / recording.sample_time_s)
+    return rows, wrong
+
+
+if __name__ == "__main__":
+    sys.exit(main())
