@@ -1,14 +1,14 @@
 """The benchmark's full recipe on 2 to 1,000 workers, simulated from measured sizes of its pieces.
 
-    python performance/cluster_schedule.py [--effort 0.05] [--batch 4]
+    python performance/cluster_schedule.py [--effort 0.05]
 
-Measured here, as seconds of CPU: simulating a campaign, and for every model a fit of the smoke recipe's identity task
-(after a first one, in which numba compiles), one on recordings four times as long, and its estimates; and what the
-scheduler of a Dask cluster on loopback spends on a piece. Assumed: fits grow with rows as between the two, and in
-proportion to effort, estimates in proportion to rows; every model takes every task as long as it takes ``identity``;
-workers are as fast as this core; files cost nothing. Pieces are given out in the benchmark's order, one phase after the
-other: campaigns, tunings, predictions. Scores are left out. The last lines are what batches of trials would give, were
-a tuning split into them.
+Measured here, as seconds of CPU: simulating a campaign, and for every model a fit of the identity task on few
+recordings of the full recipe's length (after a first one, in which numba compiles), one on four times as many, one
+with twice the effort, and its estimates; and what the scheduler of a Dask cluster on loopback spends on a piece.
+Assumed: a fit is a constant and, in proportion to effort, a constant and a part that grows with rows; estimates are
+in proportion to rows; every model takes every task as long as it takes ``identity``; a trial takes as long as one
+with the defaults; workers are as fast as this core; files cost nothing. Pieces are given out in the benchmark's
+order, one phase after the other: campaigns, each round of trials, predictions. Scores are left out.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.campaigns import simulate
 from friction_benchmark.datasets import Sizes, Sources, cases_of, folds_of, inputs_of, twin_recordings
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
+from friction_benchmark.jobs import PredictionJob
 from friction_benchmark.params import BenchmarkParams, compose_benchmark
 from friction_benchmark.registry.model import BuildConfiguration, RegisteredModel
 from friction_benchmark.run import runner_from
@@ -40,50 +41,52 @@ from friction_benchmark.tasks import task_named
 WORKERS = (1, 2, 10, 100, 1000)
 TASK = task_named("identity")
 RATE_HZ = 200.0
-LONGER = 4  # are the recordings that show how a fit grows with rows
+MORE = 4  # times as many recordings show how a fit grows with rows
 PIECES = 2000  # to measure the scheduler with
 FOLDS = {UNSEEN_RIG: 1, LEAVE_LOAD: 4, LEAVE_TEMPERATURE: 3}
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one model [s of CPU]: a fit of full effort on no rows and per row, and an estimate per row."""
+    """Of one model [s of CPU]: a fit without effort; what full effort adds, and per row; an estimate per row."""
 
     least_s: float
+    effort_s: float
     row_s: float
     estimate_s: float
 
-    def fit_s(self, rows: float) -> float:
-        return self.least_s + self.row_s * rows
+    def fit_s(self, rows: float, effort: float) -> float:
+        return self.least_s + effort * (self.effort_s + self.row_s * rows)
 
 
 def main() -> int:
     """Print sizes, assumptions and the schedule."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--effort", type=float, default=0.05, help="of the measured fits")
-    parser.add_argument("--batch", type=int, default=4, help="trials of a tuning at a time")
     options = parser.parse_args()
     os.chdir(SOURCE.parent / "benchmark")
     smoke, full = compose_benchmark(["experiment=smoke"]), compose_benchmark(["experiment=full"])
     with tempfile.TemporaryDirectory() as name:
         few = replace(runner_from(smoke).sources, folder=Path(name))
-        sources = [few, replace(few, sizes=replace(few.sizes, duration_s=LONGER * few.sizes.duration_s))]
+        sizes = replace(few.sizes, duration_s=full.campaign.duration_s)
+        more = replace(sizes, recordings_per_session=MORE, twin_rigs=MORE * sizes.twin_rigs)
+        sources = [replace(few, sizes=each) for each in (sizes, more)]
         simulated_s = [campaign_cost(each) for each in sources][-1]
         costs = {
             model.name: model_cost(model, sources, options.effort)
             for model in runner_from(full).plan.chosen_models().values()
-            if model.supports(inputs_of(few, TASK, 0))
+            if model.supports(TASK.inputs)
         }
         piece_s = scheduler_cost(Path(name))
     print(
         f"\nscheduler: {1e3 * piece_s:.2f} ms a piece; campaigns: {1e3 * simulated_s:.2f} ms for a second of recording"
     )
-    for batch, words in ((0, "as it is"), (options.batch, f"tunings in batches of {options.batch} trials")):
+    for batch in (1, full.budget.batch):
         phases = pieces(full, costs, simulated_s, batch)
         count, total_s = sum(map(len, phases)), sum(map(sum, phases))
         hours = ", ".join(f"{schedule(phases, n, piece_s) / 3600.0:.3g} h on {n}" for n in WORKERS)
         print(
-            f"{words}: {count} pieces, the longest {max(map(max, phases)) / 3600.0:.2g} h, "
+            f"trials in batches of {batch}: {count} pieces, the longest {max(map(max, phases)) / 60.0:.2g} min, "
             f"{total_s / 3600.0:.3g} worker-hours"
         )
         print(f"  {hours}")
@@ -107,10 +110,16 @@ def model_cost(model: RegisteredModel, sources: list[Sources], effort: float) ->
     rows: list[int] = []
     spent_s: list[float] = []
     try:
-        for each in (sources[0], *sources):  # the first compiles
+        # the first compiles
+        for each, share in (
+            (sources[0], effort),
+            (sources[0], effort),
+            (sources[1], effort),
+            (sources[0], 2.0 * effort),
+        ):
             recordings = training_recordings(model, each)
             inputs = inputs_of(each, TASK, 0)
-            estimator = model.build(BuildConfiguration(each.cylinder, inputs, 0, effort, dict(model.defaults)))
+            estimator = model.build(BuildConfiguration(each.cylinder, inputs, 0, share, dict(model.defaults)))
             began_s = time.process_time()
             estimator.fit(recordings)
             spent_s.append(time.process_time() - began_s)
@@ -121,14 +130,17 @@ def model_cost(model: RegisteredModel, sources: list[Sources], effort: float) ->
         estimate_s = (time.process_time() - began_s) / len(recordings[0])
     except ValueError:
         traceback.print_exc()
-        return Cost(0.0, 0.0, 0.0)
-    row_s = max(0.0, (spent_s[2] - spent_s[1]) / (rows[2] - rows[1]))
+        return Cost(0.0, 0.0, 0.0, 0.0)
+    row_s = max(0.0, (spent_s[2] - spent_s[1]) / (rows[2] - rows[1])) / effort
+    effort_s = max(0.0, (spent_s[3] - spent_s[1]) / effort - row_s * rows[1])
+    least_s = max(0.0, spent_s[1] - effort * (effort_s + row_s * rows[1]))
     print(
-        f"{model.name:24} fit {spent_s[1]:6.2f} s on {rows[1]} rows, {spent_s[2]:6.2f} s on {rows[2]}; estimate "
+        f"{model.name:24} fit {spent_s[1]:6.2f} s on {rows[1]} rows, {spent_s[2]:6.2f} s on {rows[2]}, "
+        f"{spent_s[3]:6.2f} s with twice the effort; estimate "
         f"{1e6 * estimate_s:6.2f} µs a row",
         flush=True,
     )
-    return Cost(max(0.0, spent_s[1] - row_s * rows[1]) / effort, row_s / effort, estimate_s)
+    return Cost(least_s, effort_s, row_s, estimate_s)
 
 
 def training_recordings(model: RegisteredModel, sources: Sources) -> list[Recording]:
@@ -149,7 +161,7 @@ def scheduler_cost(folder: Path) -> float:
 
 
 def pieces(params: BenchmarkParams, costs: dict[str, Cost], simulated_s: float, batch: int) -> list[list[float]]:
-    """Return the sizes of the pieces, phase by phase [s]; ``batch`` 0: a tuning is one piece."""
+    """Return the sizes of the pieces, phase by phase [s]."""
     sizes, plan, budget = Sizes(**params.campaign.model_dump()), params.plan, params.budget
     seeds, tasks = len(plan.seeds), [task_named(name) for name in plan.tasks]
     models, splits = runner_from(params).plan.chosen_models(), runner_from(params).plan.splits
@@ -162,26 +174,23 @@ def pieces(params: BenchmarkParams, costs: dict[str, Cost], simulated_s: float, 
         twin_rows / RATE_HZ,
     ]
     campaigns = [simulated_s * each for each in kinds for _ in range(2 * seeds)]  # with and without a load
-    tunings: list[float] = []
-    rounds: list[list[float]] = [[] for _ in range(-(-budget.trials // batch))] if batch else []
-    groups: dict[tuple[str, str, str], float] = {}
+    tuned = {task.tuned_as or task.name for task in tasks}
+    rounds: list[list[float]] = [[] for _ in range(-(-budget.trials // batch))]
+    fits: dict[tuple[str, ...], float] = {}
     for name, cost in reversed(costs.items()):
         model = models[name]
-        fit_s = budget.effort * cost.fit_s(twin_rows if model.trained_on == "twin" else train_rows)
+        fit_s = cost.fit_s(twin_rows if model.trained_on == "twin" else train_rows, budget.effort)
         trial_s = fit_s + cost.estimate_s * session_rows * sizes.validation_sessions
         evaluated_s = cost.estimate_s * session_rows * (sizes.validation_sessions + sizes.test_sessions)
-        for task in tasks:
-            if model.space and not task.tuned_as:
-                tunings.append(budget.trials * trial_s)
-                for number, each in enumerate(rounds):
-                    each += [trial_s] * min(batch, budget.trials - number * batch)
+        for task in [task for task in tasks if model.supports(task.inputs)]:
+            for number, each in enumerate(rounds if model.space and task.name in tuned else ()):
+                each += [trial_s] * min(batch, budget.trials - number * batch)
             for split, folds in {HELD_OUT: 1, **FOLDS}.items():
-                if split == HELD_OUT or task.name in splits[split]:
-                    left_out = split if split in (LEAVE_LOAD, LEAVE_TEMPERATURE) else ""
-                    group = (name, task.campaign, left_out)  # as the benchmark puts jobs together
-                    groups[group] = groups.get(group, 0.0) + folds * (fit_s + evaluated_s)
-    predictions = [size_s for size_s in groups.values() for _ in range(seeds)]
-    return [campaigns, *(rounds or [tunings]), predictions]
+                for fold in range(folds if split == HELD_OUT or task.name in splits[split] else 0):
+                    for seed in plan.seeds:
+                        shared = PredictionJob(model, task, split, fold, seed, {}, False, "").shared_fit()
+                        fits[shared] = fits.get(shared, fit_s) + evaluated_s
+    return [campaigns, *rounds, list(fits.values())]
 
 
 def schedule(phases: list[list[float]], workers: int, piece_s: float) -> float:

@@ -7,6 +7,7 @@ Prints what to set ``CYLINDER_FRICTION_WORKERS`` to, and runs until Ctrl-C.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import signal
@@ -19,25 +20,31 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
+_LIBC = ctypes.CDLL(None)
+PR_SET_PDEATHSIG = 1
 SOURCE = Path(__file__).resolve().parents[1] / "src"
 
 
 class LoopbackCluster:
-    """A scheduler, which listens at ``address`` and wrote ``file``, and its workers.
+    """A scheduler, which listens at ``address`` and wrote ``file``, and its workers; on Linux none outlives its parent.
 
     Args:
         folder: For the scheduler file, logs and what workers keep on disk.
         modules: Folders from which workers import, besides ``src``.
+        settings: Of Dask, as environment variables.
     """
 
-    def __init__(self, folder: Path, modules: tuple[Path, ...] = ()) -> None:
-        self.folder, self.file = folder, folder / "scheduler.json"
+    def __init__(self, folder: Path, modules: tuple[Path, ...] = (), settings: Mapping[str, str] | None = None) -> None:
+        self.folder, self.file, self.settings = folder, folder / "scheduler.json", settings or {}
         self.path = os.pathsep.join(map(str, (SOURCE, *modules)))
         self.processes: list[subprocess.Popen[bytes]] = []
-        self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
+        scheme = "tls" if any("TLS" in name for name in self.settings) else "tcp"
+        self._start("scheduler", "--host", f"{scheme}://127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
         while not self.file.is_file():
+            if self.processes[0].poll() is not None:
+                raise RuntimeError((self.folder / "scheduler0.log").read_text(encoding="utf-8"))
             time.sleep(0.05)
         self.address = str(json.loads(self.file.read_text(encoding="utf-8"))["address"])
 
@@ -51,6 +58,7 @@ class LoopbackCluster:
             "PYTHONPATH": self.path,
             "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
             "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "10s",  # so long a result is asked of a worker that has died
+            **self.settings,
         }
         with (self.folder / f"{what}{len(self.processes)}.log").open("wb") as log:
             process = subprocess.Popen(
@@ -59,6 +67,7 @@ class LoopbackCluster:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
+                preexec_fn=_end_with_parent if sys.platform == "linux" else None,
             )
         self.processes.append(process)
 
@@ -69,10 +78,17 @@ class LoopbackCluster:
             process.wait()
 
 
+def _end_with_parent() -> None:
+    """Have the kernel kill this process when its parent ends, however that ends."""
+    _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 @contextmanager
-def loopback_cluster(folder: Path, workers: int = 2, modules: tuple[Path, ...] = ()) -> Iterator[LoopbackCluster]:
+def loopback_cluster(
+    folder: Path, workers: int = 2, modules: tuple[Path, ...] = (), settings: Mapping[str, str] | None = None
+) -> Iterator[LoopbackCluster]:
     """Yield a cluster, and end its processes afterwards."""
-    cluster = LoopbackCluster(folder, modules)
+    cluster = LoopbackCluster(folder, modules, settings)
     try:
         for _ in range(workers):
             cluster.add_worker()

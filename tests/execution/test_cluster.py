@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import socket
+import subprocess
 import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from distributed import Client
 from distributed.comm import CommClosedError
@@ -20,11 +24,31 @@ from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, Work
 from cylinder_friction.extras import MissingExtraError
 from cylinder_friction.tuning.search import SearchPlan, run_search
 from cylinder_friction.tuning.space import SearchSpace
-from performance_scripts import performance_script
+from performance_scripts import FOLDER, performance_script
 from process_work import bowl, compiled, cost, die, die_once, fill_memory, place, twice
 
 loopback = performance_script("loopback_cluster")
 MODULES = (Path(__file__).parents[1],)
+TLS = "DASK_DISTRIBUTED__COMM__TLS__"
+CLIENT = """
+from functools import partial
+from cylinder_friction.execution import cluster
+from cylinder_friction.execution.selection import workers_from_environment
+from process_work import twice
+cluster.CONNECT_S = 20.0
+with workers_from_environment() as workers:
+    print(list(workers.in_order([partial(twice, n) for n in range(5)])))
+"""
+PARENT = """
+import sys, time
+from pathlib import Path
+from cylinder_friction.execution.cluster import Cluster
+from loopback_cluster import loopback_cluster
+with loopback_cluster(Path(sys.argv[1]), 1) as started, Cluster(started.address) as cluster:
+    cluster.executor()
+    print("started", flush=True)
+    time.sleep(600.0)
+"""
 
 pytestmark = pytest.mark.slow
 
@@ -186,3 +210,59 @@ def test_a_missing_library_is_named_with_the_command_that_installs_it(monkeypatc
     monkeypatch.delitem(sys.modules, cluster_module.__name__)
     with pytest.raises(MissingExtraError, match=r'needs distributed, .*; pip install "cylinder-friction\[cluster\]"'):
         workers_from_environment()
+
+
+@pytest.fixture
+def certified(tmp_path: Path) -> dict[str, str]:
+    """Return Dask's settings for a private authority, and one certificate of it that everybody uses."""
+    if shutil.which("openssl") is None:
+        pytest.skip("openssl is not installed")
+    key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
+    for made in (
+        ["req", "-x509", *key, "-subj", "/CN=authority", "-keyout", "ca-key.pem", "-out", "ca.pem"],
+        ["req", *key, "-subj", "/CN=loopback", "-keyout", "key.pem", "-out", "request.pem"],
+        ["x509", "-req", "-in", "request.pem", "-CA", "ca.pem", "-CAkey", "ca-key.pem", "-out", "cert.pem"],
+    ):
+        subprocess.run(["openssl", *made], cwd=tmp_path, check=True, capture_output=True)
+    files = {"CA_FILE": "ca.pem"}
+    for who in ("CLIENT", "WORKER", "SCHEDULER"):
+        files |= {f"{who}__CERT": "cert.pem", f"{who}__KEY": "key.pem"}
+    return {f"{TLS}{name}": str(tmp_path / file) for name, file in files.items()}
+
+
+def run_twice(address: str, settings: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """Do five pieces on a cluster in a process of its own, for Dask reads its settings when it is imported."""
+    path = os.pathsep.join(map(str, (loopback.SOURCE, *MODULES)))
+    given = {**os.environ, **settings, VARIABLE: address, "PYTHONPATH": path}
+    return subprocess.run([sys.executable, "-c", CLIENT], env=given, capture_output=True, text=True)
+
+
+def test_over_tls_pieces_are_done_and_whoever_has_no_certificate_is_refused(
+    certified: dict[str, str], tmp_path: Path
+) -> None:
+    with loopback.loopback_cluster(tmp_path, 1, MODULES, certified) as cluster:
+        assert cluster.address.startswith("tls://127.0.0.1:")
+        done = run_twice(cluster.address, certified)
+        assert done.stdout == "[0, 2, 4, 6, 8]\n", done.stderr
+        for settings, problem in (({}, ""), ({**certified, f"{TLS}CA_FILE": "/nowhere"}, " ([Errno 2] No such file")):
+            refused = run_twice(cluster.address, settings).stderr.splitlines()[-1]
+            expected = f"{cluster.address}, whose scheduler wants a certificate, and there is none{problem}"
+            assert f"WorkersError: CYLINDER_FRICTION_WORKERS is {expected}" in refused
+            assert refused.endswith(f"; set {TLS}CA_FILE, {TLS}CLIENT__CERT and {TLS}CLIENT__KEY to their files")
+        assert "where no Dask scheduler responds" in run_twice(cluster.address.replace("tls", "tcp"), {}).stderr
+
+
+def test_processes_of_a_cluster_end_with_the_one_that_started_them(tmp_path: Path) -> None:
+    if sys.platform != "linux":
+        pytest.skip("the kernel ends them on Linux alone")
+    given = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (loopback.SOURCE, FOLDER)))}
+    parent = subprocess.Popen([sys.executable, "-c", PARENT, str(tmp_path)], env=given, stdout=subprocess.PIPE)
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == b"started\n"
+    left = psutil.Process(parent.pid).children(recursive=True)
+    assert len(left) >= 3
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    _, alive = psutil.wait_procs(left, timeout=60.0)
+    assert not alive

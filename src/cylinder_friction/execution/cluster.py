@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import platform
 from collections.abc import Callable, Mapping
@@ -22,7 +23,7 @@ from cylinder_friction.extras import explained
 from cylinder_friction.import_graph import PACKAGES, SOURCE
 
 with explained():
-    from distributed import Client, KilledWorker, Worker, get_worker
+    from distributed import Client, KilledWorker, Security, Worker, get_worker
     from threadpoolctl import threadpool_info, threadpool_limits
 
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "numba", "torch", "scikit-learn", "onnx", "optuna")
@@ -108,15 +109,30 @@ class Cluster(ExecutorWorkers):
         return found
 
     def _connected(self) -> Client:
-        where = {"scheduler_file" if Path(self.address).is_file() else "address": self.address}
+        file = Path(self.address)
+        address = str(json.loads(file.read_text(encoding="utf-8"))["address"]) if file.is_file() else self.address
+        if address.startswith("tls"):
+            self._refuse_without_certificates()
         try:
             # Results come by way of the scheduler, which knows which workers have died.
-            return Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
+            return Client(address, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
         except OSError:  # a time-out among them
             raise WorkersError(
                 f"{VARIABLE} is {self.address}, where no Dask scheduler responds within {CONNECT_S:.0f} s; start one "
                 f"with `dask scheduler`, or unset {VARIABLE}"
             ) from None
+
+    def _refuse_without_certificates(self) -> None:
+        try:
+            found, problem = Security().get_connection_args("client").get("ssl_context"), ""
+        except OSError as error:
+            found, problem = None, f" ({error})"
+        if found is None:
+            raise WorkersError(
+                f"{VARIABLE} is {self.address}, whose scheduler wants a certificate, and there is none{problem}; set "
+                "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "
+                "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY to their files"
+            )
 
 
 class _ClientExecutor(Executor):
