@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError
+from cylinder_friction.estimators import loading
 from cylinder_friction.live.engine import LIBRARY, Engine
-from cylinder_friction.live.engine_building import built_engine
+from cylinder_friction.live.engine_building import built_engine, engine_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,3 +35,23 @@ def test_without_a_compiler_nothing_is_left(
     with pytest.raises(NoCompilerError, match="install gcc or clang"):
         built_engine(small_hybrid, tmp_path / "engines")
     assert list((tmp_path / "engines").iterdir()) == []
+
+
+def test_a_start_needs_neither_the_estimator_nor_a_compiler_until_either_changes(
+    small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, engines = tmp_path / "model", tmp_path / "engines"
+    small_hybrid.save(model)
+    folder = engine_of(model, engines)
+    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
+    monkeypatch.setattr(loading, "load_estimator", None)
+    assert engine_of(model, engines) == folder
+    (model / "note.txt").write_text("changed", encoding="utf-8")
+    with pytest.raises(TypeError):
+        engine_of(model, engines)
+
+
+def test_a_start_imports_nothing_that_only_a_first_one_or_a_replay_needs() -> None:
+    code = "import sys, cylinder_friction.commands.live; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"numba", "scipy", "pandas", "matplotlib", "mlflow", "torch"} & set(done.stdout.split()) == set()

@@ -1,4 +1,9 @@
-"""The command ``live``: friction of many cylinders in real time, with a page."""
+"""The command ``live``: friction of many cylinders in real time, with a page.
+
+What only some starts need is imported where it is needed: after a kill, samples wait for this.
+"""
+
+from __future__ import annotations
 
 import argparse
 import gc
@@ -9,29 +14,27 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import uvicorn
 
-from cylinder_friction.commands.estimate import cylinder_of, model_folder
-from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
 from cylinder_friction.live.engine import Engine
-from cylinder_friction.live.engine_building import built_engine, other_engines
+from cylinder_friction.live.engine_building import engine_of, other_engines
 from cylinder_friction.live.events import Events
 from cylinder_friction.live.golden import golden_difference_n
 from cylinder_friction.live.guard import ROLES
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.line_protocol import LineProtocolLink
 from cylinder_friction.live.links import Link
-from cylinder_friction.live.replay import Replay
 from cylinder_friction.live.server import LiveServer
 from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.live.tcp import TcpLink
 from cylinder_friction.network.tokens import TokenFile
-from cylinder_friction.params.checking import load_params
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
-from cylinder_friction.recordings.reading_logs import read_logs
-from cylinder_friction.recordings.recording import Recording
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings.recording import Recording
 
 EXPECTED = (ValueError, OSError)
 FEW_COLLECTIONS = 200_000
@@ -60,10 +63,9 @@ def run(options: argparse.Namespace) -> int:
     if options.replay and (params.access.tokens or params.access.tls_key):
         raise LiveError("--replay is to try the service without a machine; it needs one without tokens and TLS")
     with tempfile.TemporaryDirectory() as scratch:
-        model = params.model or f"models:/{load_params().registered_name}@champion"
-        folder = model_folder(model, Path(scratch) / "model")
+        folder = _model_folder(params.model, Path(scratch) / "model")
         engines = params.folder / ENGINES_FOLDER
-        engine = Engine(built_engine(load_estimator(folder), engines))
+        engine = Engine(engine_of(folder, engines))
         recordings = _replayed(options, engine) if options.replay else {}
         service = LiveService(
             engine,
@@ -75,6 +77,15 @@ def run(options: argparse.Namespace) -> int:
         service.golden_difference_n = golden_difference_n(engine, folder)
         _serve(service, params, options.speed, recordings)
     return 0
+
+
+def _model_folder(model: str | None, scratch: Path) -> Path:
+    if model is not None and not model.startswith("models:/"):
+        return Path(model)
+    from cylinder_friction.commands.estimate import model_folder
+    from cylinder_friction.params.checking import load_params
+
+    return model_folder(model or f"models:/{load_params().registered_name}@champion", scratch)
 
 
 def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:
@@ -157,6 +168,8 @@ def _follow(
         flush=True,
     )
     if recordings:
+        from cylinder_friction.live.replay import Replay
+
         replay = Replay(f"ws{address}/stream", recordings, speed or None)
         count = replay.run(service.engine.inputs, stop)
         print(f"replayed {count} samples of {len(recordings)} sessions", flush=True)
@@ -164,6 +177,9 @@ def _follow(
 
 def _replayed(options: argparse.Namespace, engine: Engine) -> dict[str, list[Recording]]:
     """Return the logs as recordings at the model's rate, by session."""
+    from cylinder_friction.commands.estimate import cylinder_of
+    from cylinder_friction.recordings.reading_logs import read_logs
+
     rate_hz = 1.0 / engine.sample_time_s
     read = read_logs(options.replay, options.channels, cylinder_of(options.cylinder), names=options.names)
     by_session: dict[str, list[Recording]] = {}

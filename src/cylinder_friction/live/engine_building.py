@@ -1,16 +1,23 @@
 """An estimator's engine: its exported C with a loop over sessions, compiled once for this machine."""
 
+from __future__ import annotations
+
 import subprocess
 import tempfile
 from contextlib import suppress
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, find_compiler
-from cylinder_friction.deployment.c_export.export import export_c
-from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
 from cylinder_friction.recordings.files import write_json, write_text
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
+
+_BY_ESTIMATOR = "by_estimator"
+_PACKAGE = Path(__file__).parents[1]
 
 _BATCH = """\
 #include "{name}.h"
@@ -46,6 +53,9 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
         ValueError: The estimator has no real-time step.
         NoCompilerError: There is no C compiler, or it refused the source.
     """
+    from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared
+    from cylinder_friction.deployment.c_export.export import export_c
+
     engines.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
         draft = Path(name) / "engine"
@@ -72,6 +82,33 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
     return folder
 
 
+def engine_of(estimator: Path, engines: Path) -> Path:
+    """Return the folder of a saved estimator's engine.
+
+    Where the same files had theirs built by the same program, neither are they read nor is a compiler looked for: that
+    is most of what a start takes.
+    """
+    known = engines / _BY_ESTIMATOR / _key(estimator)
+    with suppress(OSError):
+        folder = engines / known.read_text(encoding="ascii")
+        if (folder / DESCRIPTION).is_file():
+            return folder
+    from cylinder_friction.estimators.loading import load_estimator
+
+    folder = built_engine(load_estimator(estimator), engines)
+    write_text(known, folder.name)
+    return folder
+
+
+def _key(estimator: Path) -> str:
+    """Return a hash of what an engine is made from: the estimator's files, the program, the processor."""
+    written_ns = max(path.stat().st_mtime_ns for path in _PACKAGE.rglob("*.py"))
+    hashed = sha256(f"{version('cylinder-friction')} {written_ns} {processor()}".encode())
+    for path in sorted(path for path in estimator.rglob("*") if path.is_file()):
+        hashed.update(f"{path.relative_to(estimator)} {path.stat().st_size} ".encode() + path.read_bytes())
+    return hashed.hexdigest()
+
+
 def other_engines(engines: Path, engine: Engine) -> list[Engine]:
     """Return the engines of other models that take the same samples: those that sessions may have run before."""
     found = []
@@ -88,6 +125,8 @@ def other_engines(engines: Path, engine: Engine) -> list[Engine]:
 
 def _compiler() -> str:
     """Return which compiler there is, as it names itself."""
+    from cylinder_friction.deployment.c_export.compiled import find_compiler
+
     command = [find_compiler(), "--version"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - the user's compiler
     return done.stdout.partition("\n")[0]

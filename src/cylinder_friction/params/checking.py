@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import yaml
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from cylinder_friction.params.data import (
     CylinderParams,
@@ -27,17 +26,22 @@ from cylinder_friction.params.learning import (
     SearchParams,
     TrainParams,
 )
+from cylinder_friction.params.refusal import PARAMS_FILE, ParamsError, checked
 from cylinder_friction.params.section import Section
 
+__all__ = [
+    "IN_A_PROJECT",
+    "PARAMS_FILE",
+    "REFERENCE_CYLINDER",
+    "Params",
+    "ParamsError",
+    "check_params",
+    "checked",
+    "load_params",
+]
 REFERENCE_CYLINDER = "Bosch H160CA 63x28"
 """Cylinder of the simulated rig as shipped, whose models need no name of their own."""
-PARAMS_FILE = Path("params.yaml")
 IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FOLDER` makes"
-Kind = TypeVar("Kind", bound=Section)
-
-
-class ParamsError(ValueError):
-    """A configuration that is refused; the message names the key."""
 
 
 class Params(Section):
@@ -79,43 +83,8 @@ def check_params(content: Any, where: str) -> Params:
     return checked(Params, content, where)
 
 
-def checked(kind: type[Kind], content: Any, where: str) -> Kind:
-    """Return typed parameters, or refuse them with every offending key named.
-
-    Args:
-        kind: What they are checked against.
-        content: What the YAML file or Hydra gave.
-        where: Name of the source, for the message.
-
-    Raises:
-        ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
-    """
-    try:
-        # As JSON, so that in strict mode a mapping may be a dataclass, and a list a pair.
-        return kind.model_validate_json(json.dumps(content, default=str))
-    except ValidationError as error:
-        lines = [_explain(dict(problem), where) for problem in error.errors()]
-        raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
-
-
 def load_params(path: Path = PARAMS_FILE) -> Params:
     """Read and check ``params.yaml``."""
     if not path.is_file():
         raise ParamsError(f"{path}: not there; {IN_A_PROJECT}")
     return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))
-
-
-def _explain(problem: dict[str, Any], where: str) -> str:
-    key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
-    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        return f"{key}: unknown key; check its spelling against conf/"
-    if problem["type"] == "missing":
-        if Path(where).name == PARAMS_FILE.name:
-            program = "`cylinder-friction params` (in benchmark/: `friction-benchmark params`)"
-            return f"{key}: missing; run {program} to compose it from conf/"
-        return (
-            f"{key}: missing, conf/ was made for another version; copy it from conf/{problem['loc'][0]}/ of a new "
-            "folder, which `cylinder-friction init FOLDER` makes"
-        )
-    got = "" if isinstance(problem["input"], dict) else f", but got {problem['input']!r}"
-    return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"

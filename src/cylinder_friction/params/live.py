@@ -18,7 +18,7 @@ from cylinder_friction.live.settings import (
     TcpSettings,
 )
 from cylinder_friction.network.exposure import refuse_exposed
-from cylinder_friction.params.checking import ParamsError, checked
+from cylinder_friction.params.refusal import ParamsError, checked
 from cylinder_friction.params.section import Section
 
 LIVE_FILE = Path("conf/live/default.yaml")

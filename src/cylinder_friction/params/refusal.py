@@ -1,0 +1,51 @@
+"""How any configuration is checked and refused: every offending key by its name."""
+
+import json
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from cylinder_friction.params.section import Section
+
+PARAMS_FILE = Path("params.yaml")
+Kind = TypeVar("Kind", bound=Section)
+
+
+class ParamsError(ValueError):
+    """A configuration that is refused; the message names the key."""
+
+
+def checked(kind: type[Kind], content: Any, where: str) -> Kind:
+    """Return typed parameters, or refuse them with every offending key named.
+
+    Args:
+        kind: What they are checked against.
+        content: What the YAML file or Hydra gave.
+        where: Name of the source, for the message.
+
+    Raises:
+        ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
+    """
+    try:
+        # As JSON, so that in strict mode a mapping may be a dataclass, and a list a pair.
+        return kind.model_validate_json(json.dumps(content, default=str))
+    except ValidationError as error:
+        lines = [_explain(dict(problem), where) for problem in error.errors()]
+        raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
+
+
+def _explain(problem: dict[str, Any], where: str) -> str:
+    key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
+    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"{key}: unknown key; check its spelling against conf/"
+    if problem["type"] == "missing":
+        if Path(where).name == PARAMS_FILE.name:
+            program = "`cylinder-friction params` (in benchmark/: `friction-benchmark params`)"
+            return f"{key}: missing; run {program} to compose it from conf/"
+        return (
+            f"{key}: missing, conf/ was made for another version; copy it from conf/{problem['loc'][0]}/ of a new "
+            "folder, which `cylinder-friction init FOLDER` makes"
+        )
+    got = "" if isinstance(problem["input"], dict) else f", but got {problem['input']!r}"
+    return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"
