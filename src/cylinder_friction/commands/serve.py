@@ -58,6 +58,8 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.locate is not None:
         return _locate(options.model, options.locate)
+    import starlette  # noqa: F401 - its workers need it: better missed here than by each of them
+
     from cylinder_friction.serving.processes import LOG_FORMAT, Supervisor
 
     settings = ServeSettings(**{name: getattr(options, name) for name in _OPTIONS})
