@@ -74,13 +74,13 @@ class Mosquitto:
     def __init__(self, folder: Path, *settings: str) -> None:
         self.port = free_port()
         self._file = folder / "mosquitto.conf"
-        lines = [
-            f"user {getpass.getuser()}",
-            f"listener {self.port} 127.0.0.1",
-            *(settings or ("allow_anonymous true",)),
-        ]
-        self._file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        self.configure(*(settings or ("allow_anonymous true",)))
         self._process: subprocess.Popen[bytes] | None = None
+
+    def configure(self, *settings: str) -> None:
+        """Write its settings, for the next start."""
+        lines = [f"user {getpass.getuser()}", f"listener {self.port} 127.0.0.1", *settings]
+        self._file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     def start(self) -> None:
         """Start it; returns when it listens."""
@@ -91,6 +91,12 @@ class Mosquitto:
                 break
             except OSError:
                 time.sleep(0.05)
+
+    @property
+    def pid(self) -> int:
+        """Number of its process."""
+        assert self._process is not None
+        return self._process.pid
 
     def kill(self) -> None:
         """End it at once, with all that it held."""

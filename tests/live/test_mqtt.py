@@ -200,6 +200,25 @@ def test_a_broker_with_tls_and_a_password(engine: Engine, samples: Array, tmp_pa
             assert link.counts["connected"] == connected
 
 
+@needs_broker
+def test_a_broker_that_refuses_is_tried_again(engine: Engine, tmp_path: Path) -> None:
+    with Mosquitto(tmp_path, "allow_anonymous false") as refusing:
+        link = link_to(refusing)
+
+        def use() -> None:
+            time.sleep(0.5)
+            assert link.counts["connected"] == 0
+            refusing.kill()
+            refusing.configure("allow_anonymous true")
+            refusing.start()
+            deadline = time.monotonic() + 20.0
+            while not link.counts["connected"] and time.monotonic() < deadline:
+                time.sleep(0.05)
+
+        served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use)
+    assert link.counts["connected"] == 1
+
+
 def test_without_a_broker_the_service_runs_and_tries_on(engine: Engine, samples: Array, tmp_path: Path) -> None:
     service = LiveService(engine, Journal(tmp_path / "journal.db"))
     link = MqttLink(MqttSettings(BrokerSettings(port=free_port())))

@@ -6,6 +6,7 @@ import ssl
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
+from socket import IPPROTO_TCP, TCP_NODELAY
 from typing import Any
 
 from paho.mqtt.client import Client, MQTTMessage, MQTTv5
@@ -22,6 +23,8 @@ KEEPALIVE_S = 20
 RECEIVE_MAXIMUM = 1000
 """So many messages the broker sends before the first of them is acknowledged."""
 UNSENT_MESSAGES = 100
+AT_ONCE = 20
+"""So many results are published before samples have their turn."""
 _MISC_S = 1.0
 _log = logging.getLogger(__name__)
 
@@ -50,7 +53,6 @@ class Broker:
 
     Attributes:
         connected: Whether it is.
-        breaks: How often the connection was lost, or could not be made.
     """
 
     def __init__(
@@ -81,7 +83,7 @@ class Broker:
         self._room = asyncio.Semaphore(UNSENT_MESSAGES)
         self._unsent: set[int] = set()
         self._connecting = self.connected = False
-        self._again, self.breaks = False, 0
+        self._again = False
 
     @asynccontextmanager
     async def running(self, goodbye: Callable[[], Message]) -> AsyncIterator[None]:
@@ -127,16 +129,19 @@ class Broker:
                         retry_s = RETRY_S if self.connected else retry_s
                 except OSError as error:
                     _log.warning("broker %s:%d: %s", self._settings.host, self._settings.port, error)
-                self.connected = False
-                self.breaks += 1
+                self._drop()
                 await asyncio.sleep(retry_s)
                 retry_s = min(2.0 * retry_s, LONGEST_RETRY_S)
         finally:
-            self.connected = False
-            socket = self._client.socket()
-            if socket is not None:  # the broker then publishes the will
-                self._closed(socket)
-                socket.close()
+            self._drop()
+
+    def _drop(self) -> None:
+        """Leave what is left of a connection; the broker then publishes the will."""
+        self.connected = False
+        socket = self._client.socket()
+        if socket is not None:
+            self._closed(socket)
+            socket.close()
 
     async def _connect(self) -> None:
         """Connect in a thread, for names and TLS are slow; then the event loop takes over."""
@@ -155,6 +160,7 @@ class Broker:
         finally:
             self._connecting = False
         socket: Any = self._client.socket()
+        socket.setsockopt(IPPROTO_TCP, TCP_NODELAY, 1)  # or small messages wait for each other
         self._loop.add_reader(socket, self._read)
         if self._client.want_write():
             self._loop.add_writer(socket, self._client.loop_write)
@@ -173,10 +179,10 @@ class Broker:
             self._loop.remove_writer(socket)
 
     def _closed(self, socket: Any) -> None:
-        if not self._connecting:
+        if not self._connecting and socket.fileno() >= 0:
             self._loop.remove_reader(socket)
             self._loop.remove_writer(socket)
-        self._loop.call_soon_threadsafe(self._lost.set)
+            self._lost.set()
 
     def _connected_to(self, _client: Client, _data: Any, flags: Any, code: Any, _properties: Any) -> None:
         if code.is_failure:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 from urllib.parse import unquote, urlsplit
 
 from websockets.exceptions import ConnectionClosed
@@ -112,9 +112,14 @@ class _WebSocket:
 def _tcp(url: str) -> Iterator[ClientSocket]:
     place = urlsplit(url)
     with socket.create_connection((place.hostname, place.port), OPEN_S) as connection:
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        _send_at_once(connection)
         connection.setblocking(False)
         yield _Tcp(connection)
+
+
+def _send_at_once(connection: Any) -> None:
+    """Let small messages not wait for each other."""
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 class _Tcp:
@@ -189,6 +194,7 @@ class _Mqtt:
         self._there = threading.Event()
         self.client = Client(CallbackAPIVersion.VERSION2, name, protocol=MQTTv5, reconnect_on_failure=False)
         self.client.max_queued_messages_set(1000)
+        self.client.on_socket_open = lambda _client, _data, opened: _send_at_once(opened)
         self.client.on_connect = lambda client, *_: client.subscribe([(self._state, 1), (f"{topic}/out", 1)])
         self.client.on_disconnect = lambda *_: self._got.put(None)
         self.client.on_message = lambda _client, _data, message: self._take(message.topic, bytes(message.payload))

@@ -21,7 +21,7 @@ from typing import ClassVar
 
 from paho.mqtt.client import MQTTMessage
 
-from cylinder_friction.live.broker import Broker, Message
+from cylinder_friction.live.broker import AT_ONCE, Broker, Message
 from cylinder_friction.live.connection import ClientGoneError, Connection, Peers
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.links import Link, in_background
@@ -168,7 +168,9 @@ class MqttLink(Link):
             latest, self._latest = self._latest, {}
             if not self._broker.connected:
                 continue
-            for name, block in latest.items():
+            for place, (name, block) in enumerate(latest.items()):
+                if place % AT_ONCE == 0:
+                    await asyncio.sleep(0.0)
                 self._broker.publish(Message(f"{self._settings.prefix}/results/{name}", _result(block), retain=True))
 
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from paho.mqtt.client import MQTTMessage
 
-from cylinder_friction.live.broker import Broker, Message
+from cylinder_friction.live.broker import AT_ONCE, Broker, Message
 from cylinder_friction.live.connection import Peers
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.links import Link, in_background
@@ -102,7 +102,9 @@ class SparkplugLink(Link):
             if self._broker.connected:
                 for name in self._born.intersection(closed):
                     self._send("DDEATH", [], name)
-                for name in changed.difference(closed):
+                for place, name in enumerate(changed.difference(closed)):
+                    if place % AT_ONCE == 0:
+                        await asyncio.sleep(0.0)
                     self._send_device(name)
             for name in closed:
                 del self._latest[name]
