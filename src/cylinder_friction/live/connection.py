@@ -20,6 +20,7 @@ from cylinder_friction.live.frames import (
 )
 from cylinder_friction.live.service import BusyError, LiveError, LiveService, LiveSession
 from cylinder_friction.live.text_forms import estimates_text, opened_text, read_text
+from cylinder_friction.live.totals import Delays, FlagTotals
 
 UNSENT_BYTES = 4 << 20
 """Beyond this a client that does not read is not read from, until it does."""
@@ -55,6 +56,7 @@ class Peers:
         self.draining, self.keeping = False, asyncio.Lock()
         self._owners: dict[str, Connection] = {}
         self.refused: Counter[str] = Counter()
+        self.flags, self.delays = FlagTotals(), Delays()
         self.connections = 0
         self._connected: set[Connection] = set()
 
@@ -124,6 +126,7 @@ class Connection:
         self._pace = Pace(service.limits.rows_per_s)
         self._transport, self._service, self._peers = transport, service, peers
         self._frames: list[bytes] = []
+        self._came_s = 0.0  # When the first message came whose estimates wait to be sent
         self._texts: list[str] = []
         self._in_text: set[str] = set()  # Sessions whose client last sent text
         self.unsent, self._waiting = 0, asyncio.Event()
@@ -144,7 +147,10 @@ class Connection:
                 message = await self._transport.receive()
                 if self._peers.draining:
                     continue  # not acknowledged: the client sends it to the next service
+                came_s = time.monotonic()
                 self._take(message)
+                if self._frames and not self._came_s:
+                    self._came_s = came_s
                 while self._is_too_fast():
                     await asyncio.sleep(PATIENCE_S)  # TCP then holds the client back
                     if writer.done():
@@ -245,9 +251,12 @@ class Connection:
             self._waiting.clear()
             texts, frames = self._texts, self._frames
             sending = self.unsent
-            self._texts, self._frames = [], []
+            came_s = self._came_s
+            self._texts, self._frames, self._came_s = [], [], 0.0
             for text in texts:
                 await self._transport.send(text)
             if frames:
                 await self._transport.send(b"".join(frames))
+                if came_s:
+                    self._peers.delays.note(time.monotonic() - came_s)
             self.unsent -= sending

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from prometheus_client import CollectorRegistry, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from cylinder_friction.live.connection import Peers
@@ -48,6 +48,17 @@ class _Live(Collector):
             for event, count in link.counts.items():
                 events.add_metric([link.name, event], count)
         yield events
+        estimates, with_flag = self._peers.flags.totals()
+        yield CounterMetricFamily("cylinder_friction_live_estimates", "Estimates given.", estimates)
+        flags = CounterMetricFamily("cylinder_friction_live_flags", "Estimates with a flag.", labels=["flag"])
+        for flag, count in with_flag.items():
+            flags.add_metric([flag], count)
+        yield flags
+        buckets, sum_s = self._peers.delays.buckets()
+        described = "From a message's arrival until its estimates were sent."
+        yield HistogramMetricFamily("cylinder_friction_live_delay_seconds", described, buckets, sum_s)
+        age = "Since estimates were kept last, where some wait."
+        yield GaugeMetricFamily("cylinder_friction_live_kept_age_seconds", age, self._service.kept_age_s)
         for name, value in self._service.load().items():
             yield GaugeMetricFamily(f"cylinder_friction_live_{name}", _GAUGES[name], value)
         yield GaugeMetricFamily("cylinder_friction_live_connections", "Clients.", self._peers.connections)

@@ -33,6 +33,7 @@ _OVERFLOW = 0x480
 _Block = tuple[int, float, Array]
 _Put = Callable[[int, float, Array], None]
 _log = logging.getLogger(__name__)
+logging.getLogger("asyncua").setLevel(logging.WARNING)
 
 
 class OpcUaClientLink(Link):
@@ -67,11 +68,13 @@ class OpcUaClientLink(Link):
 
     async def _follow(self, readers: list["_Reader"]) -> None:
         while True:
+            connected_before = self.counts["connected"]
             try:
                 await self._subscribe(readers)
             except Exception as error:  # the library has many for a broken connection, StopAsyncIteration among them
                 self.counts["broken"] += 1
-                _log.warning("%s: %s (%s); trying again", self.address, error, type(error).__name__)
+                if connected_before != self.counts["connected"] or self.counts["broken"] == 1:  # the first of a row
+                    _log.warning("%s: %s (%s); trying again", self.address, error, type(error).__name__)
             await asyncio.sleep(RETRY_S)
 
     async def _subscribe(self, readers: list["_Reader"]) -> None:

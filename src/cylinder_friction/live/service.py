@@ -85,7 +85,7 @@ class LiveService:
         self.sessions: dict[str, LiveSession] = {}
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
-        self.unkept_rows = 0
+        self.unkept_rows, self._kept_s = 0, clock()
         self.golden_difference_n: float | None = None
         """How far the engine is from its golden trajectory [N]; None where there is none."""
         self.loop_lag_s = 0.0
@@ -185,6 +185,11 @@ class LiveService:
         now_s = self._clock()
         self._step([(each, piece) for each in self.sessions.values() for piece in each.order.overdue(now_s)])
 
+    @property
+    def kept_age_s(self) -> float:
+        """How long ago something was kept last, where estimates wait for that [s]; else 0."""
+        return self._clock() - self._kept_s if self.unkept_rows else 0.0
+
     def load(self) -> dict[str, int]:
         """Return what the service holds just now, as counts."""
         held = sum(each.order.held_rows for each in self.sessions.values())
@@ -211,7 +216,7 @@ class LiveService:
 
     def kept(self, saved: Sequence[SavedSession]) -> list[LiveSession]:
         """Note what has been kept; return the sessions whose samples can be acknowledged."""
-        self.keeps_not_because = ""
+        self.keeps_not_because, self._kept_s = "", self._clock()
         known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
         for session, each in known:
             session.kept_index = each.next_index
