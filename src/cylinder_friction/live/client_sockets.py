@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import unquote, urlsplit
 
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.live.tcp import HEAD, message_size, packed, unpacked
@@ -78,7 +78,7 @@ def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]
             yield _WebSocket(connection)
     except ssl.SSLCertVerificationError as error:
         raise LiveClientError(f"{url}: its certificate is not trusted ({error}); give ca") from error
-    except ConnectionClosed as error:
+    except (ConnectionClosed, InvalidHandshake, EOFError) as error:  # also of a service killed while it greets
         raise ConnectionError(str(error)) from error
 
 
