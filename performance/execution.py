@@ -6,10 +6,11 @@
 Records a campaign on the simulated rig and cuts it into short recordings, which go through ingest, filter and label,
 each stage in a process of its own with one thread; then the first trials of the default recipe's search (which has
 16), four at a time; then the smoke recipe of the benchmark, whose bytes are those of its results without what it
-measured of the processor. Each part is done five times, in minutes: 5 to 8 for the recordings, 8 for the search, 4
-for the benchmark. On the cluster all of it is done once more while a worker is killed (SIGKILL), and once more after
-the command itself was killed. Times are seconds of the clock, imports and the start of processes in them, and stand
-beside those of the one process in the same run as ratios. Exits with 1 unless every way gave the same bytes.
+measured of the processor. Each part is done five times, on two idle cores in about 3 minutes for the recordings, 8
+for the search, 2 for the benchmark. On the cluster all of it is done once more while a worker is killed (SIGKILL),
+and once more after the command itself was killed. Times are seconds of the clock, imports and the start of processes
+in them, and stand beside those of the one process in the same run as ratios. Exits with 1 unless every way gave the
+same bytes.
 """
 
 from __future__ import annotations
