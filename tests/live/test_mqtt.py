@@ -6,6 +6,7 @@ import json
 import subprocess
 import threading
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,6 +102,7 @@ def test_no_message_ends_the_link_and_each_refusal_is_counted(
             assert (topic, json.loads(payload)["online"]) == ("plant/state", True)
             for name, payload, retain, words in (
                 ("a", b"\x01garbage", False, "got frames without an open session; open it first"),
+                ("b", b"\x01garbage", False, "got frames without an open session; open it first"),
                 ("a", b"{garbage", False, "expected"),
                 ("a", b"\xffgarbage", False, "expected a header of 24"),
                 ("a", b"{\xff", False, "expected"),
@@ -120,7 +122,7 @@ def test_no_message_ends_the_link_and_each_refusal_is_counted(
             assert small_hybrid.real_time().run(samples[:50])[0].tobytes() in got.get(timeout=10.0)[1]
 
     served([link], service, tmp_path, use)
-    assert link.counts == {"connected": 1, "not open": 1, "too large": 1, "too many clients": 1}
+    assert link.counts == {"connected": 1, "not open": 2, "too large": 1, "too many clients": 1}
 
 
 @needs_broker
@@ -192,12 +194,20 @@ def test_a_broker_with_tls_and_a_password(engine: Engine, samples: Array, tmp_pa
     given = tmp_path / "password"
     given.write_text("a word\n", encoding="utf-8")
     secured = [f"certfile {certificate}", f"keyfile {key}", "allow_anonymous false", f"password_file {passwords}"]
+    service = LiveService(engine, Journal(tmp_path / "journal.db"))
     with Mosquitto(tmp_path, *secured) as broker:
         place = BrokerSettings("localhost", broker.port, True, str(certificate), "live", str(given))
-        for settings, connected in ((place, 1), (BrokerSettings("localhost", broker.port, True, str(certificate)), 0)):
-            link = MqttLink(MqttSettings(settings))
-            served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, lambda: time.sleep(1.0))
-            assert link.counts["connected"] == connected
+        url = f"mqtts://live:a%20word@localhost:{broker.port}/cylinder-friction/press"
+
+        def use() -> int:
+            with Client(url, "press", engine.sample_time_s, ca=certificate) as client:
+                client.send(samples[:50])
+                return len(client.estimates(10.0)[2])
+
+        assert served([MqttLink(MqttSettings(place))], service, tmp_path, use) == 50
+        link = MqttLink(MqttSettings(replace(place, user=None, password_file=None)))
+        served([link], service, tmp_path, lambda: time.sleep(1.0))
+        assert link.counts["connected"] == 0
 
 
 @needs_broker

@@ -60,7 +60,7 @@ def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractCont
     if scheme == "tcp":
         return _tcp(url)
     if scheme in ("mqtt", "mqtts"):
-        return _mqtt(url)
+        return _mqtt(url, ca)
     raise ValueError(
         f"{url!r}: expected ws://HOST:PORT/stream, wss://..., tcp://HOST:PORT, mqtt://BROKER:PORT/PREFIX/CLIENT or "
         "mqtts://..."
@@ -160,13 +160,13 @@ class _Tcp:
 
 
 @contextmanager
-def _mqtt(url: str) -> Iterator[ClientSocket]:
+def _mqtt(url: str, ca: Path | None) -> Iterator[ClientSocket]:
     place = urlsplit(url)
     topic = place.path.strip("/")
     connection = _Mqtt(topic)
     client = connection.client
     if place.scheme == "mqtts":
-        client.tls_set()
+        client.tls_set(None if ca is None else str(ca))
     if place.username is not None:
         client.username_pw_set(unquote(place.username), unquote(place.password or ""))
     client.connect(place.hostname or "", place.port or (8883 if place.scheme == "mqtts" else 1883), KEEPALIVE_S)

@@ -70,6 +70,7 @@ class MqttLink(Link):
         self._settings = settings
         self._clients: dict[str, tuple[MqttTransport, asyncio.Task[None]]] = {}
         self._latest: dict[str, EstimateBlock] = {}
+        self._advised: set[str] = set()  # Topics on which frames came without an open session
         self._since = ""
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
@@ -115,8 +116,12 @@ class MqttLink(Link):
             return
         self._broker.done(message)
         self.counts[problem] += 1
-        if problem == "not open" and self.counts[problem] % self._settings.waiting_messages != 1:
-            return  # a client that sends many such needs to read it once
+        if problem == "not open":
+            if topic in self._advised:
+                return  # once is enough for a client that sends many such
+            if len(self._advised) >= self._service.limits.sessions:
+                self._advised.clear()
+            self._advised.add(topic)
         self._broker.publish(Message(f"{topic}/out", json.dumps({"closed": self._advice(problem)}), qos=1))
 
     def _problem(self, topic: str, message: MQTTMessage) -> str:
@@ -150,6 +155,7 @@ class MqttLink(Link):
         task = asyncio.create_task(Connection(transport, self._service, self._peers).run())
         task.add_done_callback(lambda _: self._forget(topic, task))
         self._clients[topic] = transport, task
+        self._advised.discard(topic)
 
     def _forget(self, topic: str, task: asyncio.Task[None]) -> None:
         if topic in self._clients and self._clients[topic][1] is task:
