@@ -144,7 +144,9 @@ def response(connection: socket.socket) -> bytes:
 
 
 @contextmanager
-def running(name: str, command: list[str], port: int, environment: dict[str, str], folder: Path) -> Iterator[Server]:
+def running(
+    name: str, command: list[str], port: int, environment: dict[str, str], folder: Path, ready: str = "/ping"
+) -> Iterator[Server]:
     """Yield the server once it is ready."""
     log = folder / f"{port}.log"
     with log.open("w") as output:
@@ -161,7 +163,7 @@ def running(name: str, command: list[str], port: int, environment: dict[str, str
             deadline = time.monotonic() + START_S
             while True:
                 try:
-                    urllib.request.urlopen(f"http://127.0.0.1:{port}/ping", timeout=5.0).close()
+                    urllib.request.urlopen(f"http://127.0.0.1:{port}{ready}", timeout=5.0).close()
                     break
                 except OSError as error:
                     if process.poll() is not None or time.monotonic() > deadline:

@@ -1,0 +1,153 @@
+"""How much others wait while one connection of the live service does not read, or an OPC UA client follows everything.
+
+    python performance/live_disturbed.py [--sessions 100] [--connections 20] [--seconds 10] [--rounds 3]
+
+One service, on a core of its own, under the load of ``live_load.py``; stretches without a disturbance, with a
+connection that sends and never reads, and with an OPC UA client that subscribes to all values of all sessions
+take turns. Prints the 99 % quantile of the time from sending a frame to its newtons in each, and the ratios to the
+stretches without.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import numpy as np
+import yaml
+from asyncua import Client
+from live_load import PORT, Seen, opened, read, wait_until_ready, write
+from websockets.asyncio.client import ClientConnection, connect
+
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.recordings.storage import read_recordings
+
+OPCUA_PORT, SETTLE_S = 5904, 2.0
+DISTURBANCES = ("nothing", "a stalled reader", "an OPC UA client")
+
+
+def main() -> None:
+    """Run it and print the table."""
+    if sys.argv[1:] == ["--follow"]:
+        asyncio.run(follow())
+        return
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--model", type=Path, default=Path("models/hybrid"))
+    options.add_argument("--recordings", type=Path, default=Path("data/processed/test"))
+    options.add_argument("--sessions", type=int, default=100)
+    options.add_argument("--connections", type=int, default=20)
+    options.add_argument("--frame-ms", type=float, default=20.0)
+    options.add_argument("--seconds", type=float, default=10.0, help="of each stretch")
+    options.add_argument("--rounds", type=int, default=3)
+    given = options.parse_args()
+    estimator = load_estimator(given.model)
+    samples = read_recordings(given.recordings)[0].samples(estimator.inputs)
+    cores = sorted(os.sched_getaffinity(0))
+    with tempfile.TemporaryDirectory() as folder:
+        config = Path(folder) / "live.yaml"
+        config.write_text(yaml.safe_dump({"opcua_server": {"port": OPCUA_PORT, "update_hz": 2.0}}), "utf-8")
+        command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(given.model)]
+        service = subprocess.Popen(
+            [*command, "--config", str(config), "--port", str(PORT), "--folder", folder],
+            preexec_fn=lambda: os.sched_setaffinity(0, cores[:1]),
+            stdout=subprocess.DEVNULL,
+        )
+        try:
+            os.sched_setaffinity(0, cores[1:] or cores)
+            wait_until_ready()
+            asyncio.run(load(given, samples, estimator))
+        finally:
+            service.terminate()
+            service.wait()
+
+
+async def load(given: argparse.Namespace, samples: np.ndarray, estimator: FrictionEstimator) -> None:
+    """Send and receive all the time, disturb in turns, print."""
+    inputs, interval_s = tuple(estimator.inputs), 1e-3 * given.frame_ms
+    rows = max(1, round(interval_s / 0.005))
+    samples = samples[: len(samples) // rows * rows]
+    stretches = [each for _ in range(given.rounds) for each in DISTURBANCES]
+    frames = int(len(stretches) * (given.seconds + 2 * SETTLE_S) / interval_s) + 500
+    newtons, _ = estimator.real_time().run(np.tile(samples, (-(-frames * rows // len(samples)), 1)))
+    per_connection = given.sessions // given.connections
+    sockets = [await connect(f"ws://127.0.0.1:{PORT}/stream", max_size=None) for _ in range(given.connections)]
+    handles = [await opened(each, place, per_connection, inputs) for place, each in enumerate(sockets)]
+    seen, sent_at = [Seen() for _ in sockets], [np.zeros(frames) for _ in sockets]
+    readers = [asyncio.create_task(read(*each, newtons, rows)) for each in zip(sockets, seen, sent_at, strict=True)]
+    begin_s = time.monotonic() + 0.5
+    writers = [
+        asyncio.create_task(write(socket, own, samples, rows, frames, interval_s, begin_s + 1e-3 * place, at))
+        for place, (socket, own, at) in enumerate(zip(sockets, handles, sent_at, strict=True))
+    ]
+    await asyncio.sleep(3.0)
+    quantiles_ms: dict[str, list[float]] = {each: [] for each in DISTURBANCES}
+    for stretch in stretches:
+        async with disturbed(stretch, inputs, samples):
+            await asyncio.sleep(SETTLE_S)
+            before = [len(each.latencies_s) for each in seen]
+            await asyncio.sleep(given.seconds)
+            latencies_s = [each.latencies_s[first:] for each, first in zip(seen, before, strict=True)]
+            quantiles_ms[stretch].append(1e3 * float(np.quantile(np.concatenate(latencies_s), 0.99)))
+        await asyncio.sleep(SETTLE_S)
+    for task in [*readers, *writers]:
+        task.cancel()
+    print(
+        f"{given.sessions} sessions, {given.connections} connections, frames of {given.frame_ms:g} ms, {given.rounds} "
+        f"stretches of {given.seconds:g} s each; other than a stream's own: {sum(each.wrong for each in seen)}"
+    )
+    for name, values in quantiles_ms.items():
+        ratio = np.median(np.divide(values, quantiles_ms["nothing"]))
+        shown = ", ".join(f"{each:.2f}" for each in values)
+        print(f"  beside {name:20s} 99 % [ms] {shown}; median of the ratios {ratio:.2f}")
+
+
+@asynccontextmanager
+async def disturbed(how: str, inputs: tuple[str, ...], samples: np.ndarray) -> AsyncIterator[None]:
+    """Disturb the service in a way while what stands within runs."""
+    if how == "a stalled reader":
+        async with connect(f"ws://127.0.0.1:{PORT}/stream", max_size=None, close_timeout=0.1) as socket:
+            sending = asyncio.create_task(send_only(socket, await opened(socket, 999, 1, inputs), samples))
+            yield
+            sending.cancel()
+            socket.transport.abort()
+    elif how == "an OPC UA client":
+        follower = await asyncio.create_subprocess_exec(sys.executable, __file__, "--follow")
+        await asyncio.sleep(SETTLE_S)
+        yield
+        follower.kill()
+        await follower.wait()
+    else:
+        yield
+
+
+async def send_only(socket: ClientConnection, handles: list[int], samples: np.ndarray) -> None:
+    """Send a session's samples, ten times as fast as they are taken, and read nothing."""
+    for index in range(0, 10**9, 20):
+        part = samples[index % (len(samples) - 20) :][:20]
+        await socket.send(pack_samples(SampleBlock(handles[0], index, 1e9 + 0.005 * index, part)))
+        await asyncio.sleep(0.01)
+
+
+async def follow() -> None:
+    """Subscribe to everything that the service shows, and read it."""
+    async with Client(f"opc.tcp://127.0.0.1:{OPCUA_PORT}/") as client:
+        folder = await client.nodes.objects.get_child("2:CylinderFriction")
+        nodes = [node for session in await folder.get_children() for node in await session.get_children()]
+        subscription = await client.create_subscription(500.0)
+        await subscription.subscribe_data_change(nodes)
+        async for _ in subscription:
+            pass
+
+
+if __name__ == "__main__":
+    main()
