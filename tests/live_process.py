@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 import urllib.request
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Self
 
 import pytest
@@ -139,3 +139,40 @@ def by_hand(broker: Mosquitto, *topics: str) -> Iterator[tuple[PahoClient, queue
     finally:
         client.disconnect()
         client.loop_stop()
+
+
+class Relay:
+    """A way to a port of this machine that can be cut; who comes again gets through again."""
+
+    def __init__(self, port: int) -> None:
+        self._to, self._listening, self._pairs = port, socket.create_server(("127.0.0.1", 0)), list[socket.socket]()
+        self.port = int(self._listening.getsockname()[1])
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def cut(self) -> None:
+        """End all connections at once."""
+        for each in self._pairs:
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listening.shutdown(socket.SHUT_RDWR)
+        self.cut()
+
+    def _accept(self) -> None:
+        with self._listening, suppress(OSError):
+            while True:
+                pair = [self._listening.accept()[0], socket.create_connection(("127.0.0.1", self._to))]
+                self._pairs += pair
+                for one, other in (pair, pair[::-1]):
+                    threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
+
+    @staticmethod
+    def _carry(one: socket.socket, other: socket.socket) -> None:
+        with one, suppress(OSError):
+            while part := one.recv(1 << 16):
+                other.sendall(part)
+            other.shutdown(socket.SHUT_RDWR)

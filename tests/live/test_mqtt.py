@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from cylinder_friction.live.client import Client
-from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.mqtt import MqttLink
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import BrokerSettings, LiveLimits, LiveSettingsError, MqttSettings
-from live_process import Mosquitto, by_hand, free_port, needs_broker, running, served
+from live_process import Mosquitto, Relay, by_hand, free_port, needs_broker, running, served
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,6 +64,39 @@ def test_a_broker_that_goes_away_loses_nothing(
     np.testing.assert_array_equal(got[0], newtons)
     np.testing.assert_array_equal(got[1], flags)
     assert link.counts["connected"] == 2
+
+
+@needs_broker
+def test_a_cut_between_service_and_broker_needs_no_second_opening(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path, broker: Mosquitto
+) -> None:
+    """The broker keeps what comes meanwhile: even a publisher that never sends again loses nothing."""
+    newtons, _ = small_hybrid.real_time().run(samples[:1000])
+
+    def use() -> bytes:
+        with by_hand(broker, "cylinder-friction/c/out", "cylinder-friction/state") as (client, got):
+            assert b"true" in got.get(timeout=10.0)[1]
+            client.publish("cylinder-friction/c/in", json.dumps({"open": OPEN}), qos=1)
+            handle = json.loads(got.get(timeout=10.0)[1])["opened"]["handle"]
+            for index in range(0, 1000, 50):
+                block = SampleBlock(handle, index, 0.0, samples[index : index + 50])
+                client.publish("cylinder-friction/c/in", pack_samples(block), qos=1)
+                if index == 400:
+                    relay.cut()
+            rows: dict[int, bytes] = {}
+            while len(rows) < 1000:
+                topic, payload = got.get(timeout=10.0)
+                for each in unpack(payload) if topic.endswith("/out") else ():
+                    if isinstance(each, EstimateBlock):
+                        rows |= {each.index + row: newton.tobytes() for row, newton in enumerate(each.newtons)}
+            return b"".join(rows[index] for index in range(1000))
+
+    with Relay(broker.port) as relay:
+        link = MqttLink(MqttSettings(BrokerSettings(port=relay.port)))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"))
+        assert served([link], service, tmp_path, use) == newtons.tobytes()
+    assert link.counts["connected"] == 2
+    assert service.sessions["press"].order.counts.missing == 0
 
 
 @needs_broker
