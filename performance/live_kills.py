@@ -31,7 +31,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.client import Client
 from cylinder_friction.recordings.storage import read_recordings
 
-PORT, BLOCK_S = 5904, 0.05
+PORT, BLOCK_S = 5917, 0.05
 
 
 @dataclass
@@ -74,7 +74,12 @@ def main() -> int:
         for thread in threads:
             thread.start()
         stalled = [connect(f"ws://127.0.0.1:{PORT}/watch", max_size=None) for _ in range(given.readers)]
-        service, times = kill_again_and_again(given, service, folder, cylinders)
+        try:
+            service, times = kill_again_and_again(given, service, folder, cylinders)
+        finally:
+            if any(each.error for each in cylinders):
+                stop.set()
+                service.kill()
         for each in stalled:
             each.socket.close()
         stop.set()
@@ -164,6 +169,8 @@ def kill_again_and_again(
         ready_s = time.monotonic()
         while min(each.got_s for each in cylinders) < ended_s and not any(each.error for each in cylinders):
             time.sleep(0.002)
+        if errors := [each.error for each in cylinders if each.error]:
+            raise RuntimeError("; ".join(errors))
         first_s = min(each.got_s for each in cylinders if each.got_s > ended_s)
         firsts = first_s - ended_s, max(each.got_s for each in cylinders) - ended_s
         times.append((ended_s - begun_s, ready_s - ended_s, *firsts))

@@ -146,3 +146,40 @@ def test_the_page_asks_for_a_token_once(served: Callable[..., str], tmp_path: Pa
         page.reload()
         page.get_by_text("0 sessions").wait_for()
         browser.close()
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+def test_sessions_are_found_by_keys_filter_and_order(served: Callable[..., str], samples: Array) -> None:
+    from playwright.sync_api import sync_playwright
+
+    address, shown = served(), "[...document.querySelectorAll('#sessions tbody tr:not([hidden]) td:first-child')]"
+    with ExitStack() as stack, sync_playwright() as playwright:
+        for name, rows in (("press 10", 300), ("press 2", 100), ("lift", 200)):
+            client = stack.enter_context(Client(f"ws://{address}/stream", name, 0.005))
+            client.send(samples[:rows])
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 800})
+        problems: list[str] = []
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.goto(f"http://{address}/")
+
+        def has(*names: str) -> None:
+            page.wait_for_function(f"{shown}.map((each) => each.textContent).join() === '{','.join(names)}'")
+
+        has("lift", "press 2", "press 10")
+        page.get_by_role("button", name="samples").click()
+        has("press 10", "lift", "press 2")
+        page.keyboard.press("/")
+        page.keyboard.type("PRESS")
+        has("press 10", "press 2")
+        for key in ("ArrowDown", "ArrowDown", "Enter"):
+            page.keyboard.press(key)
+        assert page.locator("#detail-title").text_content() == "press 2"
+        page.keyboard.press(" ")
+        assert page.locator("#freeze").get_attribute("aria-pressed") == "true"
+        page.keyboard.press("Escape")
+        assert page.locator("#detail").is_hidden()
+        page.keyboard.press("?")
+        assert page.locator("#keys").is_visible()
+        browser.close()
+    assert problems == []

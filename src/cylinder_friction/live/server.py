@@ -3,8 +3,10 @@
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 
 import uvicorn
+from websockets.exceptions import WebSocketException
 
 LAST_WORD_S = 0.2
 """For so long a client may read why it is closed."""
@@ -28,10 +30,12 @@ class LiveServer(uvicorn.Server):
         for server in self.servers:
             server.close()
         for connection in list(self.server_state.connections):
-            connection.shutdown()
+            with suppress(WebSocketException):  # it is being closed already
+                connection.shutdown()
         await asyncio.sleep(LAST_WORD_S)
         for connection in list(self.server_state.connections):
             transport = connection.transport
             if isinstance(transport, asyncio.Transport):
                 transport.abort()
+        await asyncio.sleep(0.0)  # they take their leave
         await super().shutdown(sockets)

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import time
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -53,7 +54,9 @@ class Watchers:
             await asyncio.sleep(TICK_S)
             if not self._pages:
                 continue
-            table = json.dumps({"sessions": [self._row(each) for each in self._service.sessions.values()]})
+            engine, now_s = self._service.engine, time.time()
+            rows = [self._row(each, now_s) for each in self._service.sessions.values()]
+            table = json.dumps({"sessions": rows, "sample_time_s": engine.sample_time_s, "inputs": engine.inputs})
             for page in self._pages:
                 if page.sending is None or page.sending.done():
                     page.sending = asyncio.create_task(page.send(table))
@@ -65,8 +68,9 @@ class Watchers:
         if name in self._service.sessions:
             self._by_session.setdefault(name, set()).add(page)
 
-    def _row(self, session: LiveSession) -> dict[str, Any]:
+    def _row(self, session: LiveSession, now_s: float) -> dict[str, Any]:
         block = self._latest.get(session.name)
+        rows = 0 if block is None else len(block.flags) - 1
         newtons = (0.0, 0.0, 0.0) if block is None else block.newtons[-1].tolist()
         flags = 0 if block is None else int(block.flags[-1])
         return {
@@ -74,6 +78,7 @@ class Watchers:
             "index": session.next_index,
             "newtons": newtons,
             "flags": Flag.names(flags),
+            "lag_s": None if block is None else now_s - block.time_s - rows * self._service.engine.sample_time_s,
             "kept": session.kept_index,
             "counts": vars(session.order.counts),
         }

@@ -1,14 +1,17 @@
 "use strict";
 /* The page of the live service: a table of all sessions; one session over time and against velocity. */
 
-const KEEP_S = 60, SPARK = 300, SLOPE_S = 0.1;
+const KEEP_S = 60, SPARK = 300, SLOPE_S = 0.1, BIN_M_S = 0.01, BIN_ROWS = 400, FEWEST = 20, DAY_S = 86400;
 const FLAGS = [["NOT_READY", "#888888"], ["WARMING", "#e69f00"], ["OUTSIDE", "#cc79a7"], ["INVALID_PRESSURE_1", "#d55e00"],
   ["INVALID_PRESSURE_2", "#d55e00"], ["INVALID_POSITION", "#d55e00"], ["FROZEN", "#999933"], ["RECOVERING", "#e69f00"],
   ["INVALID_OTHER", "#d55e00"], ["OFFSET_UNKNOWN", "#bbbbbb"], ["UNMODELLED_FORCE", "#882255"]];
 const by = (id) => document.getElementById(id);
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const sparks = new Map(), rows = new Map();
-let socket = null, shown = null, frozen = false, plots = null, sampleTimeS = 0.005;
+const inView = new Set(), watcher = new IntersectionObserver((entries) => entries.forEach((each) => each.isIntersecting ? inView.add(each.target) : inView.delete(each.target)));
+const collator = new Intl.Collator("en", { numeric: true });
+const sparks = new Map(), rows = new Map(), steady = new Map();
+const SORTS = { name: (each) => each.name, friction: (each) => -each.newtons[0], flags: (each) => -each.flags.length, samples: (each) => -each.index, lag: (each) => -(each.lag_s ?? 0) };
+let socket = null, shown = null, frozen = false, plots = null, sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1;
 const data = { index: [], newtons: [[], [], []], samples: [[], [], []], flags: [] };
 
 function connect() {
@@ -21,7 +24,11 @@ function connect() {
   };
   socket.onmessage = (event) => {
     const content = JSON.parse(event.data);
-    if (content.sessions) table(content.sessions); else if (content.rows) take(content.rows);
+    if (content.sessions) {
+      sampleTimeS = content.sample_time_s;
+      columns = ["pressure_1_pa", "pressure_2_pa", "position_m"].map((name) => content.inputs.indexOf(name));
+      table(content.sessions);
+    } else if (content.rows) take(content.rows);
   };
 }
 
@@ -39,27 +46,44 @@ function login(reason) {
 }
 
 function table(sessions) {
-  by("state").textContent = `${sessions.length} session${sessions.length === 1 ? "" : "s"}`;
   by("none").hidden = sessions.length > 0;
   by("sessions").hidden = sessions.length === 0;
-  const seen = new Set();
+  const seen = new Set(), wanted = by("filter").value.trim().toLowerCase(), mark = css("--mark");
   for (const each of sessions) {
     seen.add(each.name);
     const row = rows.get(each.name) ?? addRow(each.name);
-    const [friction, lower, upper] = each.newtons, cells = row.children;
-    text(cells[1], friction.toFixed(0));
-    text(cells[2], `${lower.toFixed(0)} to ${upper.toFixed(0)}`);
-    text(cells[3], each.flags.join(" ").toLowerCase().replaceAll("_", " "));
-    text(cells[4], each.index.toLocaleString("en"));
-    text(cells[5], (each.index - each.kept).toLocaleString("en"));
-    const spark = sparks.get(each.name);
+    const [friction, lower, upper] = each.newtons, cells = row.children, spark = sparks.get(each.name), flags = each.flags.join(" ").toLowerCase().replaceAll("_", " ");
     spark.push(friction);
     if (spark.length > SPARK) spark.shift();
-    const place = row.getBoundingClientRect();
-    if (place.bottom > 0 && place.top < innerHeight) draw(cells[6].firstChild, spark);
     if (each.name === shown) counts(each.counts);
+    row.hidden = !`${each.name} ${flags}`.toLowerCase().includes(wanted);
+    if (!inView.has(row)) continue;
+    text(cells[1], friction.toFixed(0));
+    text(cells[2], `${lower.toFixed(0)} to ${upper.toFixed(0)}`);
+    text(cells[3], flags);
+    text(cells[4], each.index.toLocaleString("en"));
+    text(cells[5], lag(each.lag_s));
+    draw(cells[6].firstChild, spark, mark);
   }
-  for (const [name, row] of rows) if (!seen.has(name)) { row.remove(); rows.delete(name); sparks.delete(name); }
+  for (const [name, row] of rows) if (!seen.has(name)) { watcher.unobserve(row); inView.delete(row); row.remove(); rows.delete(name); sparks.delete(name); }
+  const visible = [...rows.values()].filter((row) => !row.hidden).length;
+  text(by("state"), `${sessions.length} session${sessions.length === 1 ? "" : "s"}${visible < sessions.length ? `, ${visible} shown` : ""}`);
+  order(sessions);
+}
+
+function order(sessions) {
+  const key = SORTS[sort], names = sessions.map((each) => ({ name: each.name, by: key(each) }));
+  names.sort((a, b) => typeof a.by === "string" ? collator.compare(a.by, b.by) : a.by - b.by || collator.compare(a.name, b.name));
+  const now = names.map((each) => each.name).join("\n"), focused = document.activeElement;
+  if (now === ordered || by("sessions").matches(":hover") && sort !== "name" && ordered.length === now.length) return;
+  ordered = now;
+  by("sessions").tBodies[0].append(...names.map((each) => rows.get(each.name)));
+  if (focused?.tagName === "TR") focused.focus();
+}
+
+function lag(seconds) {
+  if (seconds === null || Math.abs(seconds) > DAY_S) return "–";
+  return Math.abs(seconds) < 10 ? `${(1e3 * seconds).toFixed(0)} ms` : `${seconds.toFixed(0)} s`;
 }
 
 function text(cell, value) { if (cell.textContent !== value) cell.textContent = value; }
@@ -70,17 +94,17 @@ function addRow(name) {
   row.innerHTML = '<td></td><td></td><td class="wide"></td><td class="flags"></td><td class="wide"></td><td class="wide"></td><td><canvas width="240" height="44"></canvas></td>';
   row.firstChild.textContent = name;
   row.onclick = () => show(name);
-  row.onkeydown = (event) => { if (event.key === "Enter") show(name); };
   by("sessions").tBodies[0].append(row);
   rows.set(name, row);
+  watcher.observe(row);
   sparks.set(name, []);
   return row;
 }
 
-function draw(canvas, values) {
+function draw(canvas, values, mark) {
   const pen = canvas.getContext("2d"), low = Math.min(...values), high = Math.max(...values, low + 1);
   pen.clearRect(0, 0, canvas.width, canvas.height);
-  pen.strokeStyle = css("--mark");
+  pen.strokeStyle = mark;
   pen.lineWidth = 2;
   pen.beginPath();
   values.forEach((value, at) => pen.lineTo(at / SPARK * canvas.width, 2 + (high - value) / (high - low) * (canvas.height - 4)));
@@ -95,7 +119,10 @@ function counts(content) {
 function show(name) {
   shown = name;
   for (const column of [data.index, data.flags, ...data.newtons, ...data.samples]) column.length = 0;
+  steady.clear();
+  steadyIndex = -1;
   by("detail").hidden = false;
+  document.body.classList.add("showing");
   by("detail-title").textContent = name;
   freeze(false);
   makePlots();
@@ -103,17 +130,40 @@ function show(name) {
   by("detail").scrollIntoView({ behavior: "smooth" });
 }
 
-function hide() { shown = null; by("detail").hidden = true; socket.send(""); }
+function hide() { shown = null; by("detail").hidden = true; document.body.classList.remove("showing"); socket.send(""); }
 
 function take(part) {
   if (shown === null) return;
   data.index.push(...part.index);
   data.flags.push(...part.flags);
   for (const row of part.newtons) row.forEach((value, at) => data.newtons[at].push(value));
-  for (const row of part.samples) for (let at = 0; at < 3; at++) data.samples[at].push(row[at] ?? null);
+  for (const row of part.samples) columns.forEach((column, at) => data.samples[at].push(row[column] ?? null));
   const extra = data.index.length - KEEP_S / sampleTimeS;
   if (extra > 0) for (const column of [data.index, data.flags, ...data.newtons, ...data.samples]) column.splice(0, extra);
+  gather();
   if (!frozen) redraw();
+}
+
+/* Newtons at steady velocity, by velocity, since the session is shown: the newest of each bin. */
+function gather() {
+  const half = Math.round(SLOPE_S / sampleTimeS / 2), x = data.samples[2], begin = data.index.findIndex((index) => index > steadyIndex);
+  if (begin < 0) return;
+  for (let at = Math.max(begin, 2 * half); at + 2 * half < x.length; at++) {
+    steadyIndex = data.index[at];
+    const [a, b, c, d] = [-2, -1, 1, 2].map((step) => x[at + step * half]);
+    if (a == null || b == null || c == null || d == null || data.flags[at] & ~512) continue;
+    const speed = (c - b) / (2 * half * sampleTimeS), change = Math.abs((d - c) - (b - a)) / (half * sampleTimeS);
+    if (change > Math.max(0.002, 0.05 * Math.abs(speed)) || Math.abs(speed) < 0.001) continue;
+    const bin = Math.floor(speed / BIN_M_S), newtons = steady.get(bin) ?? [];
+    newtons.push(data.newtons[0][at]);
+    if (newtons.length > BIN_ROWS) newtons.shift();
+    steady.set(bin, newtons);
+  }
+}
+
+function medians() {
+  const found = [...steady].filter(([, newtons]) => newtons.length >= FEWEST).sort((a, b) => a[0] - b[0]);
+  return found.map(([bin, newtons]) => [1e3 * BIN_M_S * (bin + 0.5), [...newtons].sort((a, b) => a - b)[newtons.length >> 1]]);
 }
 
 function velocity() {
@@ -128,8 +178,9 @@ function redraw() {
   plots.inputs.setData([time, data.samples[0].map(bar), data.samples[1].map(bar), data.samples[2].map((x) => x === null ? null : 1e3 * x)]);
   const speeds = velocity(), pairs = [];
   for (let at = 0; at < speeds.length; at += 4) if (speeds[at] !== null && !(data.flags[at] & ~512)) pairs.push([1e3 * speeds[at], data.newtons[0][at]]);
-  pairs.sort((a, b) => a[0] - b[0]);
-  plots.velocity.setData([pairs.map((pair) => pair[0]), pairs.map((pair) => pair[1])]);
+  const lines = medians().map(([v, f]) => [v, null, v > 0 ? f : null, v < 0 ? f : null]);
+  const all = [...pairs.map(([v, f]) => [v, f, null, null]), ...lines].sort((a, b) => a[0] - b[0]);
+  plots.velocity.setData([0, 1, 2, 3].map((at) => all.map((row) => row[at])));
   strip();
 }
 
@@ -156,21 +207,23 @@ function makePlots() {
   const axis = (label, more) => ({ label, stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line }, labelSize: 20, font: "12px system-ui", labelFont: "12px system-ui", ...more });
   const clock = axis("time [s]");
   const make = (id, height, options, empty) => new uPlot({ width: by(id).clientWidth, height, ...options }, empty, by(id));
-  const x = { time: false };
+  const x = { time: false }, zoomed = { setSelect: [(plot) => { if (plot.select.width > 0) freeze(true); }], ready: [(plot) => plot.over.addEventListener("dblclick", () => freeze(false))] };
+  const together = { sync: { key: "time", scales: ["x", null] } };
   plots = {
     friction: make("friction", 300, {
-      title: "Friction with its bounds", scales: { x }, axes: [clock, axis("[N]")],
+      title: "Friction with its bounds", scales: { x }, cursor: together, hooks: { ...zoomed, setScale: [(_, key) => { if (key === "x" && plots) strip(); }] }, axes: [clock, axis("[N]")],
       series: [{ label: "time [s]" }, { label: "lower", stroke: "transparent" }, { label: "upper", stroke: "transparent" }, { label: "friction [N]", stroke: mark, width: 1.5 }],
       bands: [{ series: [2, 1], fill: mark + "40" }],
     }, [[], [], [], []]),
     inputs: make("inputs", 240, {
-      title: "Pressures and position", scales: { x, mm: {} }, axes: [clock, axis("[bar]"), axis("[mm]", { scale: "mm", side: 1, grid: { show: false } })],
+      title: "Pressures and position", scales: { x, mm: {} }, cursor: together, hooks: zoomed, axes: [clock, axis("[bar]"), axis("[mm]", { scale: "mm", side: 1, grid: { show: false } })],
       series: [{ label: "time [s]" }, { label: "pressure 1 [bar]", stroke: mark }, { label: "pressure 2 [bar]", stroke: warn }, { label: "position [mm]", stroke: ink, scale: "mm", dash: [4, 3] }],
     }, [[], [], [], []]),
     velocity: make("velocity", 240, {
-      title: "Friction against velocity, rows without flags", scales: { x }, axes: [axis("velocity [mm/s]"), axis("[N]")],
-      series: [{ label: "velocity [mm/s]" }, { label: "friction [N]", stroke: mark, paths: () => null, points: { show: true, size: 3, fill: mark } }],
-    }, [[], []]),
+      title: "Friction against velocity, rows without flags", scales: { x }, hooks: zoomed, axes: [axis("velocity [mm/s]"), axis("[N]")],
+      series: [{ label: "velocity [mm/s]" }, { label: "friction [N]", stroke: mark, paths: () => null, points: { show: true, size: 3, fill: mark } },
+        ...["extending", "retracting"].map((way) => ({ label: `median, steadily ${way} [N]`, stroke: warn, width: 2, spanGaps: true, points: { show: true, size: 5, fill: warn } }))],
+    }, [[], [], [], []]),
   };
   redraw();
 }
@@ -205,12 +258,37 @@ by("login").onsubmit = (event) => {
   connect();
 };
 by("freeze").onclick = () => freeze(!frozen);
+by("help").onclick = () => by("keys").showModal();
 by("save").onclick = save;
 by("close").onclick = hide;
 by("theme").onclick = () => theme(!document.documentElement.classList.contains("dark"));
+by("filter").oninput = () => { ordered = ""; };
+for (const head of document.querySelectorAll("th[data-sort]")) head.firstElementChild.onclick = () => {
+  sort = head.dataset.sort;
+  ordered = "";
+  for (const each of document.querySelectorAll("th[data-sort]")) each.setAttribute("aria-sort", each === head ? (sort === "name" ? "ascending" : "descending") : "none");
+};
+
+function step(key) {
+  const visible = [...by("sessions").tBodies[0].rows].filter((row) => !row.hidden), at = visible.indexOf(document.activeElement);
+  const next = { ArrowDown: at + 1, ArrowUp: at < 0 ? visible.length - 1 : at - 1, Home: 0, End: visible.length - 1 }[key];
+  visible[Math.max(0, Math.min(visible.length - 1, next))]?.focus();
+}
+
 document.onkeydown = (event) => {
-  if (event.target.tagName === "INPUT") return;
-  if (event.key === "t") theme(!document.documentElement.classList.contains("dark"));
+  const row = event.target.tagName === "TR";
+  if (event.target.tagName === "INPUT") {
+    if (event.key === "Escape") { by("filter").value = ""; event.target.blur(); }
+    if (event.key === "ArrowDown" && event.target.id === "filter") { event.preventDefault(); step("ArrowDown"); }
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.key === "?") by("keys").open ? by("keys").close() : by("keys").showModal();
+  else if (by("keys").open) return;
+  else if (event.key === "/") { event.preventDefault(); by("filter").focus(); }
+  else if (["ArrowDown", "ArrowUp"].includes(event.key) || row && ["Home", "End"].includes(event.key)) { event.preventDefault(); step(event.key); }
+  else if (event.key === "Enter" && row) show(event.target.firstChild.textContent);
+  else if (event.key === "t") theme(!document.documentElement.classList.contains("dark"));
   else if (shown !== null && event.key === "Escape") hide();
   else if (shown !== null && event.key === "s") save();
   else if (shown !== null && event.key === " " && event.target.tagName !== "BUTTON") { event.preventDefault(); freeze(!frozen); }
