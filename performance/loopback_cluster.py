@@ -42,11 +42,17 @@ class LoopbackCluster:
         self.processes: list[subprocess.Popen[bytes]] = []
         scheme = "tls" if any("TLS" in name for name in self.settings) else "tcp"
         self._start("scheduler", "--host", f"{scheme}://127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
-        while not self.file.is_file():
+        while not self._written():
             if self.processes[0].poll() is not None:
                 raise RuntimeError((self.folder / "scheduler0.log").read_text(encoding="utf-8"))
             time.sleep(0.05)
-        self.address = str(json.loads(self.file.read_text(encoding="utf-8"))["address"])
+
+    def _written(self) -> bool:
+        try:
+            self.address = str(json.loads(self.file.read_text(encoding="utf-8"))["address"])
+        except (FileNotFoundError, json.JSONDecodeError):  # not there, or not all of it
+            return False
+        return True
 
     def add_worker(self, *options: str) -> None:
         """Start a worker below a nanny, which starts it anew when it dies."""

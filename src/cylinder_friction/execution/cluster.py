@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import platform
 from collections.abc import Callable, Mapping
@@ -110,12 +109,12 @@ class Cluster(ExecutorWorkers):
 
     def _connected(self) -> Client:
         file = Path(self.address)
-        address = str(json.loads(file.read_text(encoding="utf-8"))["address"]) if file.is_file() else self.address
-        if address.startswith("tls"):
+        where = {"scheduler_file" if file.is_file() else "address": self.address}
+        if "tls://" in (file.read_text(encoding="utf-8") if file.is_file() else self.address):
             self._refuse_without_certificates()
         try:
             # Results come by way of the scheduler, which knows which workers have died.
-            return Client(address, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
+            return Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
         except OSError:  # a time-out among them
             raise WorkersError(
                 f"{VARIABLE} is {self.address}, where no Dask scheduler responds within {CONNECT_S:.0f} s; start one "
