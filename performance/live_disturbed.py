@@ -27,12 +27,13 @@ from asyncua import Client
 from live_load import PORT, Seen, opened, read, wait_until_ready, write
 from websockets.asyncio.client import ClientConnection, connect
 
+from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.frames import SampleBlock, pack_samples
 from cylinder_friction.recordings.storage import read_recordings
 
-OPCUA_PORT, SETTLE_S = 5904, 2.0
+OPCUA_PORT, SETTLE_S = free_port(), 2.0
 DISTURBANCES = ("nothing", "a stalled reader", "an OPC UA client")
 
 

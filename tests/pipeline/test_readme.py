@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
 import signal
 import subprocess
 import time
+import urllib.request
 from typing import TYPE_CHECKING
 
 import psutil
@@ -43,6 +45,7 @@ RUN_ELSEWHERE = {
     "make reproduce": "tests/pipeline/conftest.py",
     "make ui": "test_the_servers_answer",
     "make serve": "test_the_servers_answer",
+    "make live": "test_the_servers_answer",
     "dvc repro": "tests/pipeline/test_kill.py",
     "make benchmark": "tests/friction_benchmark/test_pipeline.py",
     "cylinder-friction latency": "tests/commands/test_latency.py",
@@ -70,10 +73,10 @@ def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path
     assert RUN_IN_A_FINISHED_PIPELINE[command] in done.stdout
 
 
-@pytest.mark.parametrize(("target", "sign"), [("ui", "http://"), ("serve", "curl")])
+@pytest.mark.parametrize(("target", "sign"), [("ui", "http://"), ("serve", "curl"), ("live", "history")])
 def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> None:
     process = subprocess.Popen(
-        [*MAKE, target],
+        [*MAKE, target, *(["ARGS=--port 0"] if target == "live" else [])],
         cwd=finished_pipeline,
         env=environment(),
         stdout=subprocess.PIPE,
@@ -100,6 +103,11 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
             curl = printed[printed.index("curl") : printed.index("}'") + 2]
             answer = subprocess.run(["bash", "-c", curl], capture_output=True, text=True, check=True, timeout=30)
             assert '"friction_n"' in answer.stdout
+        if target == "live":
+            address = printed.split("live at ")[1].split()[0]
+            while not json.load(urllib.request.urlopen(f"{address}/readyz"))["sessions"]:
+                assert time.monotonic() < deadline, "no session of the replay"
+                time.sleep(0.1)
     finally:
         os.killpg(process.pid, signal.SIGTERM)
         process.wait(timeout=20)

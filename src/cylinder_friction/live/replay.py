@@ -50,11 +50,11 @@ class Replay:
                 for first in range(0, len(samples), rows):
                     if stop.is_set():
                         return
+                    sent += rows
+                    if self.speed is not None:  # a block is sent when its last sample has been taken
+                        due_s = begin_s + sent * sample_time_s / self.speed
+                        time.sleep(max(0.0, due_s - time.monotonic()))
                     client.send(samples[first : first + rows])
                     while len(client.estimates(timeout_s=0.0)[2]):
                         pass  # the page shows them; this reader only must not stall
-                    sent += rows
-                    if self.speed is not None:
-                        due_s = begin_s + sent * sample_time_s / self.speed
-                        time.sleep(max(0.0, due_s - time.monotonic()))
             client.wait_until_kept()

@@ -53,11 +53,14 @@ function table(sessions) {
     seen.add(each.name);
     const row = rows.get(each.name) ?? addRow(each.name);
     const [friction, lower, upper] = each.newtons, cells = row.children, spark = sparks.get(each.name), flags = each.flags.join(" ").toLowerCase().replaceAll("_", " ");
-    spark.push(friction);
+    const good = each.flags.every((flag) => flag === "OFFSET_UNKNOWN");
+    spark.push(good ? friction : null);
     if (spark.length > SPARK) spark.shift();
     if (each.name === shown) counts(each.counts);
     row.hidden = !`${each.name} ${flags}`.toLowerCase().includes(wanted);
     if (!inView.has(row)) continue;
+    cells[1].className = good ? "" : "unusable";
+    cells[2].className = good ? "wide" : "wide unusable";
     text(cells[1], friction.toFixed(0));
     text(cells[2], `${lower.toFixed(0)} to ${upper.toFixed(0)}`);
     text(cells[3], flags);
@@ -102,12 +105,16 @@ function addRow(name) {
 }
 
 function draw(canvas, values, mark) {
-  const pen = canvas.getContext("2d"), low = Math.min(...values), high = Math.max(...values, low + 1);
+  const pen = canvas.getContext("2d"), known = values.filter((value) => value !== null), low = Math.min(...known), high = Math.max(...known, low + 1);
   pen.clearRect(0, 0, canvas.width, canvas.height);
   pen.strokeStyle = mark;
   pen.lineWidth = 2;
   pen.beginPath();
-  values.forEach((value, at) => pen.lineTo(at / SPARK * canvas.width, 2 + (high - value) / (high - low) * (canvas.height - 4)));
+  values.forEach((value, at) => {
+    if (value === null) return;
+    const place = [at / SPARK * canvas.width, 2 + (high - value) / (high - low) * (canvas.height - 4)];
+    if (values[at - 1] == null) pen.moveTo(...place); else pen.lineTo(...place);
+  });
   pen.stroke();
 }
 
@@ -151,7 +158,7 @@ function gather() {
   for (let at = Math.max(begin, 2 * half); at + 2 * half < x.length; at++) {
     steadyIndex = data.index[at];
     const [a, b, c, d] = [-2, -1, 1, 2].map((step) => x[at + step * half]);
-    if (a == null || b == null || c == null || d == null || data.flags[at] & ~512) continue;
+    if (a == null || b == null || c == null || d == null || !usable(data.flags[at])) continue;
     const speed = (c - b) / (2 * half * sampleTimeS), change = Math.abs((d - c) - (b - a)) / (half * sampleTimeS);
     if (change > Math.max(0.002, 0.05 * Math.abs(speed)) || Math.abs(speed) < 0.001) continue;
     const bin = Math.floor(speed / BIN_M_S), newtons = steady.get(bin) ?? [];
@@ -174,15 +181,19 @@ function velocity() {
 function redraw() {
   if (!plots) return;
   const time = data.index.map((index) => index * sampleTimeS);
-  plots.friction.setData([time, data.newtons[1], data.newtons[2], data.newtons[0]]);
+  const [friction, lower, upper] = data.newtons.map((column) => column.map((value, at) => usable(data.flags[at]) ? value : null));
+  plots.friction.setData([time, lower, upper, friction]);
   plots.inputs.setData([time, data.samples[0].map(bar), data.samples[1].map(bar), data.samples[2].map((x) => x === null ? null : 1e3 * x)]);
   const speeds = velocity(), pairs = [];
-  for (let at = 0; at < speeds.length; at += 4) if (speeds[at] !== null && !(data.flags[at] & ~512)) pairs.push([1e3 * speeds[at], data.newtons[0][at]]);
+  for (let at = 0; at < speeds.length; at += 4) if (speeds[at] !== null && usable(data.flags[at])) pairs.push([1e3 * speeds[at], data.newtons[0][at]]);
   const lines = medians().map(([v, f]) => [v, null, v > 0 ? f : null, v < 0 ? f : null]);
   const all = [...pairs.map(([v, f]) => [v, f, null, null]), ...lines].sort((a, b) => a[0] - b[0]);
   plots.velocity.setData([0, 1, 2, 3].map((at) => all.map((row) => row[at])));
   strip();
 }
+
+/* An offset that is not known yet is in the bounds; with any other flag the newtons are not friction as it is. */
+function usable(flags) { return !(flags & ~512); }
 
 function bar(pascal) { return pascal === null ? null : pascal / 1e5; }
 
@@ -211,7 +222,7 @@ function makePlots() {
   const together = { sync: { key: "time", scales: ["x", null] } };
   plots = {
     friction: make("friction", 300, {
-      title: "Friction with its bounds", scales: { x }, cursor: together, hooks: { ...zoomed, setScale: [(_, key) => { if (key === "x" && plots) strip(); }] }, axes: [clock, axis("[N]")],
+      title: "Friction with its bounds, rows without flags", scales: { x }, cursor: together, hooks: { ...zoomed, setScale: [(_, key) => { if (key === "x" && plots) strip(); }] }, axes: [clock, axis("[N]")],
       series: [{ label: "time [s]" }, { label: "lower", stroke: "transparent" }, { label: "upper", stroke: "transparent" }, { label: "friction [N]", stroke: mark, width: 1.5 }],
       bands: [{ series: [2, 1], fill: mark + "40" }],
     }, [[], [], [], []]),
