@@ -39,8 +39,8 @@ DISTURBANCES = ("nothing", "a stalled reader", "an OPC UA client")
 
 def main() -> None:
     """Run it and print the table."""
-    if sys.argv[1:] == ["--follow"]:
-        asyncio.run(follow())
+    if sys.argv[1:2] == ["--follow"]:
+        asyncio.run(follow(sys.argv[2]))
         return
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--model", type=Path, default=Path("models/hybrid"))
@@ -122,7 +122,7 @@ async def disturbed(how: str, inputs: tuple[str, ...], samples: np.ndarray) -> A
             sending.cancel()
             socket.transport.abort()
     elif how == "an OPC UA client":
-        follower = await asyncio.create_subprocess_exec(sys.executable, __file__, "--follow")
+        follower = await asyncio.create_subprocess_exec(sys.executable, __file__, "--follow", str(OPCUA_PORT))
         await asyncio.sleep(SETTLE_S)
         yield
         follower.kill()
@@ -139,9 +139,9 @@ async def send_only(socket: ClientConnection, handles: list[int], samples: np.nd
         await asyncio.sleep(0.01)
 
 
-async def follow() -> None:
+async def follow(port: str) -> None:
     """Subscribe to everything that the service shows, and read it."""
-    async with Client(f"opc.tcp://127.0.0.1:{OPCUA_PORT}/") as client:
+    async with Client(f"opc.tcp://127.0.0.1:{port}/") as client:
         folder = await client.nodes.objects.get_child("2:CylinderFriction")
         nodes = [node for session in await folder.get_children() for node in await session.get_children()]
         subscription = await client.create_subscription(500.0)
