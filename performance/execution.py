@@ -24,12 +24,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import psutil
-from loopback_cluster import SOURCE, LoopbackCluster, loopback_cluster
+from loopback_cluster import SOURCE, loopback_cluster
 
 from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE
 from cylinder_friction.recordings.files import hash_of
@@ -114,7 +112,7 @@ def compared(folder: Path, stages: Sequence[str], what: str) -> bool:
         given = {VARIABLE: cluster.address}
         found += [
             way("Dask, two workers", folder, stages, given, alone),
-            way("Dask, a worker killed", folder, stages, given, alone, lambda _: kill_worker(cluster)),
+            way("Dask, a worker killed", folder, stages, given, alone, lambda _: cluster.kill_worker()),
             way("Dask, command killed and repeated", folder, stages, given, alone, kill_command),
         ]
     equal = all(hashes == alone[1] for _, hashes in found)
@@ -169,16 +167,6 @@ def half_done(folder: Path, stage: str) -> bool:
     if stage == "search":
         return any(path.read_bytes().count(b"\n") > 2 for path in folder.glob(".cylinder-friction/resume/*/trials.log"))
     return sum(1 for _ in (folder / DRAFTS[stage]).glob("*/*.parquet")) > 5
-
-
-def kill_worker(cluster: LoopbackCluster) -> None:
-    """Kill the process that works below the last nanny, as soon as there is one."""
-    while True:
-        with suppress(psutil.NoSuchProcess):
-            for each in psutil.Process(cluster.processes[-1].pid).children(recursive=True):
-                if any("spawn_main" in argument for argument in each.cmdline()):
-                    return each.kill()
-        time.sleep(0.05)
 
 
 def kill_command(command: subprocess.Popen[bytes]) -> None:

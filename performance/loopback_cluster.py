@@ -19,6 +19,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import psutil
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
@@ -40,6 +42,7 @@ class LoopbackCluster:
         self.folder, self.file, self.settings = folder, folder / "scheduler.json", settings or {}
         self.path = os.pathsep.join(map(str, (SOURCE, *modules)))
         self.processes: list[subprocess.Popen[bytes]] = []
+        self.killed = 0
         scheme = "tls" if any("TLS" in name for name in self.settings) else "tcp"
         self._start("scheduler", "--host", f"{scheme}://127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
         while not self._written():
@@ -77,6 +80,22 @@ class LoopbackCluster:
             )
         self.processes.append(process)
 
+    def wait_until_registered(self, worker: int, times: int = 1) -> None:
+        """Wait until a worker has registered so many times; killed while it starts, it would take its nanny with it."""
+        log = self.folder / f"worker{worker}.log"
+        while log.read_text(encoding="utf-8").count("Registered to:") < times:
+            if self.processes[worker].poll() is not None:
+                raise RuntimeError(log.read_text(encoding="utf-8"))
+            time.sleep(0.05)
+
+    def kill_worker(self) -> None:
+        """Kill the process that works below the last nanny, which starts it anew."""
+        last = len(self.processes) - 1
+        self.wait_until_registered(last, self.killed + 1)
+        below = psutil.Process(self.processes[last].pid).children(recursive=True)
+        next(each for each in below if any("spawn_main" in argument for argument in each.cmdline())).kill()
+        self.killed += 1
+
     def stop(self) -> None:
         for process in self.processes:
             with suppress(ProcessLookupError):
@@ -96,8 +115,9 @@ def loopback_cluster(
     """Yield a cluster, and end its processes afterwards."""
     cluster = LoopbackCluster(folder, modules, settings)
     try:
-        for _ in range(workers):
+        for number in range(1, workers + 1):
             cluster.add_worker()
+            cluster.wait_until_registered(number)
         yield cluster
     finally:
         cluster.stop()

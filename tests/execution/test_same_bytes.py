@@ -33,7 +33,6 @@ from performance_scripts import performance_script
 
 pytestmark = pytest.mark.slow
 loopback = performance_script("loopback_cluster")
-kill_worker = performance_script("execution").kill_worker
 CONF = Path(__file__).parents[2] / "conf"
 
 
@@ -46,7 +45,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 @contextmanager
 def killed_worker(cluster: Any) -> Iterator[None]:
     """Kill a worker soon after the block has begun."""
-    killer = threading.Timer(0.2, kill_worker, [cluster])
+    killer = threading.Timer(0.2, cluster.kill_worker)
     killer.start()
     yield
     killer.join()
