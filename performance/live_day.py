@@ -22,7 +22,11 @@ import pandas as pd
 from live_load import PORT, wait_until_ready
 
 from cylinder_friction.commands.estimate import cylinder_of
+from cylinder_friction.commands.live import JOURNAL_FILE
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.live.app import HISTORY_FOLDER
+from cylinder_friction.live.history import move_into_history
+from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.replay import PAUSE_S, Replay
 from cylinder_friction.recordings.reading_logs import read_logs
 from cylinder_friction.recordings.recording import Recording
@@ -82,6 +86,9 @@ def through_the_service(model: Path, folder: Path, sent: dict[str, list[Recordin
     finally:
         service.terminate()
         service.wait()
+        journal = Journal(folder / JOURNAL_FILE)
+        move_into_history(journal, folder / HISTORY_FOLDER)  # the rest, which its next start would move
+        journal.close()
 
 
 def compared(folder: Path, sent: dict[str, list[Recording]]) -> tuple[int, int]:

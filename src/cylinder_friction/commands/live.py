@@ -29,6 +29,7 @@ from cylinder_friction.live.line_protocol import LineProtocolLink
 from cylinder_friction.live.links import Link
 from cylinder_friction.live.server import LiveServer
 from cylinder_friction.live.service import LiveError, LiveService
+from cylinder_friction.live.settings import HELD_BACK_S
 from cylinder_friction.live.tcp import TcpLink
 from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
@@ -94,8 +95,8 @@ def _serve(service: LiveService, params: LiveParams, speed: float, recordings: d
     app = create_app(service, params.folder, links, access, params.host, Events(params.log))
     config = uvicorn.Config(
         app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
-        ws_per_message_deflate=False, timeout_graceful_shutdown=1, ssl_certfile=access.tls_certificate,
-        ssl_keyfile=access.tls_key,
+        ws_per_message_deflate=False, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1,
+        ssl_certfile=access.tls_certificate, ssl_keyfile=access.tls_key,
     )  # fmt: skip
     server = LiveServer(config, app.state.drain)
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup's stays

@@ -16,6 +16,7 @@ from urllib.parse import unquote, urlsplit
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
+from cylinder_friction.live.settings import HELD_BACK_S
 from cylinder_friction.live.tcp import HEAD, message_size, packed, unpacked
 
 OPEN_S = 5.0
@@ -73,8 +74,9 @@ def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     try:
         with connect(
-            url, max_size=None, open_timeout=OPEN_S, close_timeout=0.5, ssl=tls, additional_headers=headers
-        ) as connection:
+            url, max_size=None, open_timeout=OPEN_S, close_timeout=0.5, ssl=tls, additional_headers=headers,
+            ping_timeout=HELD_BACK_S,
+        ) as connection:  # fmt: skip
             yield _WebSocket(connection)
     except ssl.SSLCertVerificationError as error:
         raise LiveClientError(f"{url}: its certificate is not trusted ({error}); give ca") from error

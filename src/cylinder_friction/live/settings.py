@@ -7,6 +7,10 @@ from pathlib import Path
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
+HELD_BACK_S = 120.0
+"""Who holds a fast sender back does not read its pings either; for so long neither side takes the other for gone."""
+
+
 class LiveSettingsError(ValueError):
     """Settings that cannot be; the message names the key."""
 
