@@ -74,9 +74,13 @@ def sessions_of(options: argparse.Namespace) -> dict[str, list[Recording]]:
 
 def through_the_service(model: Path, folder: Path, sent: dict[str, list[Recording]]) -> float:
     """Send all recordings, end the service; return how many seconds it took."""
-    service = subprocess.Popen(
-        [*CLI, "live", "--model", str(model), "--port", str(PORT), "--folder", str(folder)], stdout=subprocess.DEVNULL
-    )
+    folder.mkdir()
+    config = folder / "live.yaml"
+    config.write_text(
+        "limits: {loop_lag_s: 60.0}\n", encoding="utf-8"
+    )  # as fast as it can is late, and all are to come in
+    given = ["--config", str(config), "--port", str(PORT), "--folder", str(folder)]
+    service = subprocess.Popen([*CLI, "live", "--model", str(model), *given], stdout=subprocess.DEVNULL)
     try:
         wait_until_ready()
         begun_s = time.monotonic()
