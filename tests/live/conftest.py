@@ -23,6 +23,7 @@ from live_process import Mosquitto
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
+    from typing import Any
 
     from cylinder_friction.arrays import Array
     from cylinder_friction.recordings.recording import Recording
@@ -54,6 +55,13 @@ def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp("model") / "hybrid"
     small_hybrid.save(folder)
     return folder
+
+
+@pytest.fixture
+def golden(small_hybrid: HybridEstimator, samples: Array) -> dict[str, Any]:
+    """The model's golden trajectory."""
+    newtons, flags = small_hybrid.real_time().run(samples[:300])
+    return {"samples": samples[:300].tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
 
 
 @pytest.fixture

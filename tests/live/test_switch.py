@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import urllib.error
 import urllib.request
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from cylinder_friction.commands.cli import main
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.live.client import Client
+from cylinder_friction.recordings.files import write_json
 from live_process import free_port, running
 
 if TYPE_CHECKING:
@@ -68,6 +70,40 @@ def test_a_model_takes_over_at_its_sample_and_goes_back(
     history = pd.concat([pd.read_parquet(path) for path in (folder / "history").rglob("*.parquet")])
     beside = history.set_index("index")["shadow_friction_n"].sort_index()
     np.testing.assert_array_equal(beside.loc[700:1199], one[700:1200, 0])
+
+
+def test_a_model_that_is_not_what_was_registered_is_not_brought_in(
+    model: Path, other_model: Path, other_estimator: HybridEstimator, samples: Array, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    folder, port = tmp_path / "live", free_port()
+    address = ["--folder", str(folder), "--url", f"http://127.0.0.1:{port}"]
+    newtons, flags = other_estimator.real_time().run(samples[:300])
+    golden = {"samples": samples[:300].tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
+
+    def ready() -> Any:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz") as reply:
+            return json.load(reply)["gives_newtons"]
+
+    with running(model, folder, port), Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
+        client.send(samples[:100])
+        write_json(other_model.with_name(GOLDEN_FILE), golden | {"newtons": (newtons + 1.0).tolist()})
+        assert main(["switch", str(other_model), *address]) == 1
+        assert "on its golden trajectory it is 1 N from what was recorded with it" in capsys.readouterr().err
+        assert list(ready().values()) == [
+            {"sessions": 1, "golden_trajectory": "none is in the model's folder", "golden_difference_n": None}
+        ]
+        write_json(other_model.with_name(GOLDEN_FILE), golden)
+        assert main(["switch", str(other_model), "--after-s", "0", *address]) == 0
+        client.send(samples[100:700])
+        read(client, 700)
+        assert list(ready().values()) == [{"sessions": 1, "golden_trajectory": "met", "golden_difference_n": 0.0}]
+        (stored,) = (folder / "engines").glob(f"*/{GOLDEN_FILE}")
+        write_json(stored, golden | {"flags": (flags ^ 1).tolist()})
+        body = json.dumps({"do": "beside", "engine": stored.parent.name}).encode()
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(urllib.request.Request(f"http://127.0.0.1:{port}/models", body))
+        assert "not taken into service (model" in json.load(refused.value)["error"]
 
 
 def test_what_cannot_be_switched_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

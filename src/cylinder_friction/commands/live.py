@@ -19,10 +19,9 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from cylinder_friction.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
-from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import engine_of, other_engines
 from cylinder_friction.live.events import Events
-from cylinder_friction.live.golden import golden_difference_n
+from cylinder_friction.live.golden import checked_engine
 from cylinder_friction.live.guard import ROLES
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.line_protocol import LineProtocolLink
@@ -35,6 +34,7 @@ from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 
 if TYPE_CHECKING:
+    from cylinder_friction.live.engine import Engine
     from cylinder_friction.recordings.recording import Recording
 
 EXPECTED = (ValueError, OSError)
@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as scratch:
         folder = _model_folder(params.model, Path(scratch) / "model")
         engines = params.folder / ENGINES_FOLDER
-        engine = Engine(engine_of(folder, engines))
+        engine = checked_engine(engine_of(folder, engines))
         recordings = _replayed(options, engine) if options.replay else {}
         service = LiveService(
             engine,
@@ -75,7 +75,6 @@ def run(options: argparse.Namespace) -> int:
             limits=params.limits,
             others=other_engines(engines, engine),
         )
-        service.golden_difference_n = golden_difference_n(engine, folder)
         _serve(service, params, options.speed, recordings)
     return 0
 

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from cylinder_friction.commands.estimate import model_folder
-from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.app import ENGINES_FOLDER
-from cylinder_friction.live.engine_building import built_engine
+from cylinder_friction.live.engine_building import engine_of
 from cylinder_friction.live.service import LiveError
 from cylinder_friction.params.live import load_live_params
 
@@ -63,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
 def _built(model: str, engines: Path) -> str:
     """Return the name of a model's engine, made for the service on this machine."""
     with tempfile.TemporaryDirectory() as scratch:
-        return built_engine(load_estimator(model_folder(model, Path(scratch) / "model")), engines).name
+        return engine_of(model_folder(model, Path(scratch) / "model"), engines).name
 
 
 def _asked(url: str, command: dict[str, Any] | None, options: argparse.Namespace) -> Any:

@@ -13,7 +13,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from cylinder_friction.live.changing import Changing
+from cylinder_friction.live.changing import Changing, giving_newtons
 from cylinder_friction.live.connection import Connection, Peers
 from cylinder_friction.live.events import Events
 from cylinder_friction.live.frames import EstimateBlock
@@ -77,14 +77,12 @@ def create_app(
 
     async def readyz(_: Request) -> Response:
         ready = service.loop_lag_s < 1.0 and not service.keeps_not_because and not peers.draining
-        golden_n = service.golden_difference_n
         body = {
             "ready": ready,
             "ending": peers.draining,
-            "golden_trajectory": "none is in the model's folder" if golden_n is None else "met",
-            "golden_difference_n": golden_n,
             "not_kept": service.keeps_not_because,
-            "model": service.engine.model,
+            "model_of_new_sessions": service.engine.model,
+            "gives_newtons": giving_newtons(service),
             "loop_lag_s": service.loop_lag_s,
             **service.load(),
         }

@@ -5,13 +5,14 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from cylinder_friction.live.engine import Engine
+from cylinder_friction.live.golden import checked_engine
 from cylinder_friction.live.service import LiveError, LiveService, LiveSession
 
 KEPT_WITHIN_S = 5.0
@@ -42,6 +43,18 @@ class Command(BaseModel):
     sessions: tuple[str, ...] | None = None
 
 
+def giving_newtons(service: LiveService) -> dict[str, dict[str, Any]]:
+    """Return the models that give newtons, that of new sessions included: in how many sessions, and how checked."""
+    sessions = Counter({service.engine.model: 0})
+    sessions.update(session.model for session in service.sessions.values())
+    found = {}
+    for model, count in sessions.items():
+        golden_n = service.engines[model].golden_difference_n
+        golden = "none is in the model's folder" if golden_n is None else "met"
+        found[model] = {"sessions": count, "golden_trajectory": golden, "golden_difference_n": golden_n}
+    return found
+
+
 class Changing:
     """The resource ``/models``.
 
@@ -63,7 +76,7 @@ class Changing:
         models = {
             model: {"gives_newtons": runs[model], "runs_beside": beside[model]} for model in self._service.engines
         }
-        return JSONResponse({"of_new_sessions": self._service.engine.model, "models": models})
+        return JSONResponse({"model_of_new_sessions": self._service.engine.model, "models": models})
 
     async def command(self, request: Request) -> Response:
         """Do what a body asks for; reply when it is kept, so that a restart knows it."""
@@ -131,9 +144,9 @@ class Changing:
         if not _ENGINE.fullmatch(name) or not folder.is_dir():
             raise LiveError(f"engine {name[:80]!r}: not in {self._engines}; `cylinder-friction switch` puts it there")
         try:
-            return Engine(folder)
+            return checked_engine(folder)
         except (OSError, ValueError, KeyError) as error:
-            raise LiveError(f"engine {name}: cannot be loaded ({error})") from error
+            raise LiveError(f"engine {name}: not taken into service ({error})") from error
 
 
 async def _body(request: Request) -> bytes:

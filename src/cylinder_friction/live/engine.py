@@ -44,6 +44,7 @@ class Engine:
         model: SHA-256 of every number that a step uses.
         inputs: Columns of a sample.
         sample_time_s: The one time between two samples [s].
+        golden_difference_n: How far it was from its golden trajectory, as ``checked_engine`` found [N]; None: has none.
 
     Raises:
         OSError: The folder holds no engine that this machine can load.
@@ -62,6 +63,7 @@ class Engine:
         self._batch.restype = self._init.restype = None
         self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
         self._free: list[int] = []
+        self.golden_difference_n: float | None = None
 
     def add(self) -> int:
         """Return the slot of a fresh session."""

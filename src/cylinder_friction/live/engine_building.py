@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import tempfile
 from contextlib import suppress
@@ -10,13 +11,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cylinder_friction.deployment.golden_trajectory import GoldenError
 from cylinder_friction.live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
+from cylinder_friction.live.golden import checked_engine, take_golden
 from cylinder_friction.recordings.files import write_json, write_text
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
 _BY_ESTIMATOR = "by_estimator"
+_log = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).parents[1]
 
 _BATCH = """\
@@ -86,17 +90,19 @@ def engine_of(estimator: Path, engines: Path) -> Path:
     """Return the folder of a saved estimator's engine.
 
     Where the same files had theirs built by the same program, neither are they read nor is a compiler looked for: that
-    is most of what a start takes.
+    is most of what a start takes. The golden trajectory of a registered model is copied into the engine's folder.
+
+    Raises:
+        GoldenError: The engine does not meet it.
     """
     known = engines / _BY_ESTIMATOR / _key(estimator)
-    with suppress(OSError):
-        folder = engines / known.read_text(encoding="ascii")
-        if (folder / DESCRIPTION).is_file():
-            return folder
-    from cylinder_friction.estimators.loading import load_estimator
+    folder = engines / (known.read_text(encoding="ascii") if known.is_file() else "unknown")
+    if not (folder / DESCRIPTION).is_file():
+        from cylinder_friction.estimators.loading import load_estimator
 
-    folder = built_engine(load_estimator(estimator), engines)
-    write_text(known, folder.name)
+        folder = built_engine(load_estimator(estimator), engines)
+        write_text(known, folder.name)
+    take_golden(folder, estimator)
     return folder
 
 
@@ -113,12 +119,15 @@ def other_engines(engines: Path, engine: Engine) -> list[Engine]:
     """Return the engines of other models that take the same samples: those that sessions may have run before."""
     found = []
     for folder in sorted(engines.iterdir()):
-        with suppress(OSError, ValueError, KeyError):  # of another processor, or not whole
-            other = Engine(folder)
-            if other.model != engine.model and (other.inputs, other.sample_time_s) == (
-                engine.inputs,
-                engine.sample_time_s,
-            ):
+        try:
+            other = checked_engine(folder)
+        except GoldenError as error:
+            _log.error("%s; sessions that ran it begin anew", error)
+        except (OSError, ValueError, KeyError):  # of another processor, or not whole
+            continue
+        else:
+            takes = other.inputs, other.sample_time_s
+            if other.model != engine.model and takes == (engine.inputs, engine.sample_time_s):
                 found.append(other)
     return found
 

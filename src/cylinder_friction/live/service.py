@@ -86,8 +86,6 @@ class LiveService:
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
         self.unkept_rows, self._kept_s = 0, clock()
-        self.golden_difference_n: float | None = None
-        """How far the engine is from its golden trajectory [N]; None where there is none."""
         self.loop_lag_s = 0.0
         """How late the event loop was of late, at worst, as its owner states."""
         self.keeps_not_because = ""
