@@ -1,8 +1,9 @@
-"""A client that misses estimates on their way asks for them again, and knows which addresses it can use."""
+"""A client that misses estimates asks for them again, waits while acknowledgements come, and knows its addresses."""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+import json
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,8 +11,8 @@ import pytest
 
 from cylinder_friction.live import client as client_module
 from cylinder_friction.live.client import Client
-from cylinder_friction.live.client_sockets import connected
-from cylinder_friction.live.frames import EstimateBlock, unpack
+from cylinder_friction.live.client_sockets import LiveClientError, connected
+from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, pack_acknowledgement, unpack
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import TcpSettings
@@ -70,6 +71,76 @@ def test_estimates_that_were_lost_on_their_way_are_asked_for_again(
     got = served([tcp], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use)
     assert Leaky.lost > 0
     np.testing.assert_array_equal(got, small_hybrid.real_time().run(samples[:500])[0])
+
+
+def test_after_samples_that_were_left_out_a_client_stays_connected(
+    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is missing where nothing was sent; connecting again would send all that is not acknowledged again."""
+    connections: list[str] = []
+
+    @contextmanager
+    def counted(url: str, *given: Any) -> Iterator[Any]:
+        connections.append(url)
+        with connected(url, *given) as inner:
+            yield inner
+
+    monkeypatch.setattr(client_module, "connected", counted)
+    tcp = TcpLink(TcpSettings(port=0))
+
+    def use() -> list[int]:
+        begun = []
+        with Client(tcp.address, "press", 0.005) as client:
+            for _ in range(3):
+                client.send(samples[:50])
+                client.skip(12_000)
+                begun.append(client.estimates(5.0)[0])
+            client.wait_until_kept()
+        return begun
+
+    assert served([tcp], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use) == [0, 12_050, 24_100]
+    assert len(connections) == 1
+
+
+class Slow:
+    """A service that acknowledges ten rows with each message, one every twenty seconds, up to ``last``."""
+
+    window = None
+
+    def __init__(self, clock: list[float], last: int) -> None:
+        self._clock, self._last, self._kept = clock, last, 0
+
+    def send(self, message: bytes | str) -> None:
+        """Take anything."""
+
+    def recv(self, timeout_s: float) -> bytes | str:
+        if self._clock[0] == 0.0:
+            self._clock[0] = 20.0
+            return json.dumps({"opened": {"handle": 1, "next_index": 0, "kept_index": 0}})
+        self._clock[0] += 20.0
+        if self._kept >= self._last:
+            raise TimeoutError
+        self._kept += 10
+        return pack_acknowledgement(Acknowledgement(1, self._kept))
+
+
+@pytest.mark.parametrize("last", [100, 40])
+def test_a_client_waits_while_acknowledgements_go_on_coming(monkeypatch: pytest.MonkeyPatch, last: int) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(Slow(clock, last)))
+    monkeypatch.setattr(client_module.time, "monotonic", lambda: clock[0])
+    with Client("tcp://127.0.0.1:5003", "press 7", 0.005) as client:
+        client.send(np.zeros((100, 3)))
+        if last == 100:
+            client.wait_until_kept(timeout_s=30.0)
+            assert client.acknowledged_index == 100
+            return
+        with pytest.raises(LiveClientError) as caught:
+            client.wait_until_kept(timeout_s=30.0)
+    assert str(caught.value) == (
+        "session 'press 7': 60 samples are not acknowledged, and no acknowledgement came for 30 s; /readyz of the "
+        "service states whether it can keep what comes"
+    )
 
 
 def test_an_address_of_no_known_kind_is_named() -> None:

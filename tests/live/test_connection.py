@@ -48,6 +48,25 @@ class Wire:
         self.got.append(message)
 
 
+class Cut(Wire):
+    """A client's end that broke: as with a socket, that is noticed in the turn of the loop after the first write."""
+
+    def __init__(self, *messages: bytes | str) -> None:
+        super().__init__(*messages)
+        self.noticed = False
+
+    async def receive(self) -> bytes | str:
+        """Give what had come before, at once."""
+        return self.messages.pop(0) if self.messages else await super().receive()
+
+    async def send(self, message: bytes | str) -> None:
+        """Take nothing more once the break is known."""
+        if self.noticed:
+            raise ClientGoneError
+        asyncio.get_running_loop().call_soon(setattr, self, "noticed", True)
+        self.got.append(message)
+
+
 def opening(engine: Engine, name: str = "press") -> str:
     return json.dumps({"open": {"session": name, "inputs": engine.inputs, "sample_time_s": engine.sample_time_s}})
 
@@ -97,6 +116,12 @@ def test_long_json_and_new_sessions_under_load_are_refused_and_known_ones_are_no
     ]
     assert [("retry_after_s" in json.loads(each)) for each in wire.got] == [False, True, False]
     assert peers.refused[BusyError.__name__] == 1
+
+
+def test_a_client_that_is_gone_is_written_to_once_however_many_messages_it_left(engine: Engine, tmp_path: Path) -> None:
+    wire = Cut(*["no JSON"] * 1000)
+    asyncio.run(Connection(wire, service_of(engine, tmp_path), Peers()).run())
+    assert len(wire.got) == 1
 
 
 def test_a_client_may_catch_up_after_a_break_and_is_then_slowed() -> None:

@@ -56,6 +56,7 @@ class Client:
         self._token, self._ca = token, ca
         self._unacknowledged: deque[SampleBlock] = deque()
         self._estimates: deque[EstimateBlock] = deque()
+        self._skipped: list[tuple[int, int]] = []  # First index, and the one after the last
         self._socket: ClientSocket | None = None
         self._open_socket = ExitStack()
         self._handle, self.acknowledged_index, self._asked_from = 0, 0, -1
@@ -75,6 +76,8 @@ class Client:
 
     def skip(self, rows: int) -> None:
         """Leave out so many samples, which were not taken; after more than a short gap the session begins anew."""
+        self._skipped = [each for each in self._skipped if each[1] > self.estimated_index]
+        self._skipped.append((self.next_index, self.next_index + rows))
         self.next_index += rows
 
     def estimates(self, timeout_s: float = 1.0) -> tuple[int, Array, NDArray[np.uint32]]:
@@ -89,19 +92,26 @@ class Client:
         return block.index, block.newtons, block.flags
 
     def wait_until_kept(self, timeout_s: float = 30.0) -> None:
-        """Wait until all that was sent is acknowledged; estimates that come meanwhile stay to be fetched.
+        """Wait until all that was sent is acknowledged, for as long as acknowledgements go on coming.
+
+        Estimates that come meanwhile stay to be fetched.
 
         Raises:
-            LiveClientError: It was not within ``timeout_s``.
+            LiveClientError: No acknowledgement came for ``timeout_s``.
         """
-        deadline = time.monotonic() + timeout_s
-        while self.acknowledged_index < self.next_index:
-            if time.monotonic() > deadline:
-                raise LiveClientError(
-                    f"session {self._session!r}: {self.next_index - self.acknowledged_index} samples are not "
-                    f"acknowledged after {timeout_s:g} s"
-                )
+        known, deadline = self.acknowledged_index, time.monotonic() + timeout_s
+        while self._unacknowledged:
             self._receive(0.2)
+            if self.acknowledged_index > known:
+                known, deadline = self.acknowledged_index, time.monotonic() + timeout_s
+            elif time.monotonic() > deadline:
+                rows = sum(
+                    min(len(each.samples), each.index + len(each.samples) - known) for each in self._unacknowledged
+                )
+                raise LiveClientError(
+                    f"session {self._session!r}: {rows} samples are not acknowledged, and no acknowledgement came for "
+                    f"{timeout_s:g} s; /readyz of the service states whether it can keep what comes"
+                )
 
     def close(self) -> None:
         """Leave; the session stays, to be gone on with."""
@@ -189,6 +199,9 @@ class Client:
                 self.acknowledged_index = max(self.acknowledged_index, block.index)
                 self._forget_acknowledged()
             elif isinstance(block, EstimateBlock):
+                for first, after in self._skipped:
+                    if first == self.estimated_index and after <= block.index:
+                        self.estimated_index = after  # nothing was lost
                 if block.index > self.estimated_index != self._asked_from:
                     self._asked_from = self.estimated_index  # once: the service may have none, after a long gap
                     self._resume()

@@ -255,6 +255,7 @@ class Connection:
             self._texts, self._frames, self._came_s = [], [], 0.0
             for text in texts:
                 await self._transport.send(text)
+                await asyncio.sleep(0.0)  # whether the client is gone is known by the next turn of the loop
             if frames:
                 await self._transport.send(b"".join(frames))
                 if came_s:
