@@ -188,7 +188,6 @@ def run_faulty(sent: Sequence[Frame], engine: Engine, journal: Journal, stream: 
     now_s = [0.0]
     service = LiveService(engine, journal, rules=RULES, clock=lambda: now_s[0])
     peers = Peers()
-    service.on_estimates = peers.send
     sessions = [service.open(f"press {place}", engine.inputs, engine.sample_time_s) for place in range(SESSIONS)]
     handles = [each.handle for each in sessions]
     expected = [ExpectedSession(stream(), engine.sample_time_s) for _ in sessions]

@@ -144,7 +144,6 @@ def test_what_waits_for_a_client_that_does_not_read_is_bounded(
 
     async def scenario() -> tuple[int, int]:
         service, peers = service_of(engine, tmp_path), Peers()
-        service.on_estimates = peers.send
         client = Connection(wire, service, peers)
         running = asyncio.create_task(client.run())
         await asyncio.sleep(0.3)

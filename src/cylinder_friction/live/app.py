@@ -54,7 +54,7 @@ def create_app(
     peers, watchers = Peers(events), Watchers(service)
     changing = Changing(service, folder / ENGINES_FOLDER)
     guard = Guard(access or LiveAccess(), host, peers.refused, events)
-    takers = (peers.flags.note, peers.send, watchers.note, *(link.note for link in links))
+    takers = [peers.flags.note, watchers.note, *(link.note for link in links if type(link).note is not Link.note)]
 
     def on_estimates(session: LiveSession, block: EstimateBlock) -> None:
         for take in takers:

@@ -49,12 +49,11 @@ class Transport(Protocol):
 
 
 class Peers:
-    """Which connection owns which session, how often what was refused, and whether the service is ending."""
+    """All connections, how often what was refused, and whether the service is ending."""
 
     def __init__(self, events: Events | None = None) -> None:
         self.events = events or Events()
         self.draining, self.keeping = False, asyncio.Lock()
-        self._owners: dict[str, Connection] = {}
         self.refused: Counter[str] = Counter()
         self.flags, self.delays = FlagTotals(), Delays()
         self.connections = 0
@@ -73,34 +72,19 @@ class Peers:
 
     def take_over(self, session: LiveSession, connection: "Connection") -> None:
         """Give a session to a connection; the one before gets a note, and nothing more of it."""
-        before = self._owners.get(session.name)
+        before = session.owner
         if before is not None and before is not connection:
             before.lost(session)
             self.events.note("session lost", session=session.name, client=before.client, to=connection.client)
-        self._owners[session.name] = connection
+        session.owner = connection
 
-    def owns(self, connection: "Connection", session: LiveSession) -> bool:
-        """Return whether the session is this connection's."""
-        return self._owners.get(session.name) is connection
-
-    def leave(self, connection: "Connection") -> None:
+    def leave(self, connection: "Connection", sessions: Iterable[LiveSession]) -> None:
         """Forget a connection that has ended; its sessions stay open."""
         self._connected.discard(connection)
         self.connections -= 1
-        self._owners = {name: owner for name, owner in self._owners.items() if owner is not connection}
-
-    def send(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Put estimates into the queue of the session's connection, if it has one."""
-        owner = self._owners.get(session.name)
-        if owner is not None:
-            owner.put_estimates(session, block)
-
-    def acknowledge(self, sessions: Iterable[LiveSession]) -> None:
-        """Put acknowledgements of kept samples into the queues of the sessions' connections."""
         for session in sessions:
-            owner = self._owners.get(session.name)
-            if owner is not None:
-                owner.put_acknowledgement(session)
+            if session.owner is connection:
+                session.owner = None
 
 
 class Pace:
@@ -158,7 +142,7 @@ class Connection:
         except ClientGoneError:
             pass
         finally:
-            self._peers.leave(self)
+            self._peers.leave(self, self._service.sessions.values())
             writer.cancel()
             await asyncio.gather(writer, return_exceptions=True)
 
@@ -200,13 +184,11 @@ class Connection:
         samples = [block for block in blocks if isinstance(block, SampleBlock)]
         if len(samples) != len(blocks):
             raise FrameError("got estimates or acknowledgements; expected samples alone")
-        for block in samples:
-            self._refuse_others(self._service.session_of(block))
         self._receive(samples)
 
     def _receive(self, samples: Sequence[SampleBlock]) -> None:
-        self._pace.count(sum(len(block.samples) for block in samples), time.monotonic())
-        self._service.receive(samples)
+        self._pace.count(sum([len(block.samples) for block in samples]), time.monotonic())
+        self._service.receive(samples, self)
 
     def _take_text(self, text: str) -> None:
         if len(text) > self._service.limits.text_bytes:
@@ -227,13 +209,9 @@ class Connection:
         session = self._service.sessions.get(what.session)  # type: ignore[assignment]
         if session is None:
             raise LiveError(f"session {what.session[:80]!r}: not open; open it first")
-        self._refuse_others(session)
+        session.refuse_others(self)
         self._in_text.add(session.name)
         self._receive([SampleBlock(session.handle, what.index, what.time_s, what.samples)])
-
-    def _refuse_others(self, session: LiveSession) -> None:
-        if not self._peers.owns(self, session):
-            raise LiveError(f"session {session.name!r}: another connection has opened it; open it to take it over")
 
     def _put_frame(self, frame: bytes) -> None:
         self._frames.append(frame)

@@ -49,13 +49,14 @@ class SampleBlock:
 
 @dataclass(slots=True)
 class EstimateBlock:
-    """Their estimates."""
+    """Their estimates by one model."""
 
-    handle: int
+    handle: int  # 0: of no open session
     index: int
     time_s: float
     newtons: Array  # Friction, lower and upper bound [N], shape ``(rows, 3)``
     flags: NDArray[np.uint32]  # Shape ``(rows,)``
+    model: str = ""  # SHA-256; not in the frame
 
 
 @dataclass(slots=True)
@@ -99,13 +100,14 @@ def _blocks(message: bytes) -> Iterator[SampleBlock | EstimateBlock | Acknowledg
         if end - at < HEADER.size:
             raise FrameError(f"byte {at}: {end - at} bytes are left, expected a header of {HEADER.size}")
         kind, columns, rows, handle, index, time_s = HEADER.unpack_from(message, at)
-        size = _size(kind, columns, rows, at)
+        samples = kind == SAMPLES and rows and columns
+        size = 8 * rows * columns if samples else _size(kind, columns, rows, at)
         at += HEADER.size
         if index + rows > LARGEST_INDEX:
             raise FrameError(f"byte {at}: index {index} is beyond 2^53")
         if end - at < size:
             raise FrameError(f"byte {at}: {end - at} bytes are left, expected {size} for {rows} rows")
-        if kind == SAMPLES:
+        if samples:
             numbers = np.frombuffer(message, "<f8", rows * columns, at).reshape(rows, columns)
             yield SampleBlock(handle, index, time_s, numbers)
         elif kind == ESTIMATES:
@@ -119,9 +121,7 @@ def _blocks(message: bytes) -> Iterator[SampleBlock | EstimateBlock | Acknowledg
 
 
 def _size(kind: int, columns: int, rows: int, at: int) -> int:
-    """Return how many bytes stand behind a header."""
-    if kind == SAMPLES and rows and columns:
-        return 8 * rows * columns
+    """Return how many bytes stand behind a header that is not of samples."""
     if kind == ESTIMATES and rows and columns == NEWTONS:
         return 8 * NEWTONS * rows + 4 * (rows + rows % 2)
     if kind == ACKNOWLEDGEMENT and not rows and not columns:

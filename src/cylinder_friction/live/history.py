@@ -11,7 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.live.journal import Chunk, Estimates, Journal
+from cylinder_friction.live.frames import EstimateBlock
+from cylinder_friction.live.journal import Chunk, Journal
 
 DAY_S = 86400.0
 LATE_FOLDER = "late"
@@ -33,12 +34,15 @@ def move_into_history(journal: Journal, folder: Path, left: int = 0, within_s: f
     ``late`` beside the session's days.
     """
     last, deadline_s = journal.last_chunk() - left, time.monotonic() + within_s
-    names = (name for name in journal.with_chunks(last) if time.monotonic() < deadline_s)
-    return [path for name in names for path in move_session(journal, name, last, folder)]
+    waiting, paths = journal.with_chunks(last), list[Path]()
+    while waiting and time.monotonic() < deadline_s:
+        paths += write_session(journal, waiting.pop(0), last, folder)
+    journal.forget(last, but=waiting)
+    return paths
 
 
-def move_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
-    """Do so for one session, up to a chunk's number."""
+def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
+    """Write the chunks of one session, up to a chunk's number, into Parquet; they stay in the journal."""
     files: dict[Path, list[Chunk]] = {}
     for chunk in journal.chunks(name, last):
         days = folder / quote(name, safe="")
@@ -49,7 +53,6 @@ def move_session(journal: Journal, name: str, last: int, folder: Path) -> list[P
         files.setdefault(open_file or day / f"{chunk.index:016d}.parquet", []).append(chunk)
     for path, chunks in files.items():
         write_whole(table_of(chunks), path)
-    journal.forget(name, last)
     return list(files)
 
 
@@ -57,7 +60,7 @@ def write_whole(table: pa.Table, path: Path) -> None:
     """Write a file that is there as a whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_suffix(".draft")
-    pq.write_table(table, draft)
+    pq.write_table(table, draft, use_dictionary=["flags"])  # measured numbers do not repeat: a dictionary costs time
     draft.replace(path)
 
 
@@ -82,7 +85,7 @@ def _alike(one: Chunk, other: Chunk) -> bool:
     return (one.made_by, one.inputs) == (other.made_by, other.inputs)
 
 
-def _estimates(prefix: str, parts: Iterable[Estimates | None]) -> dict[str, np.ndarray]:
+def _estimates(prefix: str, parts: Iterable[EstimateBlock | None]) -> dict[str, np.ndarray]:
     given = [part for part in parts if part is not None]
     if not given:
         return {}

@@ -3,19 +3,22 @@
 import json
 import sqlite3
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.models import SavedState, Switch
 
 _SAME_TIME = 0.5
 """Share of the sample time by which the sender's clock may jitter between chunks that are kept as one."""
+_FORGOTTEN_AT_ONCE = 1000
+_PAGE_BYTES = 32768
+"""A second of a session lies in one page then; spread over four of SQLite's 4096 bytes, it cost twice the time."""
+_LOG_PAGES = 256
 _VERSION = 2
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS session (name TEXT PRIMARY KEY, content TEXT NOT NULL, state BLOB NOT NULL, shadow BLOB)
@@ -46,25 +49,6 @@ class SavedSession:
 
 
 @dataclass(slots=True)
-class Estimates:
-    """What one model made of successive samples."""
-
-    model: str  # SHA-256
-    newtons: Array  # Friction, lower, upper [N], shape ``(rows, 3)``
-    flags: NDArray[np.uint32]
-
-    def as_bytes(self) -> bytes:
-        """Return newtons, then flags."""
-        return self.newtons.tobytes() + self.flags.tobytes()
-
-    @classmethod
-    def from_bytes(cls, model: str, content: bytes, rows: int) -> Self:
-        """Return what ``as_bytes`` wrote."""
-        newtons = np.frombuffer(content, "<f8", 3 * rows).reshape(rows, 3)
-        return cls(model, newtons, np.frombuffer(content, "<u4", rows, 24 * rows))
-
-
-@dataclass(slots=True)
 class Chunk:
     """Successive samples of a session with their estimates."""
 
@@ -74,8 +58,8 @@ class Chunk:
     sample_time_s: float
     inputs: tuple[str, ...]
     samples: Array  # Shape ``(rows, inputs)``
-    estimates: Estimates | None  # None: they came after their gap had been given up, and were not stepped
-    shadow: Estimates | None = None  # Of a second model, where they are recorded
+    estimates: EstimateBlock | None  # None: they came after their gap had been given up, and were not stepped
+    shadow: EstimateBlock | None = None  # Of a second model, where they are recorded
 
     @property
     def made_by(self) -> tuple[str | None, str | None]:
@@ -109,13 +93,13 @@ def _one(run: Sequence[Chunk]) -> Chunk:
     return replace(run[0], samples=samples, estimates=estimates, shadow=shadow)
 
 
-def _joined(parts: Sequence[Estimates | None]) -> Estimates | None:
+def _joined(parts: Sequence[EstimateBlock | None]) -> EstimateBlock | None:
     """Return the estimates of one model as one; None where the first part has none."""
     given = [part for part in parts if part is not None]
     if not given:
         return None
     flags = np.concatenate([each.flags for each in given])
-    return Estimates(given[0].model, np.concatenate([each.newtons for each in given]), flags)
+    return replace(given[0], newtons=np.concatenate([each.newtons for each in given]), flags=flags)
 
 
 class Journal:
@@ -144,7 +128,10 @@ class Journal:
                 f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
                 "move it into the history (start and stop it once), or move the file away"
             )
-        self._writing.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL;" + _TABLES)
+        self._writing.executescript(
+            f"PRAGMA page_size={_PAGE_BYTES}; PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; "
+            f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
+        )
         self._reading = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
 
     def close(self) -> None:
@@ -193,22 +180,41 @@ class Journal:
         )
         for index, count, content, samples, estimates, shadow in rows:
             of = json.loads(content)
+            place = index, of["time_s"]
             yield Chunk(
-                name, index, of["time_s"], of["sample_time_s"], tuple(of["inputs"]),
+                name, *place, of["sample_time_s"], tuple(of["inputs"]),
                 np.frombuffer(samples, "<f8").reshape(count, -1),
-                None if of["model"] is None else Estimates.from_bytes(of["model"], estimates, count),
-                None if shadow is None else Estimates.from_bytes(of["shadow"], shadow, count),
+                None if of["model"] is None else _from_bytes(*place, of["model"], estimates, count),
+                None if shadow is None else _from_bytes(*place, of["shadow"], shadow, count),
             )  # fmt: skip
 
-    def forget(self, name: str, up_to: int) -> None:
-        """Drop a session's chunks up to a number: they lie elsewhere now."""
-        with self._turn:
-            self._writing.execute("DELETE FROM chunk WHERE name = ? AND id <= ?", (name, up_to))
+    def forget(self, up_to: int, but: Collection[str] = ()) -> None:
+        """Drop chunks up to a number, but of no session in ``but``: they lie elsewhere now.
+
+        Some at a time, so that others can write in between.
+        """
+        (first,) = self._reading.execute("SELECT COALESCE(MIN(id), 1) FROM chunk").fetchone()
+        for begin in range(first, up_to + 1, _FORGOTTEN_AT_ONCE):
+            end = min(up_to + 1, begin + _FORGOTTEN_AT_ONCE)
+            with self._turn:
+                self._writing.execute(
+                    "DELETE FROM chunk WHERE id >= ? AND id < ? AND name NOT IN (SELECT value FROM json_each(?))",
+                    (begin, end, json.dumps(list(but))),
+                )
 
     def with_chunks(self, up_to: int) -> list[str]:
         """Return the names of the sessions that have chunks up to a number."""
         rows = self._reading.execute("SELECT DISTINCT name FROM chunk WHERE id <= ? ORDER BY name", (up_to,))
         return [name for (name,) in rows]
+
+
+def _as_bytes(estimates: EstimateBlock | None) -> bytes | None:
+    return None if estimates is None else estimates.newtons.tobytes() + estimates.flags.tobytes()
+
+
+def _from_bytes(index: int, time_s: float, model: str, content: bytes, rows: int) -> EstimateBlock:
+    newtons = np.frombuffer(content, "<f8", 3 * rows).reshape(rows, 3)
+    return EstimateBlock(0, index, time_s, newtons, np.frombuffer(content, "<u4", rows, 24 * rows), model)
 
 
 def _session_row(session: SavedSession) -> tuple[str, str, bytes, bytes | None]:
@@ -229,8 +235,7 @@ def _chunk_row(chunk: Chunk) -> tuple[str, int, int, str, bytes, bytes, bytes | 
         "time_s": chunk.time_s, "sample_time_s": chunk.sample_time_s, "inputs": chunk.inputs, "model": model,
         "shadow": shadow_model,
     }  # fmt: skip
-    estimates = b"" if chunk.estimates is None else chunk.estimates.as_bytes()
-    shadow = None if chunk.shadow is None else chunk.shadow.as_bytes()
     return (
-        chunk.name, chunk.index, len(chunk.samples), json.dumps(content), chunk.samples.tobytes(), estimates, shadow
+        chunk.name, chunk.index, len(chunk.samples), json.dumps(content), chunk.samples.tobytes(),
+        _as_bytes(chunk.estimates) or b"", _as_bytes(chunk.shadow),
     )  # fmt: skip

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from cylinder_friction.live.connection import Peers
-from cylinder_friction.live.history import join_past_days, move_session
+from cylinder_friction.live.history import join_past_days, write_session
 from cylinder_friction.live.service import LiveService, LiveSession
 
 KEEP_S, HISTORY_S = 1.0, 60.0
@@ -39,10 +39,10 @@ async def keep_each_second(service: LiveService, peers: Peers) -> None:
 async def keep_some(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
     """Keep what is new of some sessions, and acknowledge it."""
     async with peers.keeping:
-        await _keep_now(service, peers, sessions)
+        await _keep_now(service, sessions)
 
 
-async def _keep_now(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
+async def _keep_now(service: LiveService, sessions: Sequence[LiveSession]) -> None:
     saved, chunks = service.unkept(sessions)
     if not saved:
         return
@@ -56,7 +56,7 @@ async def _keep_now(service: LiveService, peers: Peers, sessions: Sequence[LiveS
         _log.error("nothing is kept or acknowledged: %s; tried again each second", error)
         service.not_kept(saved, chunks, str(error))
         return
-    peers.acknowledge(service.kept(saved))
+    service.kept(saved)
 
 
 async def move_each_minute(service: LiveService, history: Path) -> None:
@@ -65,15 +65,20 @@ async def move_each_minute(service: LiveService, history: Path) -> None:
     joined = ""  # On which day
     while True:
         await asyncio.sleep(HISTORY_S / 2)
-        begun_s, last = time.monotonic(), service.journal.last_chunk()
-        last -= LEFT_S * len(service.journal.with_chunks(last))
+        begun_s, last, failed = time.monotonic(), service.journal.last_chunk(), list[str]()
         names = service.journal.with_chunks(last)
+        last -= LEFT_S * len(names)
         for done, name in enumerate(names, 1):
             try:
-                await loop.run_in_executor(behind, move_session, service.journal, name, last, history)
+                await loop.run_in_executor(behind, write_session, service.journal, name, last, history)
             except (sqlite3.Error, OSError) as error:
                 _log.error("session %s stays in the journal, not in the history: %s", name, error)
+                failed.append(name)
             await asyncio.sleep(max(0.0, begun_s + HISTORY_S / 2 * done / len(names) - time.monotonic()))
+        try:
+            await loop.run_in_executor(behind, service.journal.forget, last, failed)
+        except sqlite3.Error as error:
+            _log.error("the journal keeps what lies in the history too: %s", error)
         today = time.strftime("%F", time.gmtime())
         if today != joined:
             try:

@@ -1,6 +1,6 @@
 """Which model gives a session's newtons, which one runs beside it, and from which sample on they change places."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
@@ -110,15 +110,17 @@ class SessionModels:
         """Let a model begin at once beside the present one, and take over when it is warm."""
         self.switch = Switch(model, index, index + warm_rows)
 
-    def parts(self, piece: Piece, engines: Mapping[str, Engine]) -> Iterator[Part]:
-        """Yield successive samples with the models that step them."""
-        if self.switch is not None:
-            for index in self._due(piece):
-                if index > piece.index:
-                    before, piece = _cut(piece, index, self.current.engine.sample_time_s)
-                    yield self._part(before)
-                self._change(index, engines[self.switch.model])
-        yield self._part(piece)
+    def parts(self, piece: Piece, engines: Mapping[str, Engine]) -> list[Part]:
+        """Return successive samples with the models that step them."""
+        if self.switch is None:
+            return [Part(piece, (self.current,))]
+        parts = []
+        for index in self._due(piece):
+            if index > piece.index:
+                before, piece = _cut(piece, index, self.current.engine.sample_time_s)
+                parts.append(self._part(before))
+            self._change(index, engines[self.switch.model])
+        return [*parts, self._part(piece)]
 
     def close(self) -> None:
         """Give all slots back."""

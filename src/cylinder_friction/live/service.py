@@ -6,12 +6,13 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from cylinder_friction.live.clock_check import ClockCheck
 from cylinder_friction.live.engine import Engine, Job
 from cylinder_friction.live.frames import EstimateBlock, SampleBlock
-from cylinder_friction.live.journal import Chunk, Estimates, Journal, SavedSession
-from cylinder_friction.live.models import Part, Running, SavedState, SessionModels
+from cylinder_friction.live.journal import Chunk, Journal, SavedSession
+from cylinder_friction.live.models import Running, SavedState, SessionModels
 from cylinder_friction.live.session import Counts, Piece, SessionOrder
 from cylinder_friction.live.settings import LiveLimits, SessionRules
 
@@ -28,6 +29,21 @@ class BusyError(LiveError):
     """A request that may be met later."""
 
 
+class Owner(Protocol):
+    """Who opened a session last, and gets what comes of it."""
+
+    client: str
+
+    def put_estimates(self, session: "LiveSession", block: EstimateBlock) -> None:
+        """Queue estimates."""
+
+    def put_acknowledgement(self, session: "LiveSession") -> None:
+        """Queue that samples are kept."""
+
+    def lost(self, session: "LiveSession") -> None:
+        """Note that the session has another owner."""
+
+
 @dataclass
 class LiveSession:
     """One open session."""
@@ -40,6 +56,8 @@ class LiveSession:
     chunks: list[Chunk] = field(default_factory=list)  # Not kept yet
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
+    latest: EstimateBlock | None = None  # Since it was opened
+    owner: "Owner | None" = None
 
     @property
     def next_index(self) -> int:
@@ -50,6 +68,11 @@ class LiveSession:
     def model(self) -> str:
         """SHA-256 of the model that gives the newtons."""
         return self.models.current.engine.model
+
+    def refuse_others(self, owner: Owner) -> None:
+        """Raise ``LiveError`` where the session is another's."""
+        if self.owner is not owner:
+            raise LiveError(f"session {self.name!r}: another connection has opened it; open it to take it over")
 
     def saved(self) -> SavedSession:
         """Return all that a restart needs."""
@@ -65,7 +88,7 @@ class LiveService:
     Args:
         engine: Of the model that new sessions run, and that those of another model change to.
         journal: Where states and estimates are kept.
-        on_estimates: Called with a session and the estimates of successive samples, as soon as they are there.
+        on_estimates: Called with a session and the estimates of successive samples, as soon as its owner has them.
         others: Engines of other models: sessions that have run one of them go on with it until the change.
     """
 
@@ -160,16 +183,19 @@ class LiveService:
             raise LiveError(f"session {session.name!r}: got time {block.time_s}; expected seconds since 1970")
         return session
 
-    def receive(self, blocks: Sequence[SampleBlock]) -> None:
+    def receive(self, blocks: Sequence[SampleBlock], owner: Owner | None = None) -> None:
         """Step through all that can be stepped now, of all blocks in one call.
 
         Raises:
-            LiveError: As ``session_of``; none of the blocks is used.
+            LiveError: As ``session_of``, or a session has another owner than the one stated; no block is used.
         """
-        owners = [self.session_of(block) for block in blocks]
+        sessions = [self.session_of(block) for block in blocks]
+        if owner is not None:
+            for session in sessions:
+                session.refuse_others(owner)
         now_s = self._clock()
         pieces: list[tuple[LiveSession, Piece]] = []
-        for session, block in zip(owners, blocks, strict=True):
+        for session, block in zip(sessions, blocks, strict=True):
             session.last_seen_s = now_s
             session.clock.note(block.index, block.time_s)
             found = session.order.receive(block.index, block.time_s, block.samples, now_s)
@@ -212,20 +238,21 @@ class LiveService:
             session.chunks = own + session.chunks
             self.unkept_rows += sum(len(each.samples) for each in own)
 
-    def kept(self, saved: Sequence[SavedSession]) -> list[LiveSession]:
-        """Note what has been kept; return the sessions whose samples can be acknowledged."""
+    def kept(self, saved: Sequence[SavedSession]) -> None:
+        """Note what has been kept, and acknowledge it."""
         self.keeps_not_because, self._kept_s = "", self._clock()
         known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
         for session, each in known:
             session.kept_index = each.next_index
             session.models.switch_kept |= each.switch == session.models.switch
-        return [session for session, _ in known]
+            if session.owner is not None:
+                session.owner.put_acknowledgement(session)
 
-    def keep(self) -> list[LiveSession]:
-        """Keep everything now; return the sessions whose samples can be acknowledged."""
+    def keep(self) -> None:
+        """Keep and acknowledge everything now."""
         saved, chunks = self.unkept(self.sessions.values())
         self.journal.keep(saved, chunks)
-        return self.kept(saved)
+        self.kept(saved)
 
     def close_idle(self) -> list[str]:
         """Close sessions that have rested for long, all of whose samples are kept; return their names."""
@@ -277,16 +304,17 @@ class LiveService:
                 jobs[running.engine].append(Job(running.slot, part.piece.samples, part.piece.reset))
         results = {engine: iter(engine.run(each)) for engine, each in jobs.items()}
         for session, part in parts:
-            given = [Estimates(each.engine.model, *next(results[each.engine])) for each in part.models]
-            self._give(session, part, *given)
-
-    def _give(self, session: LiveSession, part: Part, estimates: Estimates, shadow: Estimates | None = None) -> None:
-        self._add(session, part.piece, estimates, shadow if part.recorded else None)
-        if self.on_estimates is not None:
-            newtons, flags = estimates.newtons, estimates.flags
-            self.on_estimates(
-                session, EstimateBlock(session.handle, part.piece.index, part.piece.time_s, newtons, flags)
-            )
+            piece = part.piece
+            given = [
+                EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[each.engine]), each.engine.model)
+                for each in part.models
+            ]
+            session.latest = given[0]
+            self._add(session, piece, given[0], given[1] if part.recorded else None)
+            if session.owner is not None:
+                session.owner.put_estimates(session, given[0])
+            if self.on_estimates is not None:
+                self.on_estimates(session, given[0])
 
     def _keep_late(self, session: LiveSession) -> None:
         for piece in session.order.late:
@@ -294,7 +322,7 @@ class LiveService:
         session.order.late.clear()
 
     def _add(
-        self, session: LiveSession, piece: Piece, estimates: Estimates | None, shadow: Estimates | None = None
+        self, session: LiveSession, piece: Piece, estimates: EstimateBlock | None, shadow: EstimateBlock | None = None
     ) -> None:
         step_s, inputs = self.engine.sample_time_s, self.engine.inputs
         chunk = Chunk(session.name, piece.index, piece.time_s, step_s, inputs, piece.samples, estimates, shadow)

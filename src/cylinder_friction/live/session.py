@@ -70,6 +70,8 @@ class SessionOrder:
 
     def receive(self, index: int, time_s: float, samples: Array, now_s: float) -> list[Piece]:
         """Take samples in, beginning at ``index``; return what can be stepped, in order."""
+        if index == self.next_index and not self._held and len(samples):  # nearly always
+            return [self._stepped(Piece(index, time_s, samples))]
         if self.next_index is None:
             self.next_index = index
         begun = max(0, min(len(samples), self.next_index - index))
@@ -79,10 +81,9 @@ class SessionOrder:
         if not len(samples):
             return []
         if index > self.next_index:
-            self._hold(_Held(index, time_s, samples, now_s))
+            self._hold(_Held(index, time_s, samples.copy(), now_s))  # a copy lets go of the rest of its message
             return self.overdue(now_s)
-        pieces = [self._stepped(Piece(index, time_s, samples))]
-        return pieces + list(self._released()) if self._held else pieces
+        return [self._stepped(Piece(index, time_s, samples)), *self._released()]
 
     def overdue(self, now_s: float) -> list[Piece]:
         """Return what is to be stepped although samples before it are missing: they were waited for long enough."""

@@ -39,14 +39,13 @@ class SparkplugLink(Link):
     def __init__(self, settings: SparkplugSettings) -> None:
         super().__init__(f"mqtt://{settings.broker.host}:{settings.broker.port}/spBv1.0/{settings.group}")
         self._settings = settings
-        self._latest: dict[str, tuple[float, EstimateBlock]] = {}  # All since the start, with the sample time
         self._changed: set[str] = set()
         self._born: set[str] = set()
         self._sequence, self._connects = 0, -1
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember the latest estimates of a session."""
-        self._latest[session.name] = session.order.sample_time_s, block
+        """Remember that a session has new estimates."""
+        del block
         self._changed.add(session.name)
 
     @asynccontextmanager
@@ -91,27 +90,27 @@ class SparkplugLink(Link):
         now_ms = _now_ms()
         self._born, self._sequence = set(), -1
         self._send("NBIRTH", [self._of_connection(now_ms), Metric(REBIRTH, BOOLEAN, False, now_ms)])
-        for name in [each for each in self._latest if each in self._service.sessions]:
-            self._send_device(name)
+        for session in self._service.sessions.values():
+            self._send_device(session)
 
     async def _publish(self) -> None:
         while True:
             await asyncio.sleep(1.0 / self._settings.rate_hz)
-            closed = [name for name in self._latest if name not in self._service.sessions]
             changed, self._changed = self._changed, set()
             if self._broker.connected:
-                for name in self._born.intersection(closed):
+                for name in self._born.difference(self._service.sessions):
                     self._send("DDEATH", [], name)
-                for place, name in enumerate(changed.difference(closed)):
+                for place, name in enumerate(changed):
                     if place % AT_ONCE == 0:
                         await asyncio.sleep(0.0)
-                    self._send_device(name)
-            for name in closed:
-                del self._latest[name]
-                self._born.discard(name)
+                    if name in self._service.sessions:
+                        self._send_device(self._service.sessions[name])
+            self._born.intersection_update(self._service.sessions)
 
-    def _send_device(self, name: str) -> None:
-        sample_time_s, block = self._latest[name]
+    def _send_device(self, session: LiveSession) -> None:
+        name, sample_time_s, block = session.name, session.order.sample_time_s, session.latest
+        if block is None:
+            return
         last = len(block.flags) - 1
         time_ms = int(1e3 * (block.time_s + last * sample_time_s))
         newtons = block.newtons[last].tolist()

@@ -21,13 +21,11 @@ class Watchers:
 
     def __init__(self, service: LiveService) -> None:
         self._service = service
-        self._latest: dict[str, EstimateBlock] = {}
         self._pages: set[_Page] = set()
         self._by_session: dict[str, set[_Page]] = {}
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember the latest estimates of a session, and all of one that a page looks at."""
-        self._latest[session.name] = block
+        """Remember the estimates of a session that a page looks at."""
         for page in self._by_session.get(session.name, ()):
             if len(page.blocks) < UNSENT_BLOCKS:
                 page.blocks.append((block, session.chunks[-1].samples))
@@ -69,7 +67,7 @@ class Watchers:
             self._by_session.setdefault(name, set()).add(page)
 
     def _row(self, session: LiveSession, now_s: float) -> dict[str, Any]:
-        block = self._latest.get(session.name)
+        block = session.latest
         rows = 0 if block is None else len(block.flags) - 1
         newtons = (0.0, 0.0, 0.0) if block is None else block.newtons[-1].tolist()
         flags = 0 if block is None else int(block.flags[-1])
