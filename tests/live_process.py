@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import getpass
+import json
 import os
 import queue
 import shutil
@@ -14,20 +15,27 @@ import threading
 import time
 import urllib.request
 from contextlib import contextmanager, suppress
+from itertools import count
 from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 import yaml
 from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.live.app import create_app
+from cylinder_friction.live.frames import SampleBlock, pack_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    from cylinder_friction.arrays import Array
     from cylinder_friction.live.links import Link
     from cylinder_friction.live.service import LiveService
 
@@ -61,6 +69,33 @@ def running(
     finally:
         process.kill()
         process.wait()
+
+
+@contextmanager
+def stalled_client(url: str, samples: Array, headers: dict[str, str] | None = None) -> Iterator[socket.socket]:
+    """The socket of a client that has sent until the service read no more from it, because it reads nothing."""
+    own, sent = socket.socket(), [0]
+    own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    own.connect((urlsplit(url).hostname, urlsplit(url).port))
+    inputs = ["pressure_1_pa", "pressure_2_pa", "position_m"]
+
+    def send(client: ClientConnection, handle: int) -> None:
+        with suppress(ConnectionClosed, OSError):
+            for index in count(0, 1000):
+                part = samples[np.arange(index, index + 1000) % len(samples)]
+                client.send(pack_samples(SampleBlock(handle, index, 0.005 * index, part)))
+                sent[0] = index
+
+    with connect(url, sock=own, max_queue=1, close_timeout=0.1, additional_headers=headers) as client:
+        client.send(json.dumps({"open": {"session": "stalled", "inputs": inputs, "sample_time_s": 0.005}}))
+        threading.Thread(target=send, args=(client, json.loads(client.recv())["opened"]["handle"]), daemon=True).start()
+        before = -1
+        while sent[0] != before:
+            before = sent[0]
+            time.sleep(1.0)
+        yield own
+        with suppress(OSError):
+            own.shutdown(socket.SHUT_RDWR)
 
 
 MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")

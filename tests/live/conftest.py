@@ -15,7 +15,9 @@ from cylinder_friction.estimators.training_plan import Architecture, TrainingPla
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine
+from cylinder_friction.live.events import Events
 from cylinder_friction.live.journal import Journal
+from cylinder_friction.live.server import LiveServer
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import LiveAccess, LiveLimits
 from live_process import Mosquitto
@@ -69,15 +71,16 @@ def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
     """Start a service in a thread; return its address as ``HOST:PORT``."""
     running: list[tuple[uvicorn.Server, threading.Thread, Journal]] = []
 
-    def start(access: LiveAccess | None = None, limits: LiveLimits | None = None) -> str:
+    def start(access: LiveAccess | None = None, limits: LiveLimits | None = None, log: Path | None = None) -> str:
         access = access or LiveAccess()
         journal = Journal(tmp_path / "served.db")
-        app = create_app(LiveService(engine, journal, limits=limits), tmp_path / "history", access=access)
+        service = LiveService(engine, journal, limits=limits)
+        app = create_app(service, tmp_path / "history", access=access, events=Events(log))
         config = uvicorn.Config(
             app, port=0, log_level="warning", timeout_graceful_shutdown=1, ssl_certfile=access.tls_certificate,
             ssl_keyfile=access.tls_key,
         )  # fmt: skip
-        server = uvicorn.Server(config)
+        server = LiveServer(config, app.state.drain)
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         running.append((server, thread, journal))

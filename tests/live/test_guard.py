@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import base64
 import json
+import select
 import subprocess
+import time
 import urllib.error
 import urllib.request
+from contextlib import ExitStack, suppress
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
@@ -16,17 +19,20 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from cylinder_friction.live import client as client_module
-from cylinder_friction.live import guard
+from cylinder_friction.live import guard, server
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.client import Client, LiveClientError
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import LiveAccess
 from cylinder_friction.network.exposure import AccessError
+from live_process import stalled_client
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from websockets.sync.client import ClientConnection
 
     from cylinder_friction.arrays import Array
     from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -34,6 +40,7 @@ if TYPE_CHECKING:
 
     Served = Callable[..., str]
 
+OPEN = {"session": "press", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
 ROUTES = {"read": "/watch", "write": "/stream"}
 UNKNOWN = (
     {},
@@ -148,6 +155,55 @@ def test_a_client_brings_its_token_over_tls_and_gives_up_at_once_where_it_may_no
     ):
         with pytest.raises(LiveClientError, match=words):
             Client(url, "press", 0.005, token=token, ca=ca)
+
+
+def closed(socket: ClientConnection) -> tuple[int | None, str | None]:
+    """Code and reason with which a WebSocket is closed, when all before that is read."""
+    with suppress(ConnectionClosed):
+        for _ in range(100):
+            socket.recv(timeout=10.0)
+    return socket.close_code, socket.close_reason
+
+
+def test_what_a_token_let_in_is_closed_when_the_file_no_longer_does(
+    served: Served, tokens: Path, samples: Array, tmp_path: Path
+) -> None:
+    address = served(LiveAccess(tokens=tokens), log=tmp_path / "log")
+    _, write, admin = tokens.read_text(encoding="ascii").splitlines()
+    with ExitStack() as stack:
+        page, writer, left, stays = (
+            stack.enter_context(connect(f"ws://{address}{path}", additional_headers=bearer(f"the {role} token")))
+            for path, role in (("/watch", "read"), ("/stream", "write"), ("/watch", "write"), ("/stream", "admin"))
+        )
+        tokens.write_text("nothing that holds tokens", encoding="ascii")  # refused as a whole: all stay
+        stays.send(json.dumps({"open": OPEN}))
+        assert "opened" in stays.recv(timeout=5.0)
+        time.sleep(1.5)
+        tokens.write_text(f"{write.replace(' write', ' read')}\n{admin}", encoding="ascii")
+        assert closed(page) == (4401, "this token was taken out of the service's file")
+        assert closed(writer) == (4403, "this token may read; expected one that may write")
+        stays.send(json.dumps({"samples": {"session": "press", "index": 0, "rows": samples[:2].tolist()}}))
+        assert "friction_n" in stays.recv(timeout=5.0)
+        assert "sessions" in left.recv(timeout=5.0)
+        assert 'refused_total{kind="revoked"} 2.0' in got(address, "/metrics", bearer("the admin token"))[1]
+    events = [json.loads(line) for line in (tmp_path / "log").read_text(encoding="utf-8").splitlines()]
+    why = [each["why"] for each in events if each["event"] == "connection closed" and each["client"]]
+    assert sorted(why) == [
+        "this token may read; expected one that may write", "this token was taken out of the service's file"
+    ]  # fmt: skip
+
+
+def test_a_client_that_is_to_leave_and_reads_nothing_is_left_behind(
+    served: Served, tokens: Path, samples: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "LINGER_TICKS", 5)
+    address = served(LiveAccess(tokens=tokens))
+    with stalled_client(f"ws://{address}/stream", samples, bearer("the write token")) as stalled:
+        gone = select.poll()
+        gone.register(stalled, 0)  # reset, although nothing was read
+        assert gone.poll(0.0) == []
+        tokens.write_text(f"{sha256(b'another').hexdigest()} admin", encoding="ascii")
+        assert gone.poll(10_000) != []
 
 
 def test_tokens_without_a_role_are_refused_at_the_start(engine: Engine, tokens: Path, tmp_path: Path) -> None:

@@ -43,5 +43,6 @@ def test_a_file_that_breaks_leaves_the_old_tokens(tmp_path: Path) -> None:
     path.write_text(HASH)
     tokens = TokenFile(path)
     path.unlink()
-    tokens.refresh()
+    assert tokens.refresh()
+    assert not tokens.refresh()
     assert tokens.knows(b"Bearer abc")

@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -68,12 +69,11 @@ def create_app(
         await peers.sent(LAST_WORD_S)
 
     async def stream(socket: WebSocket) -> None:
-        if await guard.admits(socket, "write"):
-            await Connection(WebSocketTransport(socket), service, peers, client_of(socket)).run()
+        connection = Connection(WebSocketTransport(socket), service, peers, client_of(socket))
+        await guard.serve(socket, "write", connection.run)
 
     async def watch(socket: WebSocket) -> None:
-        if await guard.admits(socket, "read"):
-            await watchers.run(socket)
+        await guard.serve(socket, "read", partial(watchers.run, socket))
 
     async def readyz(_: Request) -> Response:
         ready = service.loop_lag_s < 1.0 and not service.keeps_not_because and not peers.draining
@@ -144,6 +144,6 @@ async def _overdue(service: LiveService) -> None:
 
 
 async def _refresh(guard: Guard) -> None:
-    while guard.tokens is not None:
+    while True:
         await asyncio.sleep(REFRESH_S)
-        guard.tokens.refresh()
+        guard.refresh()

@@ -6,12 +6,13 @@ import binascii
 import json
 from collections import Counter
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cylinder_friction.live.events import Events
 from cylinder_friction.live.settings import LiveAccess
@@ -23,6 +24,8 @@ PROTOCOL, TOKEN_PROTOCOL = "cylinder-friction", "token."
 """A browser cannot set headers of a WebSocket: it offers these subprotocols, the second with its token in base64url."""
 GUESS_S = 0.5
 """How long a wrong token waits for its refusal."""
+LAST_WORD_S = 1.0
+"""For so long a client that is sent away may read why."""
 _LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 
 
@@ -41,7 +44,7 @@ class Guard:
     Args:
         access: Tokens and names; as shipped whoever reaches the service may do all, under loopback's names.
         host: What the service listens on.
-        refused: Counts refusals by kind.
+        refused: Counts refusals by kind, and as ``revoked`` WebSockets whose token lost what let them in.
         events: Get them as well.
 
     Raises:
@@ -52,6 +55,7 @@ class Guard:
         self.tokens = None if access.tokens is None else TokenFile(access.tokens, ROLES)
         self._hosts, self._refused = _LOOPBACK | {host.lower(), *map(str.lower, access.hosts)}, refused
         self._events = events
+        self._served: dict[asyncio.Timeout, tuple[WebSocket, str]] = {}
 
     def http(
         self, role: str, endpoint: Callable[[Request], Awaitable[Response]]
@@ -67,14 +71,45 @@ class Guard:
 
         return guarded
 
-    async def admits(self, socket: WebSocket, role: str) -> bool:
-        """Accept a WebSocket; return whether it may stay, else it is given the reason and closed."""
+    async def serve(self, socket: WebSocket, role: str, use: Callable[[], Awaitable[None]]) -> None:
+        """Accept a WebSocket and use it while it may; then, or if it may not, it is given the reason and closed."""
         refusal = await self._refusal(socket, role)
-        await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
+        try:
+            async with asyncio.timeout(None) as scope:
+                self._served[scope] = socket, role
+                await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
+                if refusal is None:
+                    await use()
+        except TimeoutError:
+            if not scope.expired():
+                raise
+            refusal = refusal or self._revoked(socket, role)
+        finally:
+            self._served.pop(scope, None)
         if refusal is not None:
-            await socket.send_text(json.dumps({"error": refusal.reason}))
-            await socket.close(4000 + refusal.status, refusal.reason.encode()[:120].decode(errors="ignore"))
-        return refusal is None
+            with suppress(TimeoutError, WebSocketDisconnect, RuntimeError):  # it does not read, or has left
+                async with asyncio.timeout(LAST_WORD_S):
+                    await socket.send_text(json.dumps({"error": refusal.reason}))
+                    await socket.close(4000 + refusal.status, refusal.reason.encode()[:120].decode(errors="ignore"))
+
+    def refresh(self) -> None:
+        """Read the tokens again if their file has changed; end the use of WebSockets that these do not let in."""
+        if self.tokens is None or not self.tokens.refresh():
+            return
+        for scope, (socket, role) in list(self._served.items()):
+            refusal = self._revoked(socket, role)
+            if refusal is not None:
+                self._refused[refusal.kind] += 1
+                self._events.note("connection closed", client=client_of(socket), why=refusal.reason)
+                del self._served[scope]
+                scope.reschedule(0.0)
+
+    def _revoked(self, socket: WebSocket, role: str) -> Refusal | None:
+        refusal = self._not_allowed(socket, role)
+        if refusal is None:
+            return None
+        reason = "this token was taken out of the service's file" if refusal.status == 401 else refusal.reason
+        return Refusal("revoked", refusal.status, reason)
 
     async def _refusal(self, connection: HTTPConnection, role: str) -> Refusal | None:
         refusal = self._foreign(connection) or self._not_allowed(connection, role)

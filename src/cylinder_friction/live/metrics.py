@@ -39,7 +39,9 @@ class _Live(Collector):
         for outcome, count in samples.items():
             by_outcome.add_metric([outcome], count)
         yield by_outcome
-        refused = CounterMetricFamily("cylinder_friction_live_refused", "Messages refused.", labels=["kind"])
+        refused = CounterMetricFamily(
+            "cylinder_friction_live_refused", "Messages and connections refused.", labels=["kind"]
+        )
         for kind, count in self._peers.refused.items():
             refused.add_metric([kind], count)
         yield refused

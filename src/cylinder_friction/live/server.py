@@ -4,12 +4,15 @@ import asyncio
 import socket
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from typing import Any
 
 import uvicorn
 from websockets.exceptions import WebSocketException
 
 LAST_WORD_S = 0.2
-"""For so long a client may read why it is closed."""
+"""For so long a client may read why it is closed when the service ends."""
+LINGER_TICKS = 50
+"""Every so many tenths of a second, connections are left behind that were being closed the last time already."""
 
 
 class LiveServer(uvicorn.Server):
@@ -23,6 +26,16 @@ class LiveServer(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, drain: Callable[[], Awaitable[None]]) -> None:
         super().__init__(config)
         self._drain = drain
+        self._closing: set[Any] = set()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Leave connections behind whose client does not read what is left for it before they are closed."""
+        if counter % LINGER_TICKS == 0:
+            closing = {each for each in self.server_state.connections if _transport(each).is_closing()}
+            for connection in closing & self._closing:
+                _transport(connection).abort()
+            self._closing = closing
+        return await super().on_tick(counter)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Drain, close what is open with 1012 (service restart), and leave those that do not read behind."""
@@ -34,8 +47,11 @@ class LiveServer(uvicorn.Server):
                 connection.shutdown()
         await asyncio.sleep(LAST_WORD_S)
         for connection in list(self.server_state.connections):
-            transport = connection.transport
-            if isinstance(transport, asyncio.Transport):
-                transport.abort()
+            _transport(connection).abort()
         await asyncio.sleep(0.0)  # they take their leave
         await super().shutdown(sockets)
+
+
+def _transport(connection: Any) -> asyncio.Transport:
+    transport: asyncio.Transport = connection.transport
+    return transport

@@ -53,15 +53,17 @@ class TokenFile:
         self._path, self._roles, self._stamp = path, roles, file_stamp(path)
         self._tokens = read_tokens(path, roles)
 
-    def refresh(self) -> None:
-        """Read the file again if it has changed; if it cannot be read, the old tokens stay."""
+    def refresh(self) -> bool:
+        """Read the file again if it has changed, return whether it has; if it cannot be read, the old tokens stay."""
         stamp = file_stamp(self._path)
-        if stamp != self._stamp:
-            self._stamp = stamp
-            try:
-                self._tokens = read_tokens(self._path, self._roles)
-            except AccessError as error:
-                _log.error("%s; the tokens stay as they were", error)
+        if stamp == self._stamp:
+            return False
+        self._stamp = stamp
+        try:
+            self._tokens = read_tokens(self._path, self._roles)
+        except AccessError as error:
+            _log.error("%s; the tokens stay as they were", error)
+        return True
 
     def role_of(self, token: bytes) -> str | None:
         """Return the second word of a token's line, None where it is not known; takes equally long for all."""
