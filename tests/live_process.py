@@ -93,9 +93,11 @@ def stalled_client(url: str, samples: Array, headers: dict[str, str] | None = No
         while sent[0] != before:
             before = sent[0]
             time.sleep(1.0)
-        yield own
-        with suppress(OSError):
-            own.shutdown(socket.SHUT_RDWR)
+        try:
+            yield own
+        finally:
+            with suppress(OSError):
+                own.shutdown(socket.SHUT_RDWR)
 
 
 MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 import time
@@ -16,10 +17,14 @@ import pandas as pd
 import pytest
 from websockets.sync.client import connect
 
+from cylinder_friction.commands.live import JOURNAL_FILE
+from cylinder_friction.live.app import HISTORY_FOLDER
 from cylinder_friction.live.client import Client, LiveClientError
 from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.live.history import move_into_history
+from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.settings import LiveAccess
-from live_process import free_port, running
+from live_process import free_port, running, stalled_client
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,6 +69,57 @@ def test_no_sample_is_lost_and_no_bit_changes_over_kills(
     assert history["index"].tolist() == list(range(len(samples)))
     np.testing.assert_array_equal(history[["friction_n", "lower_n", "upper_n"]], newtons)
     np.testing.assert_array_equal(history["flags"], flags)
+
+
+def stepped(port: int) -> int:
+    """How many samples a service has stepped."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as reply:
+        found = re.search(r'_samples_total\{outcome="stepped"\} (\S+)', reply.read().decode())
+    assert found is not None
+    return int(float(found[1]))
+
+
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGHUP])
+def test_an_end_keeps_all_that_came_and_waits_for_no_client_that_reads_nothing(
+    sign: signal.Signals, small_hybrid: HybridEstimator, samples: Array, model: Path, tmp_path: Path, port: int
+) -> None:
+    url = f"ws://127.0.0.1:{port}/stream"
+    with (
+        running(model, tmp_path, port) as process,
+        stalled_client(url, samples),
+        Client(url, "press", 0.005) as client,
+    ):
+        client.send(samples[:400])
+        while len(client.estimates(5.0)[1]):
+            pass
+        count = stepped(port)
+        process.send_signal(sign)
+        process.wait(timeout=10.0)  # two seconds or so, on an idle machine
+    journal = Journal(tmp_path / JOURNAL_FILE)
+    move_into_history(journal, tmp_path / HISTORY_FOLDER)
+    journal.close()
+    rows = 0
+    for session in ("press", "stalled"):
+        files = (tmp_path / HISTORY_FOLDER / session).rglob("*.parquet")
+        history = pd.concat([pd.read_parquet(path) for path in files]).sort_values("index")
+        newtons, _ = small_hybrid.real_time().run(np.resize(samples, (len(history), samples.shape[1])))
+        assert history["index"].tolist() == list(range(len(history)))
+        np.testing.assert_array_equal(history[["friction_n", "lower_n", "upper_n"]], newtons)
+        rows += len(history)
+    assert rows >= count > 400
+
+
+def test_a_hang_up_that_is_ignored_as_by_nohup_ends_nothing(model: Path, tmp_path: Path, port: int) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with running(model, tmp_path, port) as process:
+            process.send_signal(signal.SIGHUP)
+            with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
+                client.send(np.zeros((10, 3)))
+                client.wait_until_kept()
+            assert process.poll() is None
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_path: Path, port: int) -> None:
