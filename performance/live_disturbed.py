@@ -4,8 +4,9 @@
 
 One service, on a core of its own, under the load of ``live_load.py``; stretches without a disturbance, with a
 connection that sends and never reads, and with an OPC UA client that subscribes to all values of all sessions
-take turns. Prints the 99 % quantile of the time from sending a frame to its newtons in each, and the ratios to the
-stretches without.
+take turns; the latter twice, for the process of the OPC UA server is put on the senders' core or on the service's.
+The client is niced, so that it is not what makes the senders late. Prints the 99 % quantile of the time from sending a
+frame to its newtons in each, and the ratios to the stretches without.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import numpy as np
+import psutil
 import yaml
 from asyncua import Client
 from live_load import PORT, Seen, opened, read, wait_until_ready, write
@@ -34,7 +36,8 @@ from cylinder_friction.live.frames import SampleBlock, pack_samples
 from cylinder_friction.recordings.storage import read_recordings
 
 OPCUA_PORT, SETTLE_S = free_port(), 2.0
-DISTURBANCES = ("nothing", "a stalled reader", "an OPC UA client")
+OPCUA, SAME_CORE = "an OPC UA client", "the same, its server on the service's core"
+DISTURBANCES = ("nothing", "a stalled reader", OPCUA, SAME_CORE)
 
 
 def main() -> None:
@@ -66,13 +69,18 @@ def main() -> None:
         try:
             os.sched_setaffinity(0, cores[1:] or cores)
             wait_until_ready()
-            asyncio.run(load(given, samples, estimator))
+            (server,) = psutil.Process(service.pid).children()
+            asyncio.run(load(given, samples, estimator, {OPCUA: (server, cores[1:]), SAME_CORE: (server, cores[:1])}))
         finally:
             service.terminate()
             service.wait()
 
 
-async def load(given: argparse.Namespace, samples: np.ndarray, estimator: FrictionEstimator) -> None:
+Cores = dict[str, tuple[psutil.Process, list[int]]]
+"""Which process is put where before a disturbance."""
+
+
+async def load(given: argparse.Namespace, samples: np.ndarray, estimator: FrictionEstimator, placed: Cores) -> None:
     """Send and receive all the time, disturb in turns, print."""
     inputs, interval_s = tuple(estimator.inputs), 1e-3 * given.frame_ms
     rows = max(1, round(interval_s / 0.005))
@@ -93,6 +101,9 @@ async def load(given: argparse.Namespace, samples: np.ndarray, estimator: Fricti
     await asyncio.sleep(3.0)
     quantiles_ms: dict[str, list[float]] = {each: [] for each in DISTURBANCES}
     for stretch in stretches:
+        if stretch in placed:
+            process, cores = placed[stretch]
+            os.sched_setaffinity(process.pid, cores or os.sched_getaffinity(0))
         async with disturbed(stretch, inputs, samples):
             await asyncio.sleep(SETTLE_S)
             before = [len(each.latencies_s) for each in seen]
@@ -109,7 +120,7 @@ async def load(given: argparse.Namespace, samples: np.ndarray, estimator: Fricti
     for name, values in quantiles_ms.items():
         ratio = np.median(np.divide(values, quantiles_ms["nothing"]))
         shown = ", ".join(f"{each:.2f}" for each in values)
-        print(f"  beside {name:20s} 99 % [ms] {shown}; median of the ratios {ratio:.2f}")
+        print(f"  beside {name:42s} 99 % [ms] {shown}; median of the ratios {ratio:.2f}")
 
 
 @asynccontextmanager
@@ -121,8 +132,9 @@ async def disturbed(how: str, inputs: tuple[str, ...], samples: np.ndarray) -> A
             yield
             sending.cancel()
             socket.transport.abort()
-    elif how == "an OPC UA client":
-        follower = await asyncio.create_subprocess_exec(sys.executable, __file__, "--follow", str(OPCUA_PORT))
+    elif how in {OPCUA, SAME_CORE}:
+        follow = (sys.executable, __file__, "--follow", str(OPCUA_PORT))
+        follower = await asyncio.create_subprocess_exec(*follow, preexec_fn=lambda: os.nice(10))
         await asyncio.sleep(SETTLE_S)
         yield
         follower.kill()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 import socket
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import psutil
 import pytest
 import yaml
 from asyncua import Client, ua
@@ -16,21 +19,23 @@ from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from cylinder_friction.live import opcua_server
+from cylinder_friction.live.client import Client as LiveClient
 from cylinder_friction.live.connection import Peers
 from cylinder_friction.live.frames import SampleBlock
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.opcua_quality import Health, health_of, status_of
-from cylinder_friction.live.opcua_server import APPLICATION, NAMESPACE, OpcUaServerLink
+from cylinder_friction.live.opcua_server import OpcUaServerLink
 from cylinder_friction.live.opcua_settings import OpcUaServerSettings
+from cylinder_friction.live.opcua_worker import APPLICATION, NAMESPACE
 from cylinder_friction.live.service import LiveService
-from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.params.live import load_live_params
 from cylinder_friction.realtime.flags import Flag
-from live_process import free_port
+from live_process import free_port, running
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Awaitable, Callable
     from pathlib import Path
 
     from cylinder_friction.arrays import Array
@@ -46,9 +51,43 @@ async def shown(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[
     """A service with an OPC UA server, and a client of that."""
     link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, **settings))
     service = LiveService(engine, Journal(folder / "journal.db"), link.note)
-    async with link.running(service, Peers()), Client(link.address) as client:
+    async with link.running(service, Peers()), connected(link.address) as client:
         yield service, client
     service.journal.close()
+
+
+@asynccontextmanager
+async def connected(address: str) -> AsyncIterator[Client]:
+    """A client of a server that may not be there yet."""
+    client = Client(address)
+    for _ in range(400):
+        try:
+            await client.connect()
+            break
+        except ConnectionRefusedError:
+            await asyncio.sleep(0.05)
+    try:
+        yield client
+    finally:
+        await client.disconnect()
+
+
+async def until(true: Callable[[], Awaitable[object]]) -> None:
+    """Wait until it neither fails nor is false."""
+    for _ in range(400):
+        with suppress(ua.UaError, OSError):
+            if await true():
+                return
+        await asyncio.sleep(0.05)
+    raise AssertionError("it has not come true")
+
+
+def server_process(service: int) -> psutil.Process:
+    """The process of a service's OPC UA server."""
+    (found,) = [
+        each for each in psutil.Process(service).children() if any("opcua_worker" in word for word in each.cmdline())
+    ]
+    return found
 
 
 async def values(client: Client, session: str) -> dict[str, ua.DataValue]:
@@ -163,7 +202,7 @@ def test_sessions_beyond_the_configured_number_are_counted_not_shown(
     async def look() -> int:
         link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, sessions=1))
         service = LiveService(engine, Journal(tmp_path / "journal.db"), link.note)
-        async with link.running(service, Peers()), Client(link.address) as client:
+        async with link.running(service, Peers()), connected(link.address) as client:
             for name in ("one", "two"):
                 session = service.open(name, engine.inputs, engine.sample_time_s)
                 service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
@@ -175,11 +214,97 @@ def test_sessions_beyond_the_configured_number_are_counted_not_shown(
     assert asyncio.run(look()) == 1
 
 
+def test_a_killed_process_comes_back_with_the_values_that_were_shown(
+    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opcua_server, "RESTARTS_S", (0.1, 60.0))
+
+    async def look() -> None:
+        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"), link.note)
+        async with link.running(service, Peers()):
+            session = service.open("press", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
+            async with connected(link.address) as client:
+                await values_at(client, "press", 2)
+            first = server_process(os.getpid())
+            first.kill()
+            psutil.wait_procs([first], 10.0)
+            async with connected(link.address) as client:
+                await values_at(client, "press", 2)
+                service.receive([SampleBlock(session.handle, 3, BEGAN_S, samples[3:9])])
+                await values_at(client, "press", 8)
+            assert server_process(os.getpid()).pid != first.pid
+            assert link.counts == {"restarted": 1}
+
+    asyncio.run(look())
+
+
+def test_what_a_held_up_process_does_not_read_is_merged(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    async def look() -> None:
+        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"), link.note)
+        async with link.running(service, Peers()), connected(link.address) as client:
+            sessions = [service.open(f"press {place}", engine.inputs, engine.sample_time_s) for place in range(50)]
+            process, index = server_process(os.getpid()), 0
+            process.suspend()
+            while link.counts["merged"] < 200:
+                service.receive([SampleBlock(each.handle, index, BEGAN_S, samples[:4]) for each in sessions])
+                index += 4
+                await asyncio.sleep(0.01)
+            process.resume()
+            await values_at(client, "press 49", index - 1)
+            assert link.counts.keys() == {"merged"}
+
+    asyncio.run(look())
+
+
+def test_objects_of_closed_sessions_go_after_a_while_and_come_back_with_the_session(
+    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opcua_server, "KEPT_S", 0.5)
+
+    async def look() -> None:
+        async with shown(engine, tmp_path) as (service, client):
+            folder = await client.nodes.objects.get_child("2:CylinderFriction")
+            service.limits = type(service.limits)(idle_s=1e-9)
+            for begin in (0, 3):
+                session = service.open("press", engine.inputs, engine.sample_time_s)
+                service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 3])])
+                await values_at(client, "press", begin + 2)
+                service.keep()
+                assert service.close_idle() == ["press"]
+                while await folder.get_children():
+                    await asyncio.sleep(0.02)
+
+    asyncio.run(look())
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_the_process_ends_with_the_service(number: int, model: Path, samples: Array, tmp_path: Path) -> None:
+    """However that ends; a Ctrl-C of the terminal is for the service alone."""
+    port, shown_at = free_port(), free_port()
+
+    async def look() -> None:
+        async with connected(f"opc.tcp://127.0.0.1:{shown_at}/") as client:
+            await values_at(client, "press", 8)
+
+    with running(model, tmp_path, port, {"opcua_server": {"port": shown_at}}) as service:
+        with LiveClient(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as sender:
+            sender.send(samples[:9])
+            asyncio.run(look())
+        process = server_process(service.pid)
+        assert os.getpgid(process.pid) != os.getpgid(service.pid)
+        service.send_signal(number)
+        service.wait(10.0)
+        assert psutil.wait_procs([process], 10.0)[1] == []
+
+
 def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine: Engine, tmp_path: Path) -> None:
     (tmp_path / "tokens").write_text(f"{sha256(b'a token').hexdigest()} read\n", "ascii")
     files = {name: tmp_path / name for name in ("key.pem", "certificate.der")}
     settings = OpcUaServerSettings(port=free_port(), certificate=files["certificate.der"], private_key=files["key.pem"])
-    link = OpcUaServerLink(settings, TokenFile(tmp_path / "tokens"))
+    link = OpcUaServerLink(settings, tmp_path / "tokens")
 
     async def made() -> None:
         usage = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -199,10 +324,14 @@ def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine:
         await made()
         service = LiveService(engine, Journal(tmp_path / "journal.db"))
         async with link.running(service, Peers()):
-            assert await enter("anybody", "a token") == 2
+            await until(lambda: enter("anybody", "a token"))
             for wrong in (("anybody", "another"), (None, ""), ("anybody", "a token", False)):
                 with pytest.raises((ua.UaError, ConnectionError)):
                     await enter(*wrong)
+            (tmp_path / "tokens").write_text(f"{sha256(b'a new token').hexdigest()} read\n", "ascii")
+            await until(lambda: enter("anybody", "a new token"))
+            with pytest.raises((ua.UaError, ConnectionError)):
+                await enter("anybody", "a token")
 
     asyncio.run(run())
 

@@ -22,7 +22,6 @@ from cylinder_friction.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_ap
 from cylinder_friction.live.engine_building import engine_of, other_engines
 from cylinder_friction.live.events import Events
 from cylinder_friction.live.golden import checked_engine
-from cylinder_friction.live.guard import ROLES
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.line_protocol import LineProtocolLink
 from cylinder_friction.live.links import Link
@@ -30,7 +29,6 @@ from cylinder_friction.live.server import LiveServer
 from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.live.settings import HELD_BACK_S
 from cylinder_friction.live.tcp import TcpLink
-from cylinder_friction.network.tokens import TokenFile
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 
 if TYPE_CHECKING:
@@ -41,7 +39,7 @@ EXPECTED = (ValueError, OSError)
 FEW_COLLECTIONS = 200_000
 """More objects than wait to be kept at a time; below that, looking for cycles took 7 % of the core and found none."""
 SHORT_TURN_S = 5e-4
-"""So long samples may wait for a thread that keeps others."""
+"""So long samples may wait for another thread, one that keeps others or a link's; Python's 5 ms would be the p99."""
 JOURNAL_FILE = "journal.db"
 
 
@@ -126,8 +124,7 @@ def links_of(params: LiveParams) -> list[Link]:
     if params.opcua_server is not None:
         from cylinder_friction.live.opcua_server import OpcUaServerLink
 
-        tokens = None if params.access.tokens is None else TokenFile(params.access.tokens, ROLES)
-        links.append(OpcUaServerLink(params.opcua_server, tokens))
+        links.append(OpcUaServerLink(params.opcua_server, params.access.tokens))
     if params.opcua_client is not None:
         from cylinder_friction.live.opcua_client import OpcUaClientLink
 

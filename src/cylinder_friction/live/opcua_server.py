@@ -1,259 +1,179 @@
-"""Results by OPC UA: an object per session with friction, bounds, quality and health, updated at a stated rate."""
+"""Results by OPC UA, from a process of its own: the library's work for a greedy client delays nobody else's newtons.
+
+The service writes into the process's standard input what is new, as lines of JSON, and never waits for it. It ends with
+the service, however that ends, for its input does.
+"""
 
 import asyncio
+import json
 import logging
+import math
+import os
+import sys
 import time
-from collections import deque
-from collections.abc import Callable
-from contextlib import AbstractAsyncContextManager
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from functools import partial
-from typing import Any
-
-import numpy as np
-from asyncua import Node, Server, ua
-from asyncua.crypto.permission_rules import User, UserRole
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import asdict
+from functools import reduce
+from importlib.util import find_spec
+from operator import or_
+from pathlib import Path
 
 from cylinder_friction.live.connection import Peers
 from cylinder_friction.live.frames import EstimateBlock
-from cylinder_friction.live.links import Link
-from cylinder_friction.live.opcua_quality import CLOSED, FAILED, SILENT, Health, health_of, status_of
-from cylinder_friction.live.opcua_settings import OpcUaServerSettings
-from cylinder_friction.live.own_loop import in_own_loop
+from cylinder_friction.live.guard import ROLES
+from cylinder_friction.live.links import Link, in_background
+from cylinder_friction.live.opcua_settings import OpcUaServerSettings, OpcUaValues
 from cylinder_friction.live.service import LiveService, LiveSession
-from cylinder_friction.network.tokens import TokenFile
-from cylinder_friction.realtime.flags import Flag
 
-NAMESPACE, APPLICATION = "urn:cylinder-friction:live:results", "urn:cylinder-friction:live"
-DEVICES = "http://opcfoundation.org/UA/DI/"
-HEALTH_TYPE, HEALTH_NAMES = 6244, 6450
-"""Numbers of ``DeviceHealthEnumeration`` and of its names in the namespace of OPC 10000-100."""
-ENCRYPTED = [
-    ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
-    ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
-]
-SILENT_S = 5.0
-"""A session that gives nothing for so long keeps its last values, as uncertain ones."""
-BLOCKS = 2000
-"""Most blocks of one session that an update looks at; only their flags are lost beyond it."""
-_NEWTON, _SECOND = ("NEW", "N", "newton"), ("SEC", "s", "second [unit of time]")
-_FORCES = ("Friction", "LowerBound", "UpperBound")
-logging.getLogger("asyncua").setLevel(logging.WARNING)
+AT_ONCE = 20
+"""So many sessions are handed over before samples have their turn."""
+KEPT_S = 3600.0
+"""So long an object stays after its session was closed."""
+PATIENCE_S = 2.0
+"""So long the port may still be held by the process of a service that was killed."""
+NICENESS = 10
+"""On a core that both want, the service goes first."""
+RESTARTS_S = 1.0, 60.0
+"""How long a process that has ended stays away: twice as long as before if it ran for less than the longest."""
+_log = logging.getLogger(__name__)
 
 
 class OpcUaServerLink(Link):
-    """An OPC UA server beside a live service, in a thread of its own.
+    """An OPC UA server beside a live service.
 
     Args:
         settings: Address, rate and certificate.
-        tokens: One of them is the password of each user; None: whoever reaches it may read.
+        tokens: File of the tokens, one of which is the password of each user; None: whoever reaches it may read.
+
+    Raises:
+        ModuleNotFoundError: Its library is not installed.
     """
 
     name = "opcua server"
 
-    def __init__(self, settings: OpcUaServerSettings, tokens: TokenFile | None = None) -> None:
+    def __init__(self, settings: OpcUaServerSettings, tokens: Path | None = None) -> None:
         super().__init__(f"opc.tcp://{settings.host}:{settings.port}/")
-        self._tokens = tokens
+        if find_spec("asyncua") is None:
+            raise ModuleNotFoundError("No module named 'asyncua'", name="asyncua")
+        given = {"address": self.address, "settings": asdict(settings), "tokens": tokens, "roles": ROLES}
+        worker = "cylinder_friction.live.opcua_worker"
+        self._command = (sys.executable, "-P", "-m", worker, json.dumps(given, default=str))
         self._settings = settings
-        self._blocks: dict[str, deque[EstimateBlock]] = {}
-        self._shown: dict[str, _Shown] = {}
-
-    def running(self, service: LiveService, peers: Peers) -> AbstractAsyncContextManager[None]:  # noqa: ARG002
-        """Listen; raises ``OSError`` where the port is taken."""
-        return in_own_loop(self.name, partial(self._run, service))
+        self._flags: dict[str, int] = {}  # Of all samples since a session was handed over last
+        self._shown: dict[str, float] = {}  # Since when it is closed; infinity: it is open
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Take estimates for the next update; called in the service's thread."""
-        blocks = self._blocks.get(session.name)
-        if blocks is None:
-            blocks = self._blocks[session.name] = deque(maxlen=BLOCKS)
-        blocks.append(block)
+        """Take flags for the next update."""
+        self._flags[session.name] = reduce(or_, block.flags.tolist(), self._flags.get(session.name, 0))
 
-    async def _run(self, service: LiveService, ready: Callable[[], None], stop: asyncio.Event) -> None:
-        server = Server(user_manager=None if self._tokens is None else _Users(self._tokens))
-        await server.init()
-        await server.set_application_uri(APPLICATION)
-        server.set_server_name("cylinder-friction live")
-        server.set_endpoint(self.address)
-        server.allow_remote_admin(False)
-        if self._settings.certificate is None:
-            server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-        else:
-            await server.load_certificate(self._settings.certificate)
-            await server.load_private_key(self._settings.private_key)
-            server.set_security_policy(ENCRYPTED)
-        server.set_identity_tokens([ua.AnonymousIdentityToken if self._tokens is None else ua.UserNameIdentityToken])
-        space = await _Space.of(server, self._settings.range_n)
-        async with server:
-            ready()
-            while not stop.is_set():
+    @asynccontextmanager
+    async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:  # noqa: ARG002 - nobody comes in
+        """Have a server, which listens a second or two later; raises ``OSError`` where it cannot."""
+        for path in (self._settings.certificate, self._settings.private_key):
+            if path is not None:
+                path.open("rb").close()
+        await self._refuse_taken_port()
+        async with in_background(self._keep_going(service)):
+            yield
+
+    async def _refuse_taken_port(self) -> None:
+        loop = asyncio.get_running_loop()
+        until_s = loop.time() + PATIENCE_S
+        while True:
+            try:
+                probe = await loop.create_server(
+                    asyncio.Protocol, self._settings.host, self._settings.port, start_serving=False
+                )
+            except OSError:
+                if loop.time() > until_s:
+                    raise
+                await asyncio.sleep(0.05)
+            else:
+                probe.close()
+                return
+
+    async def _keep_going(self, service: LiveService) -> None:
+        shortest_s, longest_s = RESTARTS_S
+        pause_s = shortest_s
+        while True:
+            began_s = time.monotonic()
+            try:
+                why = f"exit code {await self._run(service)}"
+            except OSError as error:
+                why = str(error)
+            if time.monotonic() - began_s > longest_s:
+                pause_s = shortest_s
+            self.counts["restarted"] += 1
+            _log.warning("%s: its process has ended (%s); it is started again in %g s", self.name, why, pause_s)
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, longest_s)
+
+    async def _run(self, service: LiveService) -> int:
+        """Start the process and hand over to it until it ends; return its exit code."""
+        pipe = asyncio.subprocess.PIPE
+        process = await asyncio.create_subprocess_exec(*self._command, stdin=pipe, process_group=0)  # no Ctrl-C for it
+        assert process.stdin is not None
+        self._shown.clear()
+        self._flags = dict.fromkeys(service.sessions, 0) | self._flags
+        try:
+            if sys.platform != "win32":
+                os.setpriority(os.PRIO_PROCESS, process.pid, os.nice(0) + NICENESS)
+            while process.returncode is None:
                 began_s = time.monotonic()
-                if self._tokens is not None:
-                    self._tokens.refresh()
-                await self._update(service, space, began_s)
-                rest_s = 1.0 / self._settings.update_hz - (time.monotonic() - began_s)
-                await _sleep(stop, max(0.01, rest_s))
+                await self._hand_over(service, process.stdin)
+                await asyncio.sleep(max(0.01, 1.0 / self._settings.update_hz - (time.monotonic() - began_s)))
+            return process.returncode
+        finally:
+            with suppress(ProcessLookupError):  # it has ended
+                process.kill()
+            await process.wait()
+            process.stdin.close()
 
-    async def _update(self, service: LiveService, space: "_Space", now_s: float) -> None:
-        for name in list(self._blocks):
-            blocks = self._blocks.pop(name)
-            if name not in self._shown:
-                if len(self._shown) >= self._settings.sessions:
-                    self.counts["not shown"] += 1
-                    continue
-                self._shown[name] = _Shown(await space.add(name))
-            self._take(self._shown[name], list(blocks), service.engine.sample_time_s, now_s)
-            await space.write(self._shown[name])
-            await asyncio.sleep(0)  # clients are served in between
-        for name, shown in self._shown.items():
-            if name not in service.sessions:
-                await space.mark(shown, CLOSED)
-            elif now_s - shown.seen_s > SILENT_S:
-                await space.mark(shown, SILENT)
+    async def _hand_over(self, service: LiveService, pipe: asyncio.StreamWriter) -> None:
+        """Write what is new, unless the last is not read yet: then it is merged with what comes."""
+        for name in self._flags.keys() - service.sessions:
+            del self._flags[name]
+        if pipe.transport.get_write_buffer_size():
+            self.counts["merged"] += len(self._flags)
+            return
+        for line in self._lines(service):
+            pipe.write(line)
+            await asyncio.sleep(0)
 
-    def _take(self, shown: "_Shown", blocks: list[EstimateBlock], sample_time_s: float, now_s: float) -> None:
-        flags = int(np.bitwise_or.reduce(np.concatenate([block.flags for block in blocks])))
-        last = blocks[-1]
-        rows = len(last.flags)
-        time_s = last.time_s + (rows - 1) * sample_time_s
-        if flags & FAILED:
-            shown.failed_s = now_s
-        failed_before = now_s - shown.failed_s < self._settings.health_s
-        own_flags = int(last.flags[-1])
-        shown.seen_s, shown.status, shown.moment = now_s, status_of(own_flags), _moment(time_s)
-        shown.values = [
-            *((force, ua.VariantType.Double) for force in last.newtons[-1].tolist()),
-            (own_flags, ua.VariantType.UInt32),
-            (last.index + rows - 1, ua.VariantType.UInt64),
-            (time.time() - time_s, ua.VariantType.Double),
-            (int(health_of(flags, failed_before)), ua.VariantType.Int32),
-        ]
+    def _lines(self, service: LiveService) -> Iterator[bytes]:
+        now_s, sessions = time.monotonic(), service.sessions
+        flags, self._flags = self._flags, {}
+        shown = [name for name in flags if self._has_object(name)]
+        for begin in range(0, len(shown), AT_ONCE):
+            some = [sessions[name] for name in shown[begin:][:AT_ONCE] if name in sessions]
+            values = [_values(each, each.latest, flags[each.name], now_s) for each in some if each.latest is not None]
+            yield _line("show", values)
+        if closed := [name for name, since_s in self._shown.items() if since_s > now_s and name not in sessions]:
+            self._shown |= dict.fromkeys(closed, now_s)
+            yield _line("close", closed)
+        if removed := [name for name, since_s in self._shown.items() if now_s - since_s > KEPT_S]:
+            for name in removed:
+                del self._shown[name]
+            yield _line("remove", removed)
 
-
-class _Users:
-    """Users by any name, whose password is a token of any role: all may read, nobody may write."""
-
-    def __init__(self, tokens: TokenFile) -> None:
-        self._tokens = tokens
-
-    def get_user(
-        self, iserver: Any, username: str | None = None, password: str | None = None, certificate: Any = None
-    ) -> User | None:
-        """Return a user, None for one that is refused."""
-        del iserver, certificate
-        known = password is not None and self._tokens.role_of(password.encode()) is not None
-        return User(role=UserRole.User, name=username) if known else None
+    def _has_object(self, name: str) -> bool:
+        """Return whether a session is shown, or can be from now on."""
+        if name not in self._shown and len(self._shown) >= self._settings.sessions:
+            self.counts["not shown"] += 1
+            return False
+        self._shown[name] = math.inf
+        return True
 
 
-@dataclass
-class _Shown:
-    """One session's object."""
-
-    nodes: list[ua.NodeId]  # Of ``_FORCES``, then flags, index, lag and health
-    values: list[tuple[Any, ua.VariantType]] = field(default_factory=list)
-    status: ua.StatusCode = field(default_factory=ua.StatusCode)  # Of friction and bounds
-    moment: datetime | None = None  # Of the sample, in its sender's clock
-    seen_s: float = 0.0
-    failed_s: float = -np.inf
+def _values(session: LiveSession, latest: EstimateBlock, flags: int, now_s: float) -> OpcUaValues:
+    last = len(latest.flags) - 1
+    own_flags, time_s = int(latest.flags[last]), latest.time_s + last * session.order.sample_time_s
+    return OpcUaValues(
+        session.name, latest.index + last, time_s, latest.newtons[last].tolist(), own_flags, flags | own_flags,
+        now_s - session.last_seen_s,
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Space:
-    """The server's own part of the address space."""
-
-    server: Server
-    number: int  # Of its namespace
-    devices: int  # Of that of OPC 10000-100
-    folder: Node
-    range_n: float
-
-    @classmethod
-    async def of(cls, server: Server, range_n: float) -> "_Space":
-        """Return it, with the one type that it takes from OPC 10000-100."""
-        number, devices = await server.register_namespace(NAMESPACE), await server.register_namespace(DEVICES)
-        enumeration = server.get_node(ua.ObjectIds.Enumeration)
-        health = await enumeration.add_data_type(
-            ua.NodeId(HEALTH_TYPE, devices), ua.QualifiedName("DeviceHealthEnumeration", devices)
-        )
-        names = [ua.LocalizedText(each.name) for each in Health]
-        await health.add_property(ua.NodeId(HEALTH_NAMES, devices), ua.QualifiedName("EnumStrings", 0), names)
-        folder = await server.nodes.objects.add_folder(
-            ua.NodeId("CylinderFriction", number), f"{number}:CylinderFriction"
-        )
-        return cls(server, number, devices, folder, range_n)
-
-    async def add(self, name: str) -> list[ua.NodeId]:
-        """Add a session's object; return its variables."""
-        node = await self.folder.add_object(ua.NodeId(name, self.number), ua.QualifiedName(name, self.number))
-        forces = [(each, ua.VariantType.Double, ua.ObjectIds.AnalogUnitRangeType) for each in _FORCES]
-        others = [
-            ("Flags", ua.VariantType.UInt32, ua.ObjectIds.OptionSetType),
-            ("SampleIndex", ua.VariantType.UInt64, ua.ObjectIds.BaseDataVariableType),
-            ("SampleLag", ua.VariantType.Double, ua.ObjectIds.AnalogUnitType),
-        ]
-        variables = [await self._variable(node, name, *each) for each in (*forces, *others)]
-        for variable in variables[: len(_FORCES)]:
-            await self._property(variable, "EngineeringUnits", _unit(*_NEWTON))
-            await self._property(variable, "EURange", ua.Range(-self.range_n, self.range_n))
-        flags, _, lag = variables[len(_FORCES) :]
-        await self._property(flags, "OptionSetValues", [ua.LocalizedText(flag.name) for flag in Flag])
-        await self._property(lag, "EngineeringUnits", _unit(*_SECOND))
-        health = await node.add_variable(
-            ua.NodeId(f"{name}/DeviceHealth", self.number), ua.QualifiedName("DeviceHealth", self.devices),
-            int(Health.CHECK_FUNCTION), ua.VariantType.Int32, ua.NodeId(HEALTH_TYPE, self.devices),
-        )  # fmt: skip
-        return [each.nodeid for each in (*variables, health)]
-
-    async def write(self, shown: _Shown) -> None:
-        """Write a session's values."""
-        good, now = ua.StatusCode(), datetime.now(UTC)
-        for place, (node, (value, kind)) in enumerate(zip(shown.nodes, shown.values, strict=True)):
-            status = shown.status if place < len(_FORCES) else good
-            written = ua.DataValue(ua.Variant(value, kind), status, shown.moment, now)
-            await self.server.write_attribute_value(node, written)
-
-    async def mark(self, shown: _Shown, status: ua.StatusCode) -> None:
-        """Write, once, that nothing comes any more."""
-        if shown.status != status:
-            shown.status, shown.moment = status, datetime.now(UTC)
-            shown.values[-1] = (int(Health.CHECK_FUNCTION), ua.VariantType.Int32)
-            await self.write(shown)
-
-    async def _variable(self, parent: Node, session: str, name: str, kind: ua.VariantType, type_number: int) -> Node:
-        identifier = ua.NodeId(f"{session}/{name}", self.number)
-        node = await parent.add_variable(
-            identifier, ua.QualifiedName(name, self.number), None, ua.VariantType.Null, ua.NodeId(kind.value)
-        )
-        before, after = ua.NodeId(ua.ObjectIds.BaseDataVariableType), ua.NodeId(type_number)
-        if after != before:
-            await node.delete_reference(before, ua.ObjectIds.HasTypeDefinition, True, False)
-            await node.add_reference(after, ua.ObjectIds.HasTypeDefinition, True, False)
-        return node
-
-    async def _property(self, node: Node, name: str, value: Any) -> None:
-        identifier = ua.NodeId(f"{node.nodeid.Identifier}/{name}", self.number)
-        await node.add_property(identifier, ua.QualifiedName(name, 0), value)
-
-
-async def _sleep(stop: asyncio.Event, seconds: float) -> None:
-    try:
-        await asyncio.wait_for(stop.wait(), seconds)
-    except TimeoutError:
-        return
-
-
-def _unit(code: str, symbol: str, name: str) -> ua.EUInformation:
-    """Return a unit of UNECE recommendation 20; OPC 10000-8 reads its code as a number."""
-    number = int.from_bytes(code.encode(), "big")
-    return ua.EUInformation(
-        "http://www.opcfoundation.org/UA/units/un/cefact", number, ua.LocalizedText(symbol), ua.LocalizedText(name)
-    )
-
-
-def _moment(time_s: float) -> datetime | None:
-    """Return a sender's time; None where no calendar has it."""
-    try:
-        return datetime.fromtimestamp(time_s, UTC)
-    except (OverflowError, ValueError, OSError):
-        return None
+def _line(what: str, of: Sequence[OpcUaValues | str]) -> bytes:
+    return json.dumps([what, of]).encode() + b"\n"

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from cylinder_friction.live.settings import LiveSettingsError, refuse_unless_port, refuse_unless_positive
 from cylinder_friction.network.exposure import is_loopback
@@ -17,7 +18,7 @@ class OpcUaServerSettings:
         update_hz: How often values are updated, 1 to 10 [Hz].
         range_n: Friction is expected within ± this: ``EURange`` of the three forces [N].
         health_s: For how long a failed sensor counts for ``DeviceHealth`` after it has recovered [s].
-        sessions: Most sessions that have an object; those that were closed keep theirs.
+        sessions: Most sessions that have an object, an hour longer than they are open.
         certificate, private_key: Files of the server's; with them connections are signed and encrypted, all of them.
     """
 
@@ -45,6 +46,18 @@ class OpcUaServerSettings:
                 f"opcua_server.host: got {self.host!r}, which others reach; give opcua_server.certificate and "
                 "private_key, and access.tokens, or listen on 127.0.0.1"
             )
+
+
+class OpcUaValues(NamedTuple):
+    """What the server shows of a session next."""
+
+    session: str
+    last_index: int  # Of its latest sample
+    time_s: float  # When that was sampled, in the sender's clock
+    newtons: list[float]  # Friction, lower and upper bound [N]
+    flags: int  # Of the latest sample
+    flags_since: int  # Of all samples since the last update
+    age_s: float  # How long ago the session's last samples came
 
 
 @dataclass(frozen=True)

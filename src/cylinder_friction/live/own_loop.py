@@ -1,15 +1,12 @@
 """An event loop in a thread of its own, for links whose library would hold up the service's."""
 
 import asyncio
-import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import Future
 from contextlib import asynccontextmanager
 from typing import Any
 
-SWITCH_S = 5e-4
-"""How long another thread may keep the service waiting for the interpreter; Python's own 5 ms would be its p99."""
 PATIENCE_S = 1.0
 Run = Callable[[Callable[[], None], asyncio.Event], Coroutine[Any, Any, None]]
 """Given a function to be called when it is ready, and an event that is set when it is to end."""
@@ -32,7 +29,6 @@ async def in_own_loop(name: str, run: Run) -> AsyncIterator[None]:
                 raise
             ready.set_exception(error)
 
-    sys.setswitchinterval(SWITCH_S)
     thread = threading.Thread(target=main, name=name, daemon=True)
     thread.start()
     loop, stop = await asyncio.wrap_future(ready)
