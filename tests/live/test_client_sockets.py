@@ -6,6 +6,7 @@ import socket
 import threading
 
 import pytest
+from websockets.sync.server import ServerConnection, serve
 
 from cylinder_friction.live.client_sockets import connected
 
@@ -25,3 +26,32 @@ def test_a_service_that_ends_while_it_greets_is_a_break(begun: bytes) -> None:
         with pytest.raises(OSError), connected(f"ws://127.0.0.1:{server.getsockname()[1]}/stream"):  # noqa: PT011
             pass
         greeting.join()
+
+
+def test_neither_side_waits_for_the_other_when_much_is_sent_before_anything_is_read() -> None:
+    """More than all buffers between them hold, both ways: who sends has to read meanwhile."""
+    part, count = b"x" * 200_000, 100
+
+    def both_ways(connection: ServerConnection) -> None:
+        for _ in range(count):
+            connection.send(part)
+        for _ in range(count):
+            assert connection.recv() == part
+        connection.send("all came")
+
+    got: list[bytes | str] = []
+
+    def client(port: int) -> None:
+        with connected(f"ws://127.0.0.1:{port}/stream") as service:
+            for _ in range(count):
+                service.send(part)
+            got.extend(service.recv(10.0) for _ in range(count + 1))
+
+    with serve(both_ways, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        sending = threading.Thread(target=client, args=(server.socket.getsockname()[1],), daemon=True)
+        sending.start()
+        sending.join(30.0)
+        assert not sending.is_alive(), "both wait"
+        server.shutdown()
+    assert got == [part] * count + ["all came"]

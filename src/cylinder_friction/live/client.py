@@ -24,7 +24,8 @@ class Client:
     """Samples of one session into the service, estimates out, in order and once each.
 
     After a break it connects again and sends what was not acknowledged; a sender that was started anew goes on at
-    ``next_index``. One client is for one thread.
+    ``next_index``. One client is for one thread, which alone does its work: one that is not called for two minutes
+    connects again at the next call.
 
     Args:
         url: Of the service: ``ws://127.0.0.1:5002/stream``, ``tcp://127.0.0.1:5003``, or
@@ -64,7 +65,10 @@ class Client:
         self.start_time_s = time.time() - self.next_index * sample_time_s if start_time_s is None else start_time_s
 
     def send(self, samples: Array) -> None:
-        """Send successive samples, shape ``(rows, inputs)``; returns when they are on their way."""
+        """Send successive samples, shape ``(rows, inputs)``; returns when they are on their way.
+
+        Estimates that come meanwhile stay to be fetched.
+        """
         for begin in range(0, len(samples), ROWS_A_BLOCK):
             part = np.ascontiguousarray(samples[begin : begin + ROWS_A_BLOCK], dtype=np.float64)
             time_s = self.start_time_s + self.next_index * self._sample_time_s

@@ -7,19 +7,23 @@ import socket
 import ssl
 import threading
 import time
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import unquote, urlsplit
 
-from websockets.exceptions import ConnectionClosed, InvalidHandshake
-from websockets.sync.client import ClientConnection, connect
+from websockets.client import ClientProtocol
+from websockets.frames import CloseCode, Frame, Opcode
+from websockets.protocol import State
+from websockets.uri import parse_uri
 
 from cylinder_friction.live.settings import HELD_BACK_S
 from cylinder_friction.live.tcp import HEAD, message_size, packed, unpacked
 
-OPEN_S = 5.0
+OPEN_S, CLOSE_S = 5.0, 0.5
 REFUSED = (4401, 4403)
 """Codes with which the service closes a connection that may not be."""
 KEEPALIVE_S = 20
@@ -68,55 +72,10 @@ def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractCont
     )
 
 
-@contextmanager
-def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]:
-    tls = ssl.create_default_context(cafile=ca) if url.startswith("wss:") else None
-    headers = {"Authorization": f"Bearer {token}"} if token else {}
-    try:
-        with connect(
-            url, max_size=None, open_timeout=OPEN_S, close_timeout=0.5, ssl=tls, additional_headers=headers,
-            ping_timeout=HELD_BACK_S,
-        ) as connection:  # fmt: skip
-            yield _WebSocket(connection)
-    except ssl.SSLCertVerificationError as error:
-        raise LiveClientError(f"{url}: its certificate is not trusted ({error}); give ca") from error
-    except (ConnectionClosed, InvalidHandshake, EOFError) as error:  # also of a service killed while it greets
-        raise ConnectionError(str(error)) from error
-
-
-def _broken(error: ConnectionClosed) -> OSError:
-    """Return a break as an ``OSError``; raises ``LiveClientError`` where another try would be refused as well."""
-    if error.rcvd is not None and error.rcvd.code in REFUSED:
-        raise LiveClientError(error.rcvd.reason) from error
-    return ConnectionError(str(error))
-
-
-class _WebSocket:
-    window: int | None = None
-
-    def __init__(self, connection: ClientConnection) -> None:
-        self._connection = connection
-
-    def send(self, message: bytes | str) -> None:
-        try:
-            self._connection.send(message)
-        except ConnectionClosed as error:
-            raise _broken(error) from error
-
-    def recv(self, timeout_s: float) -> bytes | str:
-        try:
-            return self._connection.recv(timeout=timeout_s)
-        except ConnectionClosed as error:
-            raise _broken(error) from error
-
-
-@contextmanager
-def _tcp(url: str) -> Iterator[ClientSocket]:
-    place = urlsplit(url)
-    with socket.create_connection((place.hostname, place.port), OPEN_S) as connection:
-        _send_at_once(connection)
-        connection.setblocking(False)
-        yield _Tcp(connection)
+def _plain(host: str | None, port: int | None) -> socket.socket:
+    connection = socket.create_connection((host, port), OPEN_S)
+    _send_at_once(connection)
+    return connection
 
 
 def _send_at_once(connection: Any) -> None:
@@ -124,41 +83,174 @@ def _send_at_once(connection: Any) -> None:
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
-class _Tcp:
+class _Stream(ABC):
+    """Messages over a byte stream, in the caller's thread.
+
+    What has come is read when no more can be sent: estimates of what was sent, without whose reading the service
+    would take no more, and neither side would ever go on.
+    """
+
     window: int | None = None
+    silence_s: float | None = None
+    """After so long without a byte from the service it is gone; None: it may be silent."""
 
     def __init__(self, connection: socket.socket) -> None:
-        self._connection, self._got = connection, bytearray()
+        connection.setblocking(False)
+        self._connection, self._out, self._heard_s = connection, bytearray(), time.monotonic()
 
-    def send(self, message: bytes | str) -> None:
-        rest = memoryview(packed(message))
-        while rest:  # estimates are read meanwhile, or both sides could wait for each other
-            readable, writable, _ = select.select([self._connection], [self._connection], [])
-            if readable:
-                self._read()
-            if writable:
-                rest = rest[self._connection.send(rest) :]
+    @abstractmethod
+    def _take(self, part: bytes) -> None:
+        """Take in bytes that came; none: the service has closed the connection."""
+
+    @abstractmethod
+    def _next(self) -> bytes | str | None:
+        """Return the next message that is whole; raises ``OSError`` where none can come any more."""
 
     def recv(self, timeout_s: float) -> bytes | str:
         deadline = time.monotonic() + timeout_s
-        size, kind = message_size(self._first(HEAD.size, deadline), _LARGEST_BYTES)
-        content = self._first(HEAD.size + size, deadline)[HEAD.size :]
-        del self._got[: HEAD.size + size]
-        return unpacked(content, kind)
-
-    def _first(self, size: int, deadline: float) -> bytes:
-        """Return the first bytes of what has come, which stay until their message is whole."""
-        while len(self._got) < size:
-            if not select.select([self._connection], [], [], max(0.0, deadline - time.monotonic()))[0]:
+        while (message := self._next()) is None:
+            if not self._exchange(deadline - time.monotonic()):
                 raise TimeoutError
-            self._read()
-        return bytes(self._got[:size])
+        return message
 
-    def _read(self) -> None:
-        part = self._connection.recv(1 << 20)
+    def _send(self, content: bytes) -> None:
+        self._out += content
+        while self._out:
+            self._exchange(self.silence_s)
+
+    def _exchange(self, timeout_s: float | None) -> bool:
+        """Send what can be sent, else take in what has come; return whether there was either within ``timeout_s``."""
+        out, wait_s = [self._connection] if self._out else [], timeout_s and max(0.0, timeout_s)
+        readable, writable, _ = select.select([self._connection], out, [], wait_s)
+        with suppress(BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):  # half a record of TLS
+            if writable:
+                del self._out[: self._connection.send(self._out)]
+            elif readable:
+                part = self._connection.recv(1 << 16)
+                self._heard_s = time.monotonic()
+                self._take(part)
+        if not readable and self.silence_s is not None and time.monotonic() - self._heard_s > self.silence_s:
+            raise ConnectionError(f"nothing came from the service for {self.silence_s:g} s")
+        return bool(readable or writable)
+
+
+@contextmanager
+def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]:
+    uri = parse_uri(url)
+    with ExitStack() as opened:
+        connection = opened.enter_context(_plain(uri.host, uri.port))
+        if uri.secure:
+            tls = ssl.create_default_context(cafile=ca)
+            try:
+                connection = opened.enter_context(tls.wrap_socket(connection, server_hostname=uri.host))
+            except ssl.SSLCertVerificationError as error:
+                raise LiveClientError(f"{url}: its certificate is not trusted ({error}); give ca") from error
+        stream = _WebSocket(connection, ClientProtocol(uri, max_size=None), token)
+        opened.callback(stream.close)
+        yield stream
+
+
+class _WebSocket(_Stream):
+    silence_s = HELD_BACK_S  # the service's pings come more often
+
+    def __init__(self, connection: socket.socket, protocol: ClientProtocol, token: str) -> None:
+        super().__init__(connection)
+        self._protocol = protocol
+        self._messages: deque[bytes | str] = deque()
+        self._parts: list[bytes | bytearray | memoryview] = []
+        self._text = False
+        request, deadline = protocol.connect(), time.monotonic() + OPEN_S
+        if token:
+            request.headers["Authorization"] = f"Bearer {token}"
+        protocol.send_request(request)
+        self._send_out()
+        while protocol.state is State.CONNECTING and protocol.handshake_exc is None:
+            if not self._exchange(deadline - time.monotonic()):
+                raise TimeoutError(f"the service did not greet within {OPEN_S:g} s")
+        if protocol.handshake_exc is not None:
+            raise ConnectionError(str(protocol.handshake_exc)) from protocol.handshake_exc
+
+    def send(self, message: bytes | str) -> None:
+        self._refuse_when_closed()
+        if isinstance(message, str):
+            self._protocol.send_text(message.encode())
+        else:
+            self._protocol.send_binary(message)
+        self._send_out()
+
+    def close(self) -> None:
+        """Take leave; once the service has as well, it has read all that was sent before."""
+        deadline = time.monotonic() + CLOSE_S
+        with suppress(OSError):  # so long it has time
+            self._refuse_when_closed()
+            self._protocol.send_close(CloseCode.NORMAL_CLOSURE)
+            self._out += b"".join(self._protocol.data_to_send())
+            while self._protocol.state is not State.CLOSED and time.monotonic() < deadline:
+                self._exchange(deadline - time.monotonic())
+
+    def _send_out(self) -> None:
+        self._send(b"".join(self._protocol.data_to_send()))
+
+    def _take(self, part: bytes) -> None:
+        if part:
+            self._protocol.receive_data(part)
+        else:
+            self._protocol.receive_eof()
+        for event in self._protocol.events_received():
+            if isinstance(event, Frame) and event.opcode in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT):
+                if event.opcode is not Opcode.CONT:
+                    self._text = event.opcode is Opcode.TEXT
+                self._parts.append(event.data)
+                if event.fin:
+                    whole, self._parts = b"".join(self._parts), []
+                    self._messages.append(whole.decode() if self._text else whole)
+        self._out += b"".join(self._protocol.data_to_send())  # to pings
+
+    def _next(self) -> bytes | str | None:
+        if self._messages:
+            return self._messages.popleft()
+        self._refuse_when_closed()
+        return None
+
+    def _refuse_when_closed(self) -> None:
+        """Raise ``ConnectionError``, or ``LiveClientError`` where another try would be refused as well."""
+        if self._protocol.state is State.OPEN:
+            return
+        close = self._protocol.close_rcvd
+        if close is not None and close.code in REFUSED:
+            raise LiveClientError(close.reason)
+        raise ConnectionError("the service has closed the connection" + (f": {close}" if close else ""))
+
+
+@contextmanager
+def _tcp(url: str) -> Iterator[ClientSocket]:
+    place = urlsplit(url)
+    with _plain(place.hostname, place.port) as connection:
+        yield _Tcp(connection)
+
+
+class _Tcp(_Stream):
+    def __init__(self, connection: socket.socket) -> None:
+        super().__init__(connection)
+        self._got = bytearray()
+
+    def send(self, message: bytes | str) -> None:
+        self._send(packed(message))
+
+    def _take(self, part: bytes) -> None:
         if not part:
             raise ConnectionError("the service has closed the connection")
         self._got += part
+
+    def _next(self) -> bytes | str | None:
+        if len(self._got) < HEAD.size:
+            return None
+        size, kind = message_size(bytes(self._got[: HEAD.size]), _LARGEST_BYTES)
+        if len(self._got) < HEAD.size + size:
+            return None
+        content = bytes(self._got[HEAD.size : HEAD.size + size])
+        del self._got[: HEAD.size + size]
+        return unpacked(content, kind)
 
 
 @contextmanager
