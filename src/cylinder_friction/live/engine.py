@@ -4,6 +4,7 @@ import ctypes
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -26,6 +27,7 @@ class Job:
     reset: bool = False
 
 
+@cache
 def processor() -> str:
     """Return what compiled code depends on: the machine's kind, and the instructions that it has."""
     known = Path("/proc/cpuinfo")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import subprocess
 import tempfile
 from contextlib import suppress
 from hashlib import sha256
@@ -57,16 +56,15 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
         ValueError: The estimator has no real-time step.
         NoCompilerError: There is no C compiler, or it refused the source.
     """
-    from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared
+    from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, compiler_version
     from cylinder_friction.deployment.c_export.export import export_c
 
     engines.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
         draft = Path(name) / "engine"
         exported = export_c(estimator, draft, NAME)
-        folder = (
-            engines / sha256(" ".join((exported.model, processor(), _compiler(), *OPTIMISED)).encode()).hexdigest()[:32]
-        )
+        made_from = " ".join((exported.model, processor(), compiler_version(), *OPTIMISED))
+        folder = engines / sha256(made_from.encode()).hexdigest()[:32]
         if (folder / DESCRIPTION).is_file():
             return folder
         arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
@@ -130,12 +128,3 @@ def other_engines(engines: Path, engine: Engine) -> list[Engine]:
             if other.model != engine.model and takes == (engine.inputs, engine.sample_time_s):
                 found.append(other)
     return found
-
-
-def _compiler() -> str:
-    """Return which compiler there is, as it names itself."""
-    from cylinder_friction.deployment.c_export.compiled import find_compiler
-
-    command = [find_compiler(), "--version"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - the user's compiler
-    return done.stdout.partition("\n")[0]

@@ -35,6 +35,13 @@ def find_compiler(names: Sequence[str] = COMPILERS) -> str:
     raise NoCompilerError(f"no C compiler found; expected one of {', '.join(names)} on the PATH; install gcc or clang")
 
 
+def compiler_version() -> str:
+    """Return how the first compiler on the PATH names itself; raises ``NoCompilerError`` if there is none."""
+    compiler = find_compiler()
+    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)  # noqa: S603
+    return done.stdout.partition("\n")[0] or Path(compiler).name
+
+
 def compile_library(exported: ExportedC, compiler: str | None = None, options: Sequence[str] = OPTIMISED) -> Path:
     """Compile an exported source into a shared library beside it, with every warning an error; returns its path.
 

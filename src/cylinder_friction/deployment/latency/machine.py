@@ -2,7 +2,6 @@
 
 import os
 import platform
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ import psutil
 if sys.platform != "win32":
     import resource
 
-from cylinder_friction.deployment.c_export.compiled import NoCompilerError, find_compiler
+from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compiler_version
 
 QUIET_SHARE = 0.02  # Where others had more of the core than this, the figures are marked as those of a busy machine
 
@@ -92,9 +91,7 @@ def scheduling() -> str:
 def machine() -> dict[str, Any]:
     """Return processor, caches, system and compiler in words."""
     try:
-        compiler = find_compiler()
-        done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)  # noqa: S603
-        version = done.stdout.splitlines()[0] if done.stdout else Path(compiler).name
+        version = compiler_version()
     except NoCompilerError:
         version = "none"
     return {
