@@ -21,8 +21,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.tracking.model_folder import download_model, version_of
 from cylinder_friction.tracking.store import open_store
 

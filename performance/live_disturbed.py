@@ -29,10 +29,10 @@ from asyncua import Client
 from live_load import PORT, Seen, opened, read, wait_until_ready, write
 from websockets.asyncio.client import ClientConnection, connect
 
-from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
 
 OPCUA_PORT, SETTLE_S = free_port(), 2.0

@@ -32,8 +32,9 @@ from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.engine_building import built_engine
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.settings import SessionRules
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
-from live_process import free_port, running
+from live_process import running
 from wire_faults import (
     FAULTS,
     SESSIONS,

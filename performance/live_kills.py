@@ -27,9 +27,9 @@ import numpy as np
 import pandas as pd
 from websockets.sync.client import connect
 
-from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.client import Client
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
 
 PORT, BLOCK_S = free_port(), 0.05

@@ -33,7 +33,8 @@ from cylinder_friction.live.frames import SampleBlock, pack_samples
 from cylinder_friction.recordings.storage import read_recordings
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
-from live_process import Mosquitto, free_port, running
+from cylinder_friction.network.ports import free_port
+from live_process import Mosquitto, running
 
 BROKER = ("allow_anonymous true", "set_tcp_nodelay true")
 """Without the second a small message waits up to 40 ms in the broker."""

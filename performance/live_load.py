@@ -24,9 +24,9 @@ import numpy as np
 import psutil
 from websockets.asyncio.client import ClientConnection, connect
 
-from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
 
 PORT = free_port()

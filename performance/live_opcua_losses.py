@@ -20,7 +20,6 @@ from pathlib import Path
 
 from asyncua import Server, ua
 
-from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.connection import Peers
 from cylinder_friction.live.engine import Engine
@@ -29,6 +28,7 @@ from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.opcua_client import OpcUaClientLink
 from cylinder_friction.live.opcua_settings import OpcUaClientSettings, OpcUaSource
 from cylinder_friction.live.service import LiveService
+from cylinder_friction.network.ports import free_port
 
 ARRAY_S = 0.05
 

@@ -29,8 +29,8 @@ import numpy as np
 from serving_load import CHAMPION, JSON, Server, Work, load, running
 from websockets.asyncio.client import ClientConnection, connect
 
-from cylinder_friction.deployment.serve import free_port
 from cylinder_friction.live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.tracking.model_folder import artifact_path, download_model, version_of

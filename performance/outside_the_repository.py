@@ -23,7 +23,7 @@ from pathlib import Path
 from empty_environment import megabytes
 
 from cylinder_friction.commands.init import EXAMPLE
-from cylinder_friction.deployment.serve import free_port
+from cylinder_friction.network.ports import free_port
 
 BUILD = "from hatchling.build import build_wheel; import sys; build_wheel(sys.argv[1])"
 SHOWN_LINES = 3

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from serving_load import ARROW, CHAMPION, JSON, OURS, arrow, ask, named_rows, running
 
-from cylinder_friction.deployment.serve import free_port
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.tracking.model_folder import version_of

@@ -30,6 +30,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.network.ports import free_port
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -38,13 +39,6 @@ if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
     from cylinder_friction.live.links import Link
     from cylinder_friction.live.service import LiveService
-
-
-def free_port() -> int:
-    """Return a port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

@@ -54,7 +54,7 @@ with one_core() as core:
     print(core, preemptions(), scheduling())
 
 import psutil
-from cylinder_friction.deployment.serve import _stop
+from cylinder_friction.deployment.mlflow_ui import _stop
 child = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)']).wait()"
 server = subprocess.Popen([sys.executable, "-c", child])
 while not psutil.Process(server.pid).children():

@@ -24,7 +24,8 @@ from cylinder_friction.live.frames import SampleBlock, pack_samples
 from cylinder_friction.live.history import move_into_history
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.settings import LiveAccess
-from live_process import free_port, running, stalled_client
+from cylinder_friction.network.ports import free_port
+from live_process import running, stalled_client
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from live_process import free_port, running
+from cylinder_friction.network.ports import free_port
+from live_process import running
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array

@@ -20,7 +20,8 @@ import yaml
 from websockets.sync.client import connect
 
 from cylinder_friction.live.client import Client
-from live_process import free_port, running
+from cylinder_friction.network.ports import free_port
+from live_process import running
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -22,7 +22,8 @@ from cylinder_friction.live.line_protocol import LineProtocolLink
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import LineProtocolSettings, LiveSettingsError, TcpSettings
 from cylinder_friction.live.tcp import TcpLink
-from live_process import free_port, served
+from cylinder_friction.network.ports import free_port
+from live_process import served
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

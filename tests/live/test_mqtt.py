@@ -18,7 +18,8 @@ from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.mqtt import MqttLink
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import BrokerSettings, LiveLimits, LiveSettingsError, MqttSettings
-from live_process import Mosquitto, Relay, by_hand, free_port, needs_broker, running, served
+from cylinder_friction.network.ports import free_port
+from live_process import Mosquitto, Relay, by_hand, needs_broker, running, served
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -17,7 +17,7 @@ from cylinder_friction.live.opcua_client import OpcUaClientLink
 from cylinder_friction.live.opcua_settings import OpcUaClientSettings, OpcUaSource
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import LiveSettingsError
-from live_process import free_port
+from cylinder_friction.network.ports import free_port
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

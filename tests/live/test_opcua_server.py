@@ -29,10 +29,11 @@ from cylinder_friction.live.opcua_server import OpcUaServerLink
 from cylinder_friction.live.opcua_settings import OpcUaServerSettings
 from cylinder_friction.live.opcua_worker import APPLICATION, NAMESPACE
 from cylinder_friction.live.service import LiveService
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.params.live import load_live_params
 from cylinder_friction.realtime.flags import Flag
-from live_process import free_port, running
+from live_process import running
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable

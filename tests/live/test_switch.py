@@ -14,8 +14,9 @@ import pytest
 from cylinder_friction.commands.cli import main
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.live.client import Client
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.files import write_json
-from live_process import free_port, running
+from live_process import running
 
 if TYPE_CHECKING:
     from pathlib import Path

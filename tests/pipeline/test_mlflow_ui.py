@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from mlflow import MlflowClient
 
-from cylinder_friction.deployment.serve import runs_page, served_ui
+from cylinder_friction.deployment.mlflow_ui import runs_page, served_ui
 from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
 
 if TYPE_CHECKING:

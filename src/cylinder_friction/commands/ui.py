@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from cylinder_friction.deployment.serve import run_ui
+from cylinder_friction.deployment.mlflow_ui import run_ui
 
 
 def run(_options: argparse.Namespace) -> int:

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import psutil
 
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.tracking.repository import TrackingError
 
 _HOST = "127.0.0.1"
@@ -59,13 +59,6 @@ def runs_page(url: str, root: Path) -> str:
 
     with open_store(root, create=False) as store:
         return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning&compareRunsMode=CHART"
-
-
-def free_port() -> int:
-    """Return a port of this machine that nobody listens on just now."""
-    with socket.socket() as probe:
-        probe.bind((_HOST, 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from cylinder_friction.deployment.serve import free_port, run_ui
+from cylinder_friction.deployment.mlflow_ui import run_ui
+from cylinder_friction.network.ports import free_port
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +42,7 @@ def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     folder = champion_root / ".cylinder-friction"
     of_others = set(folder.glob("server-*.log"))
-    code = "import pathlib; from cylinder_friction.deployment.serve import run_ui as run; "
+    code = "import pathlib; from cylinder_friction.deployment.mlflow_ui import run_ui as run; "
     code += "run(pathlib.Path())"
     served = subprocess.Popen([sys.executable, "-c", code], cwd=champion_root, stderr=subprocess.DEVNULL)
     assert comes_true(lambda: bool(set(folder.glob("server-*.log")) - of_others), 120.0), "MLflow was not started"
@@ -73,7 +74,7 @@ def test_two_kills_at_the_worst_moments_leave_neither_the_server_nor_its_worker(
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     worker = f"sleep 9{free_port()}"
     parts = SimpleNamespace(Popen=partial(KilledTwice, worker), STDOUT=subprocess.STDOUT)
-    monkeypatch.setattr("cylinder_friction.deployment.serve.subprocess", parts)
+    monkeypatch.setattr("cylinder_friction.deployment.mlflow_ui.subprocess", parts)
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with pytest.raises(KeyboardInterrupt):
