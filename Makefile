@@ -89,7 +89,7 @@ serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
 	cylinder-friction serve
 
 live: | $(BIN)/cylinder-friction ## friction of the rig's recordings as if they happened now, on a web page
-	cylinder-friction live --replay data/raw/rig --channels conf/ingest/rig.yaml $(ARGS)
+	cylinder-friction live --replay data/raw/rig --channels conf/ingest/rig.yaml --stribeck models/lugre/stribeck_points.json $(ARGS)
 
 track: | $(BIN)/cylinder-friction ## log every finished stage to MLflow, without duplicates
 	cylinder-friction track

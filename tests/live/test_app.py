@@ -25,6 +25,7 @@ from cylinder_friction.live.history import move_into_history
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.settings import LiveAccess
 from cylinder_friction.network.ports import free_port
+from cylinder_friction.recordings.files import write_json
 from live_process import running, stalled_client
 
 if TYPE_CHECKING:
@@ -162,7 +163,10 @@ def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_pat
 def test_the_page_shows_a_session(samples: Array, model: Path, tmp_path: Path, port: int, width: int) -> None:
     from playwright.sync_api import sync_playwright
 
-    with running(model, tmp_path, port), Client(f"ws://127.0.0.1:{port}/stream", "press 7", 0.005) as client:
+    curve = {"coulomb_n": 300.0, "viscous_n_s_m": 500.0}
+    write_json(tmp_path / "curves.json", {"stribeck": {"new": {"curve": curve}}})
+    settings, url = {"stribeck": str(tmp_path / "curves.json")}, f"ws://127.0.0.1:{port}/stream"
+    with running(model, tmp_path, port, settings), Client(url, "press 7", 0.005) as client:
         client.send(samples[:400])
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
@@ -177,11 +181,13 @@ def test_the_page_shows_a_session(samples: Array, model: Path, tmp_path: Path, p
             page.wait_for_function("data.index.length >= 300")
             shown = page.evaluate("[data.index.at(-1), data.newtons[0].at(-1)]")
             overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+            series = page.evaluate("plots.velocity.series.map(each => each.label)")
             page.keyboard.press("Escape")
             assert page.locator("#detail").is_hidden()
             browser.close()
         newtons = np.concatenate([client.estimates(1.0)[1] for _ in range(7)])
     assert problems == []
+    assert series[-1] == "identified, new [N]"
     assert overflow <= 0
     assert shown == [999, newtons[999, 0]]
 

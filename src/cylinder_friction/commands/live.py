@@ -28,6 +28,7 @@ from cylinder_friction.live.links import Link
 from cylinder_friction.live.server import LiveServer
 from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.live.settings import HELD_BACK_S
+from cylinder_friction.live.stribeck import stribeck_lines
 from cylinder_friction.live.tcp import TcpLink
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", help="instead of the configured one: a folder, or models:/NAME@ALIAS")
     parser.add_argument("--port", type=int, help="instead of the configured one; 0: a free one")
     parser.add_argument("--folder", type=Path, help="instead of the configured one: journal and history")
+    parser.add_argument("--stribeck", type=Path, help="curves of `identify` or the stage lugre, to compare with")
     parser.add_argument("--replay", nargs="+", metavar="LOGS", help="files, folders or patterns of logs to send")
     parser.add_argument("--speed", type=float, default=1.0, help="of the replay; 0: as fast as possible; default: 1")
     parser.add_argument("--cylinder", help="of the replayed logs; default: that of params.yaml")
@@ -57,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     configured = load_live_params(options.config)
-    given = {name: getattr(options, name) for name in ("model", "port", "folder")}
+    given = {name: getattr(options, name) for name in ("model", "port", "folder", "stribeck")}
     params = configured.model_copy(update={name: value for name, value in given.items() if value is not None})
     if options.replay and (params.access.tokens or params.access.tls_key):
         raise LiveError("--replay is to try the service without a machine; it needs one without tokens and TLS")
@@ -89,7 +91,8 @@ def _model_folder(model: str | None, scratch: Path) -> Path:
 def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     links, access = links_of(params), params.access
-    app = create_app(service, params.folder, links, access, params.host, Events(params.log))
+    stribeck = None if params.stribeck is None else stribeck_lines(params.stribeck)
+    app = create_app(service, params.folder, links, access, params.host, Events(params.log), stribeck)
     config = uvicorn.Config(
         app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
         ws_per_message_deflate=False, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1,

@@ -25,6 +25,7 @@ from cylinder_friction.live.links import Link, in_background
 from cylinder_friction.live.metrics import metrics_text
 from cylinder_friction.live.service import LiveService, LiveSession
 from cylinder_friction.live.settings import LiveAccess
+from cylinder_friction.live.stribeck import Lines
 from cylinder_friction.live.watching import Watchers
 from cylinder_friction.live.web_socket import WebSocketTransport
 
@@ -42,8 +43,11 @@ def create_app(
     access: LiveAccess | None = None,
     host: str = "127.0.0.1",
     events: Events | None = None,
+    stribeck: Lines | None = None,
 ) -> Starlette:
     """Return the application around a service; ``folder`` is that of its history and engines.
+
+    ``stribeck`` are curves for its page.
 
     ``links`` are started and ended with it; ``app.state.drain`` takes no more messages, and keeps and acknowledges
     those that came.
@@ -52,7 +56,7 @@ def create_app(
         AccessError: The tokens cannot be read.
     """
     events, history = events or Events(), folder / HISTORY_FOLDER
-    peers, watchers = Peers(events), Watchers(service)
+    peers, watchers = Peers(events), Watchers(service, stribeck)
     changing = Changing(service, folder / ENGINES_FOLDER)
     guard = Guard(access or LiveAccess(), host, peers.refused, events)
     takers = [peers.flags.note, watchers.note, *(link.note for link in links if type(link).note is not Link.note)]

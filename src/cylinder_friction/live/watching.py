@@ -9,6 +9,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.service import LiveService, LiveSession
+from cylinder_friction.live.stribeck import Lines
 from cylinder_friction.realtime.flags import Flag
 
 TICK_S = 0.2
@@ -17,10 +18,15 @@ UNSENT_BLOCKS = 2000
 
 
 class Watchers:
-    """All open pages."""
+    """All open pages.
 
-    def __init__(self, service: LiveService) -> None:
-        self._service = service
+    Args:
+        service: Whose sessions they show.
+        stribeck: Curves that they draw beside the estimates.
+    """
+
+    def __init__(self, service: LiveService, stribeck: Lines | None = None) -> None:
+        self._service, self._stribeck = service, json.dumps({"stribeck": stribeck or {}})
         self._pages: set[_Page] = set()
         self._by_session: dict[str, set[_Page]] = {}
 
@@ -38,6 +44,7 @@ class Watchers:
         page = _Page(socket)
         self._pages.add(page)
         try:
+            await socket.send_text(self._stribeck)
             while True:
                 self._look_at(page, (await socket.receive_text())[:80])
         except (WebSocketDisconnect, KeyError):

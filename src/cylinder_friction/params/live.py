@@ -32,6 +32,7 @@ class LiveParams(Section):
         host: Address that page, WebSocket and metrics listen on.
         port: 0 for a free one.
         folder: Of the journal and the history.
+        stribeck: File of curves identified before, which the page draws beside the estimates; None: none.
         log: File that gets one JSON object per event; None: none does.
         access: Who may reach it.
         rules: What becomes of samples that come early, late or not.
@@ -48,6 +49,7 @@ class LiveParams(Section):
     host: str = "127.0.0.1"
     port: int = Field(default=5002, ge=0, le=65535)
     folder: Path = Field(default=Path("live"), strict=False)
+    stribeck: Path | None = Field(default=None, strict=False)
     log: Path | None = Field(default=None, strict=False)
     access: LiveAccess = LiveAccess()
     rules: SessionRules = SessionRules()

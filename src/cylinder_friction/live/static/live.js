@@ -11,7 +11,7 @@ const inView = new Set(), watcher = new IntersectionObserver((entries) => entrie
 const collator = new Intl.Collator("en", { numeric: true });
 const sparks = new Map(), rows = new Map(), steady = new Map();
 const SORTS = { name: (each) => each.name, friction: (each) => -each.newtons[0], flags: (each) => -each.flags.length, samples: (each) => -each.index, lag: (each) => -(each.lag_s ?? 0) };
-let socket = null, shown = null, frozen = false, plots = null, sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1;
+let socket = null, shown = null, frozen = false, plots = null, stribeck = {}, sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1;
 const data = { index: [], newtons: [[], [], []], samples: [[], [], []], flags: [] };
 
 function connect() {
@@ -29,6 +29,7 @@ function connect() {
       columns = ["pressure_1_pa", "pressure_2_pa", "position_m"].map((name) => content.inputs.indexOf(name));
       table(content.sessions);
     } else if (content.rows) take(content.rows);
+    else if (content.stribeck) stribeck = content.stribeck;
   };
 }
 
@@ -141,6 +142,10 @@ function hide() { shown = null; by("detail").hidden = true; document.body.classL
 
 function take(part) {
   if (shown === null) return;
+  if (data.index.length && part.index.length && part.index[0] !== data.index.at(-1) + 1) {  // a row of nothing breaks the lines
+    for (const column of [data.flags, ...data.newtons, ...data.samples]) column.push(null);
+    data.index.push(data.index.at(-1) + 1);
+  }
   data.index.push(...part.index);
   data.flags.push(...part.flags);
   for (const row of part.newtons) row.forEach((value, at) => data.newtons[at].push(value));
@@ -158,7 +163,7 @@ function gather() {
   for (let at = Math.max(begin, 2 * half); at + 2 * half < x.length; at++) {
     steadyIndex = data.index[at];
     const [a, b, c, d] = [-2, -1, 1, 2].map((step) => x[at + step * half]);
-    if (a == null || b == null || c == null || d == null || !usable(data.flags[at])) continue;
+    if (a == null || b == null || c == null || d == null || !whole(at, 2 * half) || !usable(data.flags[at])) continue;
     const speed = (c - b) / (2 * half * sampleTimeS), change = Math.abs((d - c) - (b - a)) / (half * sampleTimeS);
     if (change > Math.max(0.002, 0.05 * Math.abs(speed)) || Math.abs(speed) < 0.001) continue;
     const bin = Math.floor(speed / BIN_M_S), newtons = steady.get(bin) ?? [];
@@ -173,9 +178,12 @@ function medians() {
   return found.map(([bin, newtons]) => [1e3 * BIN_M_S * (bin + 0.5), [...newtons].sort((a, b) => a - b)[newtons.length >> 1]]);
 }
 
+/* Whether no sample is missing within so many rows before and behind one. */
+function whole(at, rows) { return data.index[at + rows] - data.index[at - rows] === 2 * rows; }
+
 function velocity() {
   const half = Math.round(SLOPE_S / sampleTimeS / 2), x = data.samples[2];
-  return x.map((_, at) => (x[at - half] == null || x[at + half] == null) ? null : (x[at + half] - x[at - half]) / (2 * half * sampleTimeS));
+  return x.map((_, at) => (x[at - half] == null || x[at + half] == null || !whole(at, half)) ? null : (x[at + half] - x[at - half]) / (2 * half * sampleTimeS));
 }
 
 function redraw() {
@@ -186,10 +194,21 @@ function redraw() {
   plots.inputs.setData([time, data.samples[0].map(bar), data.samples[1].map(bar), data.samples[2].map((x) => x === null ? null : 1e3 * x)]);
   const speeds = velocity(), pairs = [];
   for (let at = 0; at < speeds.length; at += 4) if (speeds[at] !== null && usable(data.flags[at])) pairs.push([1e3 * speeds[at], data.newtons[0][at]]);
-  const lines = medians().map(([v, f]) => [v, null, v > 0 ? f : null, v < 0 ? f : null]);
-  const all = [...pairs.map(([v, f]) => [v, f, null, null]), ...lines].sort((a, b) => a[0] - b[0]);
-  plots.velocity.setData([0, 1, 2, 3].map((at) => all.map((row) => row[at])));
+  const all = [...pairs.map(([v, f]) => [v, f]), ...medians().map(([v, f]) => [v, null, v > 0 ? f : null, v < 0 ? f : null]), ...identified(pairs)];
+  all.sort((a, b) => a[0] - b[0]);
+  plots.velocity.setData(plots.velocity.series.map((_, at) => all.map((row) => row[at] ?? null)));
   strip();
+}
+
+/* The identified curves over the velocities that are seen, each in a column of its own. */
+function identified(pairs) {
+  if (!pairs.length) return [];
+  const fastest = pairs.reduce((most, [v]) => Math.max(most, Math.abs(v)), 10);
+  return Object.values(stribeck).flatMap((line, at) => line.velocity_m_s.map((v, place) => {
+    const row = [1e3 * v, null, null, null];
+    row[4 + at] = line.friction_n[place];
+    return row;
+  })).filter(([v]) => Math.abs(v) <= fastest);
 }
 
 /* An offset that is not known yet is in the bounds; with any other flag the newtons are not friction as it is. */
@@ -233,8 +252,9 @@ function makePlots() {
     velocity: make("velocity", 240, {
       title: "Friction against velocity, rows without flags", scales: { x }, hooks: zoomed, axes: [axis("velocity [mm/s]"), axis("[N]")],
       series: [{ label: "velocity [mm/s]" }, { label: "friction [N]", stroke: mark, paths: () => null, points: { show: true, size: 3, fill: mark } },
-        ...["extending", "retracting"].map((way) => ({ label: `median, steadily ${way} [N]`, stroke: warn, width: 2, spanGaps: true, points: { show: true, size: 5, fill: warn } }))],
-    }, [[], [], [], []]),
+        ...["extending", "retracting"].map((way) => ({ label: `median, steadily ${way} [N]`, stroke: warn, width: 2, spanGaps: true, points: { show: true, size: 5, fill: warn } })),
+        ...Object.keys(stribeck).map((name) => ({ label: `identified, ${name} [N]`, stroke: ink, width: 1.5, dash: [6, 4], spanGaps: true, points: { show: false } }))],
+    }, []),
   };
   redraw();
 }
@@ -245,7 +265,7 @@ function save() {
   const { min, max } = plots.friction.scales.x, lines = ["index,time_s,pressure_1_pa,pressure_2_pa,position_m,friction_n,lower_n,upper_n,flags"];
   data.index.forEach((index, at) => {
     const time = index * sampleTimeS;
-    if (time < min || time > max) return;
+    if (time < min || time > max || data.flags[at] === null) return;
     lines.push([index, time.toFixed(6), ...data.samples.map((column) => column[at] ?? ""), ...data.newtons.map((column) => column[at]), data.flags[at]].join(","));
   });
   const link = document.createElement("a");

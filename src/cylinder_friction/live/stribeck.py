@@ -1,0 +1,50 @@
+"""Stribeck curves that were identified before, which the page draws beside what is estimated now."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cylinder_friction.recordings.files import read_json
+
+_SPEEDS_M_S = np.geomspace(1e-4, 2.0, 150)
+_NO_RISE = {"stribeck_velocity_m_s": 0.01, "stribeck_exponent": 2.0}
+_EXPECTED = "expected friction_models.json of `cylinder-friction identify`, or stribeck_points.json of the stage lugre"
+
+Lines = dict[str, dict[str, list[float]]]
+"""Velocity [m/s], ascending, and friction [N], by the name of the curve."""
+
+
+class StribeckError(ValueError):
+    """A file that holds no Stribeck curve; the message states what is expected."""
+
+
+def stribeck_lines(path: Path) -> Lines:
+    """Return the curves of a file, one of each condition; positive friction opposes extension.
+
+    Where slow sliding did not determine how friction rises towards standstill, the line has no rise.
+
+    Raises:
+        StribeckError: The file cannot be read, is another one, or none of its curves was determined.
+    """
+    try:
+        content = read_json(path)
+        by_condition = content.get("stribeck", {"training": content})
+        lines = {name: _line(each["curve"]) for name, each in by_condition.items() if each["curve"] is not None}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise StribeckError(f"{path}: cannot be read as Stribeck curves ({error!r}); {_EXPECTED}") from error
+    if not lines:
+        raise StribeckError(f"{path}: none of its {len(by_condition)} Stribeck curves was determined; {_EXPECTED}")
+    return lines
+
+
+def _line(parameters: Mapping[str, Any]) -> dict[str, list[float]]:
+    from cylinder_friction.friction_models.stribeck import (
+        StribeckCurve,
+    )  # a service without curves need not wait for it
+
+    known = {name: value for name, value in parameters.items() if value is not None}
+    curve = StribeckCurve(**({"static_n": known["coulomb_n"]} | _NO_RISE | known))
+    velocity_m_s = np.concatenate([-_SPEEDS_M_S[::-1], _SPEEDS_M_S])
+    return {"velocity_m_s": velocity_m_s.tolist(), "friction_n": curve.friction(velocity_m_s).tolist()}
