@@ -57,7 +57,7 @@ def test_overlapping_parts_give_what_is_new() -> None:
     assert stepped(take(session, 9, 12)) == []
     assert stepped(take(session, 8, 13)) == []
     assert stepped(take(session, 7, 8)) == [7, 8, 9, 10, 11, 12]
-    assert (session.counts.duplicate, session.counts.reordered) == (2 + 3, 5)
+    assert (session.counts.duplicate, session.counts.waited) == (2 + 3, 5)
 
 
 def test_a_short_gap_becomes_no_numbers_once_it_was_waited_for() -> None:

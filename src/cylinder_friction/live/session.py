@@ -19,7 +19,7 @@ class Counts:
     late: int = 0  # Came after their gap had been given up; not stepped, but kept
     missing: int = 0  # Of short gaps: stepped as no numbers
     skipped: int = 0  # Of long gaps: not stepped, the session began anew
-    reordered: int = 0  # Stepped after having waited for samples before them
+    waited: int = 0  # Stepped after having waited for samples before them, which came or did not
     resets: int = 0  # How often the session began anew
 
     @classmethod
@@ -122,7 +122,7 @@ class SessionOrder:
             known = min(len(first.samples), self._next() - first.index)  # Stepped since, as part of another block
             self.counts.duplicate += known
             if known < len(first.samples):
-                self.counts.reordered += len(first.samples) - known
+                self.counts.waited += len(first.samples) - known
                 time_s = first.time_s + known * self.sample_time_s
                 yield self._stepped(Piece(first.index + known, time_s, first.samples[known:], reset))
                 reset = False
