@@ -43,8 +43,9 @@ class Cylinder:
     begin: int  # Its samples begin here in the recording, so that sessions differ
     newtons: list[np.ndarray] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
-    got_s: float = 0.0  # When the latest estimates came
     sent: int = 0
+    goal: int = 0  # Index of the first sample that was sent after the latest end of the service
+    reached_s: float = 0.0  # When its newtons came; 0: not yet
     error: str = ""
 
 
@@ -61,6 +62,7 @@ def main() -> int:
     given = options.parse_args()
     estimator = load_estimator(given.model)
     step_s = float(estimator.sample_time_s or 0.005)
+    rows = max(1, round(BLOCK_S / step_s))
     recorded = read_recordings(given.recordings)[0].samples(estimator.inputs)
     cylinders = [Cylinder(f"press {place}", 17 * place) for place in range(given.sessions)]
     stop = threading.Event()
@@ -69,14 +71,14 @@ def main() -> int:
         service = started(given.model, folder)
         wait_until_ready()
         threads = [
-            threading.Thread(target=send, args=(each, recorded, tuple(estimator.inputs), step_s, stop))
+            threading.Thread(target=send, args=(each, recorded, tuple(estimator.inputs), step_s, rows, stop))
             for each in cylinders
         ]
         for thread in threads:
             thread.start()
         stalled = [connect(f"ws://127.0.0.1:{PORT}/watch", max_size=None) for _ in range(given.readers)]
         try:
-            service, times = kill_again_and_again(given, service, folder, cylinders)
+            service, times = kill_again_and_again(given, service, folder, cylinders, rows)
         finally:
             if any(each.error for each in cylinders):
                 stop.set()
@@ -92,9 +94,9 @@ def main() -> int:
         problems = compare(cylinders, recorded, estimator, folder / "history")
     samples = sum(each.sent for each in cylinders)
     print(f"{given.sessions} sessions, {samples:,} samples, {len(times)} times SIG{given.signal}")
-    for what, column in zip(("signal to exit", "start to ready", "start to first new newtons", "to all sessions'"),
-                            np.array(times).T, strict=True):  # fmt: skip
-        print(f"{what:<27} median {np.median(column):.2f} s, worst {column.max():.2f} s")
+    measured = ("signal to exit", "start to ready", "to newtons of the first session", "of the last session")
+    for what, column in zip(measured, np.array(times).T, strict=True):
+        print(f"{what:<32} median {np.median(column):.2f} s, worst {column.max():.2f} s")
     print("differing bits, lost samples: " + ("none" if not problems else "; ".join(problems[:5])))
     return int(bool(problems))
 
@@ -119,10 +121,9 @@ def wait_until_ready() -> None:
 
 
 def send(
-    cylinder: Cylinder, recorded: np.ndarray, inputs: tuple[str, ...], step_s: float, stop: threading.Event
+    cylinder: Cylinder, recorded: np.ndarray, inputs: tuple[str, ...], step_s: float, rows: int, stop: threading.Event
 ) -> None:
     """Send in the model's time until ``stop``, then wait until all is kept and estimated."""
-    rows = max(1, round(BLOCK_S / step_s))
     try:
         with Client(f"ws://127.0.0.1:{PORT}/stream", cylinder.name, step_s, inputs) as client:
             begun_s = time.monotonic()
@@ -149,13 +150,18 @@ def take(client: Client, cylinder: Cylinder, timeout_s: float) -> bool:
     while len(part := client.estimates(timeout_s)[1]):
         cylinder.indices += range(len(cylinder.indices), len(cylinder.indices) + len(part))
         cylinder.newtons.append(part)
-        cylinder.got_s = time.monotonic()
+        if len(cylinder.indices) > cylinder.goal and not cylinder.reached_s:
+            cylinder.reached_s = time.monotonic()
         any_came, timeout_s = True, 0.0
     return any_came
 
 
 def kill_again_and_again(
-    given: argparse.Namespace, service: subprocess.Popen[bytes], folder: Path, cylinders: list[Cylinder]
+    given: argparse.Namespace,
+    service: subprocess.Popen[bytes],
+    folder: Path,
+    cylinders: list[Cylinder],
+    rows: int,
 ) -> tuple[subprocess.Popen[bytes], list[tuple[float, float, float, float]]]:
     """Return the last service, and of each turn the seconds to exit, to ready, to the first and to all newtons."""
     times, draw = [], np.random.default_rng(given.seed)
@@ -165,16 +171,17 @@ def kill_again_and_again(
         service.send_signal(signal.SIGKILL if given.signal == "KILL" else signal.SIGTERM)
         service.wait()
         ended_s = time.monotonic()
+        for each in cylinders:
+            each.goal, each.reached_s = each.sent + rows, 0.0  # what is being sent just now may have come
         service = started(given.model, folder)
         wait_until_ready()
         ready_s = time.monotonic()
-        while min(each.got_s for each in cylinders) < ended_s and not any(each.error for each in cylinders):
+        while not all(each.reached_s for each in cylinders) and not any(each.error for each in cylinders):
             time.sleep(0.002)
         if errors := [each.error for each in cylinders if each.error]:
             raise RuntimeError("; ".join(errors))
-        first_s = min(each.got_s for each in cylinders if each.got_s > ended_s)
-        firsts = first_s - ended_s, max(each.got_s for each in cylinders) - ended_s
-        times.append((ended_s - begun_s, ready_s - ended_s, *firsts))
+        reached_s = np.array([each.reached_s for each in cylinders])
+        times.append((ended_s - begun_s, ready_s - ended_s, reached_s.min() - ended_s, reached_s.max() - ended_s))
     return service, times
 
 

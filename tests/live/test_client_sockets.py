@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 
@@ -30,7 +31,7 @@ def test_a_service_that_ends_while_it_greets_is_a_break(begun: bytes) -> None:
 
 def test_neither_side_waits_for_the_other_when_much_is_sent_before_anything_is_read() -> None:
     """More than all buffers between them hold, both ways: who sends has to read meanwhile."""
-    part, count = b"x" * 200_000, 100
+    part, count = os.urandom(200_000), 100  # random: compressed it would be too little
 
     def both_ways(connection: ServerConnection) -> None:
         for _ in range(count):

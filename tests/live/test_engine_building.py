@@ -51,7 +51,8 @@ def test_a_start_needs_neither_the_estimator_nor_a_compiler_until_either_changes
         engine_of(model, engines)
 
 
-def test_a_start_imports_nothing_that_only_a_first_one_or_a_replay_needs() -> None:
+def test_a_start_imports_nothing_that_it_does_not_need_itself() -> None:
     code = "import sys, cylinder_friction.commands.live; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert {"numba", "scipy", "pandas", "matplotlib", "mlflow", "torch"} & set(done.stdout.split()) == set()
+    later = {"numba", "scipy", "pandas", "matplotlib", "mlflow", "torch", "pyarrow", "prometheus_client", "numexpr"}
+    assert later & set(done.stdout.split()) == set()

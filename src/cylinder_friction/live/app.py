@@ -22,7 +22,6 @@ from cylinder_friction.live.guard import Guard, client_of
 from cylinder_friction.live.history import move_into_history
 from cylinder_friction.live.keeping import keep_each_second, keep_some, move_each_minute
 from cylinder_friction.live.links import Link, in_background
-from cylinder_friction.live.metrics import metrics_text
 from cylinder_friction.live.service import LiveService, LiveSession
 from cylinder_friction.live.settings import LiveAccess
 from cylinder_friction.live.stribeck import Lines
@@ -93,6 +92,8 @@ def create_app(
         return JSONResponse(body, 200 if ready else 503)
 
     async def metrics(_: Request) -> Response:
+        from cylinder_friction.live.metrics import metrics_text  # its library is a tenth of what a start imports
+
         return PlainTextResponse(metrics_text(service, peers, links), media_type="text/plain; version=0.0.4")
 
     @asynccontextmanager

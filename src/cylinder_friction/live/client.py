@@ -16,7 +16,9 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.live.client_sockets import ClientSocket, LiveClientError, connected
 from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
 
-RETRY_S, PATIENCE_S = 0.2, 30.0
+SOONEST_S, LATEST_S, PATIENCE_S = 0.05, 1.0, 30.0
+"""A service that is away is tried again after a tenth of the time that it has been away, within the first two; and so
+long in all."""
 ROWS_A_BLOCK = 1000
 
 
@@ -130,7 +132,7 @@ class Client:
 
     def _connect(self) -> int:
         """Open the session; return the index that the service steps next."""
-        deadline = time.monotonic() + PATIENCE_S
+        begun_s = time.monotonic()
         while True:
             try:
                 self._open_socket.close()
@@ -139,9 +141,10 @@ class Client:
                 opened = self._opened(self._socket)
                 break
             except OSError as error:
-                if time.monotonic() > deadline:
+                away_s = time.monotonic() - begun_s
+                if away_s > PATIENCE_S:
                     raise LiveClientError(f"{self._url}: not reached in {PATIENCE_S:g} s ({error})") from error
-                time.sleep(RETRY_S)
+                time.sleep(min(max(SOONEST_S, 0.1 * away_s), LATEST_S))
         self._handle = opened["handle"]
         self.acknowledged_index = max(self.acknowledged_index, opened["kept_index"])
         return int(opened["next_index"])
@@ -151,6 +154,7 @@ class Client:
             message = socket.recv(5.0)
             content = json.loads(message) if isinstance(message, str) else {}
             if "retry_after_s" in content:
+                time.sleep(content["retry_after_s"])
                 raise ConnectionError(content["error"])
             if "error" in content:
                 raise LiveClientError(content["error"])

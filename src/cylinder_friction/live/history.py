@@ -1,18 +1,25 @@
-"""The journal's estimates as Parquet: a folder per session and UTC day, whole files only."""
+"""The journal's estimates as Parquet: a folder per session and UTC day, whole files only.
+
+pyarrow is imported where it is needed: a start does not write, and after a kill samples wait for it.
+"""
+
+from __future__ import annotations
 
 import math
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.journal import Chunk, Journal
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 DAY_S = 86400.0
 LATE_FOLDER = "late"
@@ -58,6 +65,8 @@ def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[
 
 def write_whole(table: pa.Table, path: Path) -> None:
     """Write a file that is there as a whole or not at all."""
+    import pyarrow.parquet as pq
+
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_suffix(".draft")
     pq.write_table(table, draft, use_dictionary=["flags"])  # measured numbers do not repeat: a dictionary costs time
@@ -66,6 +75,8 @@ def write_whole(table: pa.Table, path: Path) -> None:
 
 def table_of(chunks: Sequence[Chunk]) -> pa.Table:
     """Return chunks of one session, made by the same models, as one table."""
+    import pyarrow as pa
+
     within = [np.arange(len(chunk.samples)) for chunk in chunks]
     pairs = list(zip(chunks, within, strict=True))
     columns = {
@@ -107,6 +118,8 @@ def join_past_days(folder: Path) -> list[Path]:
 
 
 def _joined_day(day: Path) -> list[Path]:
+    import pyarrow.parquet as pq
+
     runs: list[list[Path]] = []
     last_index = -1
     for path in sorted(day.glob("*.parquet")):
@@ -123,6 +136,8 @@ def _joined_day(day: Path) -> list[Path]:
 
 
 def _join(parts: Sequence[Path]) -> Path:
+    import pyarrow.parquet as pq
+
     draft = parts[0].with_suffix(".draft")
     with pq.ParquetWriter(draft, pq.read_schema(parts[0])) as writer:
         for part in parts:
