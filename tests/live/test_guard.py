@@ -18,6 +18,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from cylinder_friction.commands.cli import main
 from cylinder_friction.live import client as client_module
 from cylinder_friction.live import guard, server
 from cylinder_friction.live.app import create_app
@@ -93,7 +94,10 @@ def test_a_role_may_do_what_it_is_for_and_no_more(address: str) -> None:
         headers = bearer(f"the {has} token")
         for needs, path in ROUTES.items():
             if guard.ROLES.index(has) < guard.ROLES.index(needs):
-                assert refused(address, path, headers) == ("this token may read; expected one that may write", 4403)
+                assert refused(address, path, headers) == (
+                    "the role of this token is read; expected write or admin",
+                    4403,
+                )
                 continue
             with connect(f"ws://{address}{path}", additional_headers=headers) as socket:
                 socket.send("{")
@@ -149,12 +153,23 @@ def test_a_client_brings_its_token_over_tls_and_gives_up_at_once_where_it_may_no
         client.send(samples[:50])
         np.testing.assert_array_equal(client.estimates()[1], small_hybrid.real_time().run(samples[:50])[0])
     for token, ca, words in (
-        ("the read token", certificate, "expected one that may write"),
+        ("the read token", certificate, "expected write or admin"),
         ("", certificate, "expected a known token"),
         ("the write token", None, "certificate is not trusted"),
     ):
         with pytest.raises(LiveClientError, match=words):
             Client(url, "press", 0.005, token=token, ca=ca)
+
+
+def test_a_switch_needs_the_role_admin(address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine").write_text("the write token", encoding="ascii")
+    command = ["switch", "--end", "--url", f"http://{address}"]
+    for more, words in (
+        (["--token", str(tmp_path / "mine")], "the role of this token is write; expected admin; --token names its"),
+        ([], "expected a known token as Authorization: Bearer TOKEN; --token names its file"),
+    ):
+        assert main([*command, *more]) == 1
+        assert words in capsys.readouterr().err
 
 
 def closed(socket: ClientConnection) -> tuple[int | None, str | None]:
@@ -181,7 +196,7 @@ def test_what_a_token_let_in_is_closed_when_the_file_no_longer_does(
         time.sleep(1.5)
         tokens.write_text(f"{write.replace(' write', ' read')}\n{admin}", encoding="ascii")
         assert closed(page) == (4401, "this token was taken out of the service's file")
-        assert closed(writer) == (4403, "this token may read; expected one that may write")
+        assert closed(writer) == (4403, "the role of this token is read; expected write or admin")
         stays.send(json.dumps({"samples": {"session": "press", "index": 0, "rows": samples[:2].tolist()}}))
         assert "friction_n" in stays.recv(timeout=5.0)
         assert "sessions" in left.recv(timeout=5.0)
@@ -189,7 +204,7 @@ def test_what_a_token_let_in_is_closed_when_the_file_no_longer_does(
     events = [json.loads(line) for line in (tmp_path / "log").read_text(encoding="utf-8").splitlines()]
     why = [each["why"] for each in events if each["event"] == "connection closed" and each["client"]]
     assert sorted(why) == [
-        "this token may read; expected one that may write", "this token was taken out of the service's file"
+        "the role of this token is read; expected write or admin", "this token was taken out of the service's file"
     ]  # fmt: skip
 
 

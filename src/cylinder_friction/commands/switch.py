@@ -25,11 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--back", action="store_true", help="the same: after a change the former model runs beside")
     what.add_argument("--end", action="store_true", help="stop the model that runs beside")
     what.add_argument("--status", action="store_true", help="which models run in how many sessions")
-    parser.add_argument(
+    when = parser.add_mutually_exclusive_group()
+    when.add_argument(
         "--after-s", type=float, help="MODEL runs so long beside before it takes over [s]; default: warm_s"
     )
-    parser.add_argument("--at-index", type=int, help="it takes over at this sample of every session")
-    parser.add_argument("--beside", action="store_true", help="MODEL does not take over until --take-over")
+    when.add_argument("--at-index", type=int, help="it takes over at this sample of every session")
+    when.add_argument("--beside", action="store_true", help="MODEL does not take over until --take-over")
     parser.add_argument("--record", action="store_true", help="keep both models' newtons side by side in the history")
     parser.add_argument("--session", nargs="+", metavar="NAME", help="in these alone; default: in all")
     parser.add_argument("--config", type=Path, help="settings of the service; default: as `live` has it")
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    _refuse_what_does_not_apply(options)
     params = load_live_params(options.config)
     scheme = "http" if params.access.tls_certificate is None else "https"
     url = (options.url or f"{scheme}://127.0.0.1:{params.port}").rstrip("/") + "/models"
@@ -55,8 +57,29 @@ def run(options: argparse.Namespace) -> int:
         if not options.beside and options.at_index is None:
             command["after_s"] = params.rules.warm_s if options.after_s is None else options.after_s
     done = _asked(url, command, options)
-    print(f"asked for and kept in {done['sessions']} sessions; `cylinder-friction switch --status` shows who runs what")
+    print(f"kept for {done['sessions']} open sessions: {_meaning(command)}; --status shows which models run")
     return 0
+
+
+def _refuse_what_does_not_apply(options: argparse.Namespace) -> None:
+    of_model = {"--after-s": options.after_s is not None, "--beside": options.beside, "--record": options.record}
+    of_change = {"--at-index": options.at_index is not None} if options.end or options.status else {}
+    of_sessions = {"--session": options.session is not None} if options.status else {}
+    for name, is_given in ({} if options.model else of_model | of_change | of_sessions).items():
+        if is_given:
+            raise LiveError(f"{name}: does not apply to what is asked for; see `cylinder-friction switch --help`")
+
+
+def _meaning(command: dict[str, Any]) -> str:
+    """Return what a service that has kept a command does."""
+    if command["do"] == "end":
+        return "the second model is stopped"
+    at = "" if command["at_index"] is None else f" at sample {command['at_index']}"
+    if command["do"] == "take-over":
+        return f"both models change places{at or ' in about a second'}"
+    if command.get("after_s") is not None:
+        at = f" after {command['after_s']:g} s"
+    return f"the model begins beside in about a second{at and ', and takes over'}{at}"
 
 
 def _built(model: str, engines: Path) -> str:
@@ -78,6 +101,16 @@ def _asked(url: str, command: dict[str, Any] | None, options: argparse.Namespace
         with urllib.request.urlopen(request, timeout=30.0, context=context) as reply:  # noqa: S310
             return json.load(reply)
     except urllib.error.HTTPError as refused:
-        raise LiveError(f"{url}: {refused.code} {refused.read(4000).decode(errors='replace')}") from None
-    except urllib.error.URLError as error:
-        raise LiveError(f"{url}: {error.reason}; is the service running? --url states where") from None
+        more = "; --token names its file" if refused.code in (401, 403) else ""
+        raise LiveError(f"{url}: {_reason(refused)}{more}") from None
+    except OSError as error:  # also one that is killed while it replies
+        reason = getattr(error, "reason", error)
+        raise LiveError(f"{url}: {reason}; is the service running? --url states where, --status what is kept") from None
+
+
+def _reason(refused: urllib.error.HTTPError) -> str:
+    content = refused.read(4000).decode(errors="replace")
+    try:
+        return str(json.loads(content)["error"])
+    except (ValueError, TypeError, KeyError):  # not from the service
+        return f"{refused.code} {content}"

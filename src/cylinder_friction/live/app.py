@@ -56,7 +56,7 @@ def create_app(
     """
     events, history = events or Events(), folder / HISTORY_FOLDER
     peers, watchers = Peers(events), Watchers(service, stribeck)
-    changing = Changing(service, folder / ENGINES_FOLDER)
+    changing = Changing(service, folder / ENGINES_FOLDER, peers)
     guard = Guard(access or LiveAccess(), host, peers.refused, events)
     takers = [peers.flags.note, watchers.note, *(link.note for link in links if type(link).note is not Link.note)]
 

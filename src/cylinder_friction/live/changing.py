@@ -11,8 +11,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from cylinder_friction.live.connection import Peers
 from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.golden import checked_engine
+from cylinder_friction.live.guard import client_of
 from cylinder_friction.live.service import LiveError, LiveService, LiveSession
 
 KEPT_WITHIN_S = 5.0
@@ -42,6 +44,11 @@ class Command(BaseModel):
     at_index: int | None = Field(default=None, ge=0, lt=1 << 53)
     sessions: tuple[str, ...] | None = None
 
+    @property
+    def takes_over(self) -> bool:
+        """Whether the engine's model is to give the newtons at some time."""
+        return self.after_s is not None or self.at_index is not None
+
 
 def giving_newtons(service: LiveService) -> dict[str, dict[str, Any]]:
     """Return the models that give newtons, that of new sessions included: in how many sessions, and how checked."""
@@ -61,10 +68,11 @@ class Changing:
     Args:
         service: Whose sessions change.
         engines: Folder in which ``built_engine`` puts engines.
+        peers: State whether the service is ending; its events are given changes.
     """
 
-    def __init__(self, service: LiveService, engines: Path) -> None:
-        self._service, self._engines = service, engines
+    def __init__(self, service: LiveService, engines: Path, peers: Peers) -> None:
+        self._service, self._engines, self._peers = service, engines, peers
 
     async def status(self, _: Request) -> Response:
         """Reply with the models that are known, and how many sessions run which."""
@@ -80,56 +88,70 @@ class Changing:
 
     async def command(self, request: Request) -> Response:
         """Do what a body asks for; reply when it is kept, so that a restart knows it."""
+        if self._peers.draining:
+            return JSONResponse({"error": "the service is ending, nothing is changed; ask the one that follows"}, 503)
         try:
             command = Command.model_validate_json(await _body(request))
-            sessions = self._do(command)
+            engine = await asyncio.to_thread(self._engine, command.engine or "") if command.do == "beside" else None
+            sessions = self._do(command, engine)
         except (ValidationError, LiveError) as error:
-            return JSONResponse({"error": str(error)}, 422)
+            return JSONResponse({"error": _explained(error) if isinstance(error, ValidationError) else str(error)}, 422)
+        model = None if engine is None else engine.model
+        client, count = client_of(request), len(sessions)
+        self._peers.events.note("models changed", do=command.do, model=model, sessions=count, client=client)
         waits_s = 0.0
         while not all(each.models.switch_kept for each in sessions):
             await asyncio.sleep(0.05)
             waits_s += 0.05
             if waits_s > KEPT_WITHIN_S:
                 return JSONResponse({"error": "asked for, but not kept yet; see /readyz"}, 503)
-        return JSONResponse({"sessions": len(sessions)})
+        return JSONResponse({"sessions": count})
 
-    def _do(self, command: Command) -> list[LiveSession]:
-        sessions = self._asked_for(command.sessions)
-        if command.do == "end":
+    def _do(self, command: Command, engine: Engine | None) -> list[LiveSession]:
+        sessions, runs = self._asked_for(command.sessions), None
+        if engine is not None:
+            sessions = self._beside(command, engine, sessions)
+            if command.takes_over:
+                runs = [engine.model]
+        elif command.do == "end":
+            sessions = [session for session in sessions if session.models.switch is not None]
+            if not sessions:
+                raise LiveError("no second model runs in any session that was asked for; nothing is changed")
             for session in sessions:
                 session.models.end_shadow()
-        elif command.do == "beside":
-            self._beside(command, sessions)
+            runs = [session.model for session in sessions]
         else:
             self._take_over(sessions, lambda session: command.at_index or session.next_index)
-            if command.sessions is None:
-                self._later_sessions_too(sessions)
+            runs = [session.models.switch.model for session in sessions if session.models.switch is not None]
+        if runs and command.sessions is None:  # so do sessions that are opened later
+            ((model, _),) = Counter(runs).most_common(1)
+            self._service.engine = self._service.engines[model]
         return sessions
 
-    def _beside(self, command: Command, sessions: list[LiveSession]) -> None:
-        engine = self._engine(command.engine or "")
+    def _beside(self, command: Command, engine: Engine, sessions: list[LiveSession]) -> list[LiveSession]:
         self._service.add_model(engine)
-        takes_over = command.after_s is not None or command.at_index is not None
-        rows = round((command.after_s or 0.0) / engine.sample_time_s)
         changed = [session for session in sessions if session.model != engine.model]
+        for_later = command.takes_over and command.sessions is None and self._service.engine.model != engine.model
+        if not changed and not for_later:
+            raise LiveError(
+                f"model {engine.model[:12]}: no session that was asked for has another one; nothing is changed "
+                "(`cylinder-friction switch --end` stops a model that runs beside)"
+            )
         for session in changed:
             session.models.run_beside(engine.model, session.next_index, command.recorded)
-        if takes_over:
+        if command.takes_over:
+            rows = round((command.after_s or 0.0) / engine.sample_time_s)
             self._take_over(changed, lambda session: command.at_index or session.models.begins_at + rows)
-            if command.sessions is None:
-                self._service.engine = self._service.engines[engine.model]
+        return changed
 
     def _take_over(self, sessions: Iterable[LiveSession], index_of: Callable[[LiveSession], int]) -> None:
         without = [session.name for session in sessions if session.models.switch is None]
         if without:
-            raise LiveError(f"session {without[0]!r}: no second model runs in it; begin with do: beside")
+            raise LiveError(
+                f"session {without[0]!r}: no second model runs in it; bring one in by `cylinder-friction switch MODEL`"
+            )
         for session in sessions:
             session.models.take_over(index_of(session))
-
-    def _later_sessions_too(self, sessions: list[LiveSession]) -> None:
-        following = Counter(each.models.switch.model for each in sessions if each.models.switch is not None)
-        for model, _ in following.most_common(1):
-            self._service.engine = self._service.engines[model]
 
     def _asked_for(self, names: tuple[str, ...] | None) -> list[LiveSession]:
         if names is None:
@@ -157,3 +179,8 @@ async def _body(request: Request) -> bytes:
         if size > LARGEST_BODY:
             raise LiveError(f"got more than {LARGEST_BODY} bytes; expected a command")
     return b"".join(parts)
+
+
+def _explained(error: ValidationError) -> str:
+    problem = error.errors()[0]
+    return f"{'.'.join(map(str, problem['loc'])) or 'body'}: {problem['msg']}, but got {str(problem['input'])[:80]!r}"

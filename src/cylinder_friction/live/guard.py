@@ -138,7 +138,8 @@ class Guard:
         if has is None:
             return Refusal("token", 401, "expected a known token as Authorization: Bearer TOKEN")
         if ROLES.index(has) < ROLES.index(role):
-            return Refusal("role", 403, f"this token may {has}; expected one that may {role}")
+            expected = " or ".join(ROLES[ROLES.index(role) :])
+            return Refusal("role", 403, f"the role of this token is {has}; expected {expected}")
         return None
 
 

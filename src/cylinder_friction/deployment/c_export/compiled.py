@@ -22,7 +22,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wdou
 OPTIMISED = ("-O3", "-march=native", "-ffp-contract=off")
 
 
-class NoCompilerError(RuntimeError):
+class NoCompilerError(OSError):
     """There is no C compiler, or it refused the source."""
 
 
