@@ -185,6 +185,27 @@ def test_an_idle_session_is_closed_and_comes_back_as_it_was(
     np.testing.assert_array_equal(kept.array("press"), expected(small_hybrid, samples[:200]))
 
 
+def test_outcomes_are_counted_since_the_start_whatever_is_opened_and_closed(
+    engine: Engine, samples: Array, tmp_path: Path
+) -> None:
+    now_s = [0.0]
+    before = LiveService(engine, Journal(tmp_path / "journal.db"), clock=lambda: now_s[0])
+    before.receive(blocks(opened(before, "press"), samples, 0, 100))
+    assert before.outcomes()["stepped"] == 100
+    before.keep()
+    now_s[0] = 601.0
+    assert before.close_idle() == ["press"]
+    assert before.outcomes()["stepped"] == 100
+    before.receive(blocks(opened(before, "press"), samples, 90, 130))
+    assert (before.outcomes()["stepped"], before.outcomes()["duplicate"]) == (130, 10)
+    before.keep()
+    before.journal.close()
+    after = service_of(engine, tmp_path)
+    opened(after, "press")
+    assert set(after.outcomes().values()) == {0}
+    assert "late" in after.outcomes()  # also of a service that nothing has come to: a rate begins at a count of 0
+
+
 @pytest.mark.parametrize(
     ("name", "inputs", "sample_time_s", "words"),
     [

@@ -1,6 +1,5 @@
 """What Prometheus scrapes: sessions, samples by outcome, flags, what waits, how late the loop is."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from prometheus_client import CollectorRegistry, generate_latest
@@ -30,13 +29,10 @@ class _Live(Collector):
         self._service, self._peers, self._links = service, peers, links
 
     def collect(self) -> Iterator[Metric]:
-        samples: Counter[str] = Counter()
-        for session in self._service.sessions.values():
-            samples.update(vars(session.order.counts))
         by_outcome = CounterMetricFamily(
-            "cylinder_friction_live_samples", "Samples of the open sessions by outcome.", labels=["outcome"]
+            "cylinder_friction_live_samples", "Samples by outcome since the start.", labels=["outcome"]
         )
-        for outcome, count in samples.items():
+        for outcome, count in self._service.outcomes().items():
             by_outcome.add_metric([outcome], count)
         yield by_outcome
         refused = CounterMetricFamily(

@@ -3,7 +3,7 @@
 import math
 import re
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -109,6 +109,7 @@ class LiveService:
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
         self.unkept_rows, self._kept_s = 0, clock()
+        self._closed_outcomes = Counter(vars(Counts()))  # Less what open sessions had met before they were opened here
         self.loop_lag_s = 0.0
         """How late the event loop was of late, at worst, as its owner states."""
         self.keeps_not_because = ""
@@ -214,6 +215,13 @@ class LiveService:
         """How long ago something was kept last, where estimates wait for that [s]; else 0."""
         return self._clock() - self._kept_s if self.unkept_rows else 0.0
 
+    def outcomes(self) -> Counter[str]:
+        """Return how many samples met which outcome since the start, those of closed sessions included."""
+        outcomes = self._closed_outcomes.copy()
+        for session in self.sessions.values():
+            outcomes.update(vars(session.order.counts))
+        return outcomes
+
     def load(self) -> dict[str, int]:
         """Return what the service holds just now, as counts."""
         held = sum(each.order.held_rows for each in self.sessions.values())
@@ -264,6 +272,7 @@ class LiveService:
         ]
         for session in idle:
             session.models.close()
+            self._closed_outcomes.update(vars(session.order.counts))
             del self.sessions[session.name], self._by_handle[session.handle]
         return [session.name for session in idle]
 
@@ -272,6 +281,7 @@ class LiveService:
         if saved is None:
             return SessionModels(self._fresh())
         order.next_index, order.counts = saved.next_index, Counts.from_dict(saved.counts)
+        self._closed_outcomes.subtract(vars(order.counts))
         current = self._restored(saved.current)
         if current is None:
             order.counts.resets += 1
