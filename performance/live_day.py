@@ -19,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from live_load import PORT, wait_until_ready
+from live_load import PORT
+from live_service import running
 
 from cylinder_friction.commands.estimate import cylinder_of
 from cylinder_friction.commands.live import JOURNAL_FILE
@@ -74,25 +75,18 @@ def sessions_of(options: argparse.Namespace) -> dict[str, list[Recording]]:
 
 def through_the_service(model: Path, folder: Path, sent: dict[str, list[Recording]]) -> float:
     """Send all recordings, end the service; return how many seconds it took."""
-    folder.mkdir()
-    config = folder / "live.yaml"
-    config.write_text(
-        "limits: {loop_lag_s: 60.0}\n", encoding="utf-8"
-    )  # as fast as it can is late, and all are to come in
-    given = ["--config", str(config), "--port", str(PORT), "--folder", str(folder)]
-    service = subprocess.Popen([*CLI, "live", "--model", str(model), *given], stdout=subprocess.DEVNULL)
-    try:
-        wait_until_ready()
+    settings = {"limits": {"loop_lag_s": 60.0}}  # as fast as it can is late, and all are to come in
+    with running(model, folder, PORT, settings) as service:
         begun_s = time.monotonic()
         inputs = load_estimator(model).inputs
         Replay(f"ws://127.0.0.1:{PORT}/stream", sent, None).run(inputs, threading.Event())
-        return time.monotonic() - begun_s
-    finally:
+        lasted_s = time.monotonic() - begun_s
         service.terminate()
         service.wait()
-        journal = Journal(folder / JOURNAL_FILE)
-        move_into_history(journal, folder / HISTORY_FOLDER)  # the rest, which its next start would move
-        journal.close()
+    journal = Journal(folder / JOURNAL_FILE)
+    move_into_history(journal, folder / HISTORY_FOLDER)  # the rest, which its next start would move
+    journal.close()
+    return lasted_s
 
 
 def compared(folder: Path, sent: dict[str, list[Recording]]) -> tuple[int, int]:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
-import subprocess
 import sys
 import tempfile
 import time
@@ -24,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 import psutil
-import yaml
 from asyncua import Client
-from live_load import PORT, Seen, opened, read, wait_until_ready, write
+from live_load import PORT, Seen, opened, read, write
+from live_service import running
 from websockets.asyncio.client import ClientConnection, connect
 
 from cylinder_friction.estimators.base import FrictionEstimator
@@ -57,23 +56,14 @@ def main() -> None:
     estimator = load_estimator(given.model)
     samples = read_recordings(given.recordings)[0].samples(estimator.inputs)
     cores = sorted(os.sched_getaffinity(0))
-    with tempfile.TemporaryDirectory() as folder:
-        config = Path(folder) / "live.yaml"
-        config.write_text(yaml.safe_dump({"opcua_server": {"port": OPCUA_PORT, "update_hz": 2.0}}), "utf-8")
-        command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(given.model)]
-        service = subprocess.Popen(
-            [*command, "--config", str(config), "--port", str(PORT), "--folder", folder],
-            preexec_fn=lambda: os.sched_setaffinity(0, cores[:1]),
-            stdout=subprocess.DEVNULL,
-        )
-        try:
-            os.sched_setaffinity(0, cores[1:] or cores)
-            wait_until_ready()
-            (server,) = psutil.Process(service.pid).children()
-            asyncio.run(load(given, samples, estimator, {OPCUA: (server, cores[1:]), SAME_CORE: (server, cores[:1])}))
-        finally:
-            service.terminate()
-            service.wait()
+    settings = {"opcua_server": {"port": OPCUA_PORT, "update_hz": 2.0}}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(given.model, Path(folder), PORT, settings, cores[:1]) as service,
+    ):
+        os.sched_setaffinity(0, cores[1:] or cores)
+        (server,) = psutil.Process(service.pid).children()
+        asyncio.run(load(given, samples, estimator, {OPCUA: (server, cores[1:]), SAME_CORE: (server, cores[:1])}))
 
 
 Cores = dict[str, tuple[psutil.Process, list[int]]]

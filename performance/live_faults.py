@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 from hypothesis import HealthCheck, Phase, given, settings
+from live_service import running
 from websockets.sync.client import ClientConnection, connect
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))  # the frames and the rules, as tested
@@ -34,7 +35,6 @@ from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.settings import SessionRules
 from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
-from live_process import running
 from wire_faults import (
     FAULTS,
     SESSIONS,

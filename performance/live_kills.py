@@ -12,19 +12,21 @@ from __future__ import annotations
 
 import argparse
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-import urllib.request
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from live_service import running
 from websockets.sync.client import connect
 
 from cylinder_friction.estimators.loading import load_estimator
@@ -32,7 +34,7 @@ from cylinder_friction.live.client import Client
 from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
 
-PORT, BLOCK_S = free_port(), 0.05
+PORT, BLOCK_S, POLL_S = free_port(), 0.05, 0.005
 
 
 @dataclass
@@ -66,10 +68,10 @@ def main() -> int:
     recorded = read_recordings(given.recordings)[0].samples(estimator.inputs)
     cylinders = [Cylinder(f"press {place}", 17 * place) for place in range(given.sessions)]
     stop = threading.Event()
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, ExitStack() as services:
         folder = Path(name)
-        service = started(given.model, folder)
-        wait_until_ready()
+        start = partial(running, given.model, folder, PORT, poll_s=POLL_S)
+        service = services.enter_context(start())
         threads = [
             threading.Thread(target=send, args=(each, recorded, tuple(estimator.inputs), step_s, rows, stop))
             for each in cylinders
@@ -78,7 +80,9 @@ def main() -> int:
             thread.start()
         stalled = [connect(f"ws://127.0.0.1:{PORT}/watch", max_size=None) for _ in range(given.readers)]
         try:
-            service, times = kill_again_and_again(given, service, folder, cylinders, rows)
+            service, times = kill_again_and_again(
+                given, service, lambda: services.enter_context(start()), cylinders, rows
+            )
         finally:
             if any(each.error for each in cylinders):
                 stop.set()
@@ -90,7 +94,10 @@ def main() -> int:
             thread.join()
         service.send_signal(signal.SIGTERM)
         service.wait()
-        wait_for_history(given.model, folder)
+        while sqlite3.connect(folder / "journal.db").execute("SELECT COUNT(*) FROM chunk").fetchone()[0]:
+            with start() as service:  # it moves what is left into the history
+                service.send_signal(signal.SIGTERM)
+                service.wait()
         problems = compare(cylinders, recorded, estimator, folder / "history")
     samples = sum(each.sent for each in cylinders)
     print(f"{given.sessions} sessions, {samples:,} samples, {len(times)} times SIG{given.signal}")
@@ -99,25 +106,6 @@ def main() -> int:
         print(f"{what:<32} median {np.median(column):.2f} s, worst {column.max():.2f} s")
     print("differing bits, lost samples: " + ("none" if not problems else "; ".join(problems[:5])))
     return int(bool(problems))
-
-
-def started(model: Path, folder: Path) -> subprocess.Popen[bytes]:
-    """Start the service."""
-    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model)]
-    return subprocess.Popen([*command, "--port", str(PORT), "--folder", str(folder)], stdout=subprocess.DEVNULL)
-
-
-def wait_until_ready() -> None:
-    """Wait until its port takes connections and it is ready."""
-    for _ in range(6000):
-        try:
-            socket.create_connection(("127.0.0.1", PORT), 0.1).close()
-            urllib.request.urlopen(f"http://127.0.0.1:{PORT}/readyz", timeout=1.0).close()
-        except OSError:
-            time.sleep(0.005)
-        else:
-            return
-    raise RuntimeError("the service did not start within a minute")
 
 
 def send(
@@ -159,7 +147,7 @@ def take(client: Client, cylinder: Cylinder, timeout_s: float) -> bool:
 def kill_again_and_again(
     given: argparse.Namespace,
     service: subprocess.Popen[bytes],
-    folder: Path,
+    start: Callable[[], subprocess.Popen[bytes]],
     cylinders: list[Cylinder],
     rows: int,
 ) -> tuple[subprocess.Popen[bytes], list[tuple[float, float, float, float]]]:
@@ -173,8 +161,7 @@ def kill_again_and_again(
         ended_s = time.monotonic()
         for each in cylinders:
             each.goal, each.reached_s = each.sent + rows, 0.0  # what is being sent just now may have come
-        service = started(given.model, folder)
-        wait_until_ready()
+        service = start()
         ready_s = time.monotonic()
         while not all(each.reached_s for each in cylinders) and not any(each.error for each in cylinders):
             time.sleep(0.002)
@@ -183,15 +170,6 @@ def kill_again_and_again(
         reached_s = np.array([each.reached_s for each in cylinders])
         times.append((ended_s - begun_s, ready_s - ended_s, reached_s.min() - ended_s, reached_s.max() - ended_s))
     return service, times
-
-
-def wait_for_history(model: Path, folder: Path) -> None:
-    """Start and end the service until nothing is left in its journal."""
-    while sqlite3.connect(folder / "journal.db").execute("SELECT COUNT(*) FROM chunk").fetchone()[0]:
-        service = started(model, folder)
-        wait_until_ready()
-        service.send_signal(signal.SIGTERM)
-        service.wait()
 
 
 def compare(cylinders: list[Cylinder], recorded: np.ndarray, estimator: object, history: Path) -> list[str]:

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import psutil
+from live_service import running
 from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
@@ -30,11 +31,11 @@ from paho.mqtt.enums import CallbackAPIVersion
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.live.client import Client
 from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
-from cylinder_friction.network.ports import free_port
-from live_process import Mosquitto, running
+from live_process import Mosquitto
 
 BROKER = ("allow_anonymous true", "set_tcp_nodelay true")
 """Without the second a small message waits up to 40 ms in the broker."""
@@ -82,9 +83,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, Mosquitto(Path(folder), *BROKER) as broker:
         port, tcp = free_port(), free_port()
         settings = {"tcp": {"port": tcp}, "mqtt": {"broker": {"port": broker.port}}}
-        with running(given.model, Path(folder) / "live", port, settings) as process:
+        with running(given.model, Path(folder) / "live", port, settings, cores[:1]) as process:
             service = psutil.Process(process.pid)
-            service.cpu_affinity(cores[:1])
             os.sched_setaffinity(0, cores[1:] or cores)
             ws, by_tcp = f"ws://127.0.0.1:{port}/stream", f"tcp://127.0.0.1:{tcp}"
             mqtt = f"mqtt://127.0.0.1:{broker.port}/cylinder-friction/NAME"

@@ -12,16 +12,14 @@ import argparse
 import asyncio
 import json
 import os
-import subprocess
-import sys
 import tempfile
 import time
-import urllib.request
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import psutil
+from live_service import running
 from websockets.asyncio.client import ClientConnection, connect
 
 from cylinder_friction.estimators.loading import load_estimator
@@ -60,34 +58,12 @@ def main() -> None:
     needed = -(-frames * rows // len(samples))
     newtons, _ = estimator.real_time().run(np.tile(samples, (needed, 1)))
     cores = sorted(os.sched_getaffinity(0))
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(given.model)]
-        service = subprocess.Popen(
-            [*command, "--port", str(PORT), "--folder", folder],
-            preexec_fn=lambda: os.sched_setaffinity(0, cores[:1]),
-            stdout=subprocess.DEVNULL,
-        )
-        try:
-            os.sched_setaffinity(0, cores[1:] or cores)
-            wait_until_ready()
-            asyncio.run(
-                load(given, samples, newtons, rows, frames, psutil.Process(service.pid), tuple(estimator.inputs))
-            )
-        finally:
-            service.terminate()
-            service.wait()
-
-
-def wait_until_ready() -> None:
-    """Wait for the service."""
-    for _ in range(600):
-        try:
-            urllib.request.urlopen(f"http://127.0.0.1:{PORT}/readyz", timeout=1.0).close()
-        except OSError:
-            time.sleep(0.1)
-        else:
-            return
-    raise RuntimeError("the service did not start within a minute")
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(given.model, Path(folder), PORT, cores=cores[:1]) as service,
+    ):
+        os.sched_setaffinity(0, cores[1:] or cores)
+        asyncio.run(load(given, samples, newtons, rows, frames, psutil.Process(service.pid), tuple(estimator.inputs)))
 
 
 async def load(

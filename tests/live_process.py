@@ -1,4 +1,4 @@
-"""A live service as a process of its own, for tests of what is outside it."""
+"""A live service as a process of its own, its broker and its clients, for tests of what is outside it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import queue
 import shutil
 import socket
 import subprocess
-import sys
 import threading
 import time
-import urllib.request
 from contextlib import contextmanager, suppress
 from itertools import count
 from typing import TYPE_CHECKING, Any, Self
@@ -21,7 +19,6 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-import yaml
 from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
@@ -31,6 +28,7 @@ from websockets.sync.client import ClientConnection, connect
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.frames import SampleBlock, pack_samples
 from cylinder_friction.network.ports import free_port
+from performance_scripts import performance_script
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -40,29 +38,7 @@ if TYPE_CHECKING:
     from cylinder_friction.live.links import Link
     from cylinder_friction.live.service import LiveService
 
-
-@contextmanager
-def running(
-    model: Path, folder: Path, port: int, settings: dict[str, Any] | None = None
-) -> Iterator[subprocess.Popen[bytes]]:
-    """Yield a live service that is ready; it is killed at the end if it still runs."""
-    folder.mkdir(parents=True, exist_ok=True)
-    config = folder / "live.yaml"
-    config.write_text(yaml.safe_dump(settings or {}), encoding="utf-8")
-    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model)]
-    process = subprocess.Popen([*command, "--config", str(config), "--port", str(port), "--folder", str(folder)])
-    try:
-        for _ in range(600):
-            try:
-                urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=1.0).close()
-                break
-            except OSError:
-                assert process.poll() is None, "the service ended while starting"
-                time.sleep(0.05)
-        yield process
-    finally:
-        process.kill()
-        process.wait()
+running = performance_script("live_service").running
 
 
 @contextmanager
