@@ -10,11 +10,14 @@ with 1 unless all are there and equal.
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+import urllib.request
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -77,16 +80,27 @@ def through_the_service(model: Path, folder: Path, sent: dict[str, list[Recordin
     """Send all recordings, end the service; return how many seconds it took."""
     settings = {"limits": {"loop_lag_s": 60.0}}  # as fast as it can is late, and all are to come in
     with running(model, folder, PORT, settings) as service:
-        begun_s = time.monotonic()
+        begun_s, stop = time.monotonic(), threading.Event()
+        threading.Thread(target=report, args=(begun_s, stop), daemon=True).start()
         inputs = load_estimator(model).inputs
-        Replay(f"ws://127.0.0.1:{PORT}/stream", sent, None).run(inputs, threading.Event())
+        Replay(f"ws://127.0.0.1:{PORT}/stream", sent, None).run(inputs, stop)
         lasted_s = time.monotonic() - begun_s
+        stop.set()
         service.terminate()
         service.wait()
     journal = Journal(folder / JOURNAL_FILE)
     move_into_history(journal, folder / HISTORY_FOLDER)  # the rest, which its next start would move
     journal.close()
     return lasted_s
+
+
+def report(begun_s: float, stop: threading.Event) -> None:
+    """Print every ten seconds how far the service is."""
+    while not stop.wait(10.0):
+        with suppress(OSError), urllib.request.urlopen(f"http://127.0.0.1:{PORT}/metrics", timeout=60.0) as metrics:
+            given = re.search(r"^cylinder_friction_live_estimates_total (\S+)", metrics.read().decode(), re.MULTILINE)
+            rows = float(given[1]) if given else 0.0
+            print(f"after {time.monotonic() - begun_s:.0f} s: newtons of {rows / 720_000:.1f} h", flush=True)
 
 
 def compared(folder: Path, sent: dict[str, list[Recording]]) -> tuple[int, int]:

@@ -48,16 +48,20 @@ class Wire:
         self.got.append(message)
 
 
-class Cut(Wire):
+class AtOnce(Wire):
+    """A client's end whose messages have all come."""
+
+    async def receive(self) -> bytes | str:
+        """Give the next message without a pause."""
+        return self.messages.pop(0) if self.messages else await super().receive()
+
+
+class Cut(AtOnce):
     """A client's end that broke: as with a socket, that is noticed in the turn of the loop after the first write."""
 
     def __init__(self, *messages: bytes | str) -> None:
         super().__init__(*messages)
         self.noticed = False
-
-    async def receive(self) -> bytes | str:
-        """Give what had come before, at once."""
-        return self.messages.pop(0) if self.messages else await super().receive()
 
     async def send(self, message: bytes | str) -> None:
         """Take nothing more once the break is known."""
@@ -122,6 +126,23 @@ def test_a_client_that_is_gone_is_written_to_once_however_many_messages_it_left(
     wire = Cut(*["no JSON"] * 1000)
     asyncio.run(Connection(wire, service_of(engine, tmp_path), Peers()).run())
     assert len(wire.got) == 1
+
+
+def test_others_have_their_turn_while_much_of_one_client_has_come(
+    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connection, "TURN_S", 0.0)
+    wire = AtOnce(opening(engine), *[pack_samples(SampleBlock(1, 10 * at, 0.0, samples[:10])) for at in range(100)])
+
+    async def scenario() -> int:
+        taking = asyncio.create_task(Connection(wire, service_of(engine, tmp_path), Peers()).run())
+        for _ in range(10):
+            await asyncio.sleep(0)
+        left = len(wire.messages)
+        await taking
+        return left
+
+    assert asyncio.run(scenario()) > 50
 
 
 def test_a_client_may_catch_up_after_a_break_and_is_then_slowed() -> None:

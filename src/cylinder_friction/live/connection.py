@@ -28,6 +28,8 @@ RETRY_S = 1.0
 """After how long a client that is refused for the load may try again."""
 BURST_S = 10.0
 """So many seconds' worth of samples a client may send at once: what it kept during a break."""
+TURN_S = 2e-3
+"""How long the messages of one client may take before others, and what keeps and acknowledges, have their turn."""
 PATIENCE_S = 0.05
 """How long a writer is held back before it is looked at again."""
 
@@ -125,7 +127,7 @@ class Connection:
                 await self._transport.send(json.dumps({"error": error, "retry_after_s": RETRY_S}))
             return
         self._peers.enter(self)
-        writer = asyncio.create_task(self._write())
+        writer, busy_s = asyncio.create_task(self._write()), 0.0
         try:
             while not writer.done():
                 message = await self._transport.receive()
@@ -135,6 +137,10 @@ class Connection:
                 self._take(message)
                 if self._frames and not self._came_s:
                     self._came_s = came_s
+                busy_s += time.monotonic() - came_s
+                if busy_s > TURN_S:  # where more has come already, nothing else would let others have theirs
+                    busy_s = 0.0
+                    await asyncio.sleep(0.0)
                 while self._is_too_fast():
                     await asyncio.sleep(PATIENCE_S)  # TCP then holds the client back
                     if writer.done():

@@ -25,13 +25,13 @@ _log = logging.getLogger(__name__)
 async def keep_each_second(service: LiveService, peers: Peers) -> None:
     """Keep every session once a second, a few at a time, so that none waits long for the others."""
     while True:
-        sessions = list(service.sessions.values())
-        some = -(-len(sessions) // KEEP_STEPS) or 1
-        steps = max(1, -(-len(sessions) // some))
-        for first in range(0, steps * some, some):
-            due_s = time.monotonic() + KEEP_S / steps
-            await keep_some(service, peers, sessions[first : first + some])
-            await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+        sessions, begun_s, kept = list(service.sessions.values()), time.monotonic(), 0
+        count, some = max(1, len(sessions)), -(-len(sessions) // KEEP_STEPS) or 1
+        while kept < count:
+            due = int(count * (time.monotonic() - begun_s) / KEEP_S)  # more than the next few where it is late
+            first, kept = kept, max(kept + some, due)
+            await keep_some(service, peers, sessions[first:kept])
+            await asyncio.sleep(max(0.0, begun_s + KEEP_S * kept / count - time.monotonic()))
         for name in service.close_idle():
             peers.events.note("session closed", session=name, why="idle")
 
