@@ -210,7 +210,10 @@ def test_what_cannot_be_switched_is_refused(model: Path, tmp_path: Path, capsys:
                 {"do": "beside", "engine": engine_with(engines, "2", sample_time_s=0.001)},
                 "every 0.001 s; the sessions s",
             ),
-            ({"do": "beside", "engine": "0" * 32}, "`cylinder-friction switch` puts it there"),
+            (
+                {"do": "beside", "engine": "0" * 32},
+                "switch`, called on the service's machine with its --folder, puts it there",
+            ),
             ({"do": "dance"}, "do: Input should be 'beside', 'take-over' or 'end', but got 'dance'"),
         ):
             request = urllib.request.Request(f"{url}/models", json.dumps(body).encode())

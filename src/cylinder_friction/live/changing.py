@@ -164,7 +164,10 @@ class Changing:
     def _engine(self, name: str) -> Engine:
         folder = self._engines / name
         if not _ENGINE.fullmatch(name) or not folder.is_dir():
-            raise LiveError(f"engine {name[:80]!r}: not in {self._engines}; `cylinder-friction switch` puts it there")
+            raise LiveError(
+                f"engine {name[:80]!r}: not in {self._engines}; `cylinder-friction switch`, called on the service's "
+                "machine with its --folder, puts it there"
+            )
         try:
             return checked_engine(folder)
         except (OSError, ValueError, KeyError) as error:
