@@ -4,9 +4,9 @@
 
 One service, on a core of its own, under the load of ``live_load.py``; stretches without a disturbance, with a
 connection that sends and never reads, and with an OPC UA client that subscribes to all values of all sessions
-take turns; the latter twice, for the process of the OPC UA server is put on the senders' core or on the service's.
-The client is niced, so that it is not what makes the senders late. Prints the 99 % quantile of the time from sending a
-frame to its newtons in each, and the ratios to the stretches without.
+take turns; the latter twice, with the process of the OPC UA server on the senders' core and on the service's. What is
+put on the senders' core runs only when they do not (``SCHED_IDLE``), so that it does not make them late. Prints the
+99 % quantile of the time from sending a frame to its newtons in each, and the ratios to the stretches without.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
+import signal
 import sys
 import tempfile
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,8 @@ DISTURBANCES = ("nothing", "a stalled reader", OPCUA, SAME_CORE)
 def main() -> None:
     """Run it and print the table."""
     if sys.argv[1:2] == ["--follow"]:
-        asyncio.run(follow(sys.argv[2]))
+        with suppress(KeyboardInterrupt):
+            asyncio.run(follow(sys.argv[2]))
         return
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--model", type=Path, default=Path("models/hybrid"))
@@ -63,20 +65,18 @@ def main() -> None:
     ):
         os.sched_setaffinity(0, cores[1:] or cores)
         (server,) = psutil.Process(service.pid).children()
-        asyncio.run(load(given, samples, estimator, {OPCUA: (server, cores[1:]), SAME_CORE: (server, cores[:1])}))
+        asyncio.run(load(given, samples, estimator, server))
 
 
-Cores = dict[str, tuple[psutil.Process, list[int]]]
-"""Which process is put where before a disturbance."""
-
-
-async def load(given: argparse.Namespace, samples: np.ndarray, estimator: FrictionEstimator, placed: Cores) -> None:
+async def load(
+    given: argparse.Namespace, samples: np.ndarray, estimator: FrictionEstimator, server: psutil.Process
+) -> None:
     """Send and receive all the time, disturb in turns, print."""
     inputs, interval_s = tuple(estimator.inputs), 1e-3 * given.frame_ms
     rows = max(1, round(interval_s / 0.005))
     samples = samples[: len(samples) // rows * rows]
     stretches = [each for _ in range(given.rounds) for each in DISTURBANCES]
-    frames = int(len(stretches) * (given.seconds + 2 * SETTLE_S) / interval_s) + 500
+    frames = int(len(stretches) * (given.seconds + 3 * SETTLE_S) / interval_s) + 500
     newtons, _ = estimator.real_time().run(np.tile(samples, (-(-frames * rows // len(samples)), 1)))
     per_connection = given.sessions // given.connections
     sockets = [await connect(f"ws://127.0.0.1:{PORT}/stream", max_size=None) for _ in range(given.connections)]
@@ -91,9 +91,7 @@ async def load(given: argparse.Namespace, samples: np.ndarray, estimator: Fricti
     await asyncio.sleep(3.0)
     quantiles_ms: dict[str, list[float]] = {each: [] for each in DISTURBANCES}
     for stretch in stretches:
-        if stretch in placed:
-            process, cores = placed[stretch]
-            os.sched_setaffinity(process.pid, cores or os.sched_getaffinity(0))
+        place(server, beside_service=stretch == SAME_CORE)
         async with disturbed(stretch, inputs, samples):
             await asyncio.sleep(SETTLE_S)
             before = [len(each.latencies_s) for each in seen]
@@ -113,6 +111,19 @@ async def load(given: argparse.Namespace, samples: np.ndarray, estimator: Fricti
         print(f"  beside {name:42s} 99 % [ms] {shown}; median of the ratios {ratio:.2f}")
 
 
+def place(server: psutil.Process, *, beside_service: bool) -> None:
+    """Put the OPC UA server's process on the service's core, as it is, or on the senders', where it comes last."""
+    cores = psutil.Process(server.ppid()).cpu_affinity() if beside_service else list(os.sched_getaffinity(0))
+    for thread in server.threads():
+        os.sched_setaffinity(thread.id, cores)
+        os.sched_setscheduler(thread.id, os.SCHED_OTHER if beside_service else os.SCHED_IDLE, os.sched_param(0))
+
+
+def come_last() -> None:
+    """Run only when nobody else wants the core."""
+    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+
+
 @asynccontextmanager
 async def disturbed(how: str, inputs: tuple[str, ...], samples: np.ndarray) -> AsyncIterator[None]:
     """Disturb the service in a way while what stands within runs."""
@@ -124,11 +135,13 @@ async def disturbed(how: str, inputs: tuple[str, ...], samples: np.ndarray) -> A
             socket.transport.abort()
     elif how in {OPCUA, SAME_CORE}:
         follow = (sys.executable, __file__, "--follow", str(OPCUA_PORT))
-        follower = await asyncio.create_subprocess_exec(*follow, preexec_fn=lambda: os.nice(10))
-        await asyncio.sleep(SETTLE_S)
-        yield
-        follower.kill()
-        await follower.wait()
+        follower = await asyncio.create_subprocess_exec(*follow, preexec_fn=come_last)
+        try:
+            await asyncio.sleep(SETTLE_S)
+            yield
+        finally:
+            follower.send_signal(signal.SIGINT)  # killed, it would be served until its session times out
+            await follower.wait()
     else:
         yield
 

@@ -35,6 +35,8 @@ ENCRYPTED = [
 ]
 SILENT_S = 5.0
 """A session that gives nothing for so long keeps its last values, as uncertain ones."""
+GONE_S = 60.0
+"""A client that is gone without a word is served for so long, at its full cost; the library's own limit is 600 s."""
 LOOK_S = 0.5
 """How often the server looks for silent sessions and new tokens."""
 _NEWTON, _SECOND = ("NEW", "N", "newton"), ("SEC", "s", "second [unit of time]")
@@ -61,6 +63,7 @@ def main() -> None:
 async def _serve(address: str, settings: OpcUaServerSettings, tokens: TokenFile | None) -> None:
     server = Server(user_manager=None if tokens is None else _Users(tokens))
     await server.init()
+    server.iserver.max_session_timeout_ms = 1e3 * GONE_S
     await server.set_application_uri(APPLICATION)
     server.set_server_name("cylinder-friction live")
     server.set_endpoint(address)
