@@ -87,7 +87,8 @@ def test_a_cut_between_service_and_broker_needs_no_second_opening(
             rows: dict[int, bytes] = {}
             while len(rows) < 1000:
                 topic, payload = got.get(timeout=10.0)
-                for each in unpack(payload) if topic.endswith("/out") else ():
+                is_frames = topic.endswith("/out") and not payload.startswith(b"{")  # QoS 1 may bring `opened` twice
+                for each in unpack(payload) if is_frames else ():
                     if isinstance(each, EstimateBlock):
                         rows |= {each.index + row: newton.tobytes() for row, newton in enumerate(each.newtons)}
             return b"".join(rows[index] for index in range(1000))
