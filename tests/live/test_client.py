@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import time
 from contextlib import contextmanager, nullcontext
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -128,7 +130,7 @@ class Slow:
 def test_a_client_waits_while_acknowledgements_go_on_coming(monkeypatch: pytest.MonkeyPatch, last: int) -> None:
     clock = [0.0]
     monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(Slow(clock, last)))
-    monkeypatch.setattr(client_module.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
     with Client("tcp://127.0.0.1:5003", "press 7", 0.005) as client:
         client.send(np.zeros((100, 3)))
         if last == 100:
@@ -141,6 +143,36 @@ def test_a_client_waits_while_acknowledgements_go_on_coming(monkeypatch: pytest.
         "session 'press 7': 60 samples are not acknowledged, and no acknowledgement came for 30 s; /readyz of the "
         "service states whether it can keep what comes"
     )
+
+
+@pytest.fixture
+def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """How long a client pauses, each time; only that takes time."""
+    slept: list[float] = []
+    monkeypatch.setattr(time, "monotonic", lambda: sum(slept))
+    monkeypatch.setattr(time, "sleep", slept.append)
+    return slept
+
+
+def test_a_service_that_is_away_is_tried_often_at_first_and_then_each_second(
+    pauses: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: Any) -> None:
+        raise ConnectionRefusedError("refused")
+
+    monkeypatch.setattr(client_module, "connected", refused)
+    with pytest.raises(LiveClientError, match=r"^tcp://127.0.0.1:5003: not reached in 30 s \(refused\)$"):
+        Client("tcp://127.0.0.1:5003", "press", 0.005)
+    assert pauses[:10] == [0.05] * 10
+    assert pauses[-1] == 1.0
+
+
+def test_a_client_that_is_to_come_back_later_does(pauses: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    replies = [{"error": "too many", "retry_after_s": 2.0}, {"opened": {"handle": 1, "next_index": 7, "kept_index": 7}}]
+    wire: Any = SimpleNamespace(window=None, send=lambda _: None, recv=lambda _: json.dumps(replies.pop(0)))
+    monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(wire))
+    assert Client("tcp://127.0.0.1:5003", "press", 0.005).next_index == 7
+    assert pauses[0] == 2.0
 
 
 def test_an_address_of_no_known_kind_is_named() -> None:

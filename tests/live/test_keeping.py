@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import time
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -31,8 +33,8 @@ def test_a_service_that_is_late_keeps_more_sessions_at_a_time(
         raise KeyboardInterrupt  # after one round
 
     monkeypatch.setattr(keeping, "keep_some", keep_some)
-    monkeypatch.setattr(keeping.asyncio, "sleep", sleep)
-    monkeypatch.setattr(keeping.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(asyncio, "sleep", sleep)
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
     service: Any = SimpleNamespace(sessions={str(each): each for each in range(50)}, close_idle=close_idle)
     with pytest.raises(KeyboardInterrupt):
         keeping.keep_each_second(service, Peers()).send(None)
