@@ -26,8 +26,8 @@ class Client:
     """Samples of one session into the service, estimates out, in order and once each.
 
     After a break it connects again and sends what was not acknowledged; a sender that was started anew goes on at
-    ``next_index``. One client is for one thread, which alone does its work: one that is not called for two minutes
-    connects again at the next call.
+    ``next_index``. One client is for one thread. Over WebSocket one that is not called for two minutes is taken for
+    gone, and connects again at its next call.
 
     Args:
         url: Of the service: ``ws://127.0.0.1:5002/stream``, ``tcp://127.0.0.1:5003``, or
