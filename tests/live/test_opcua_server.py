@@ -368,6 +368,26 @@ def test_a_taken_port_is_an_error_of_the_start(engine: Engine, tmp_path: Path) -
             asyncio.run(start())
 
 
+def test_files_that_are_no_certificate_are_named(
+    engine: Engine, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    missing, junk = tmp_path / "missing.der", tmp_path / "junk.der"
+    junk.write_text("junk", "ascii")
+    service = LiveService(engine, Journal(tmp_path / "journal.db"))
+
+    async def start(certificate: Path) -> None:
+        settings = OpcUaServerSettings(port=free_port(), update_hz=10.0, certificate=certificate, private_key=junk)
+        link = OpcUaServerLink(settings)
+        async with link.running(service, Peers()):
+            while not link.counts["restarted"]:
+                await asyncio.sleep(0.02)
+
+    with pytest.raises(OSError, match=r"missing\.der"):
+        asyncio.run(start(missing))
+    asyncio.run(start(junk))
+    assert f"{junk} and {junk}: expected a certificate and its private key, as PEM or DER (" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("flags", "code"),
     [

@@ -71,8 +71,12 @@ async def _serve(address: str, settings: OpcUaServerSettings, tokens: TokenFile 
     if settings.certificate is None:
         server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
     else:
-        await server.load_certificate(settings.certificate)
-        await server.load_private_key(settings.private_key)
+        try:
+            await server.load_certificate(settings.certificate)
+            await server.load_private_key(settings.private_key)
+        except ValueError as error:
+            files = f"{settings.certificate} and {settings.private_key}"
+            raise ValueError(f"{files}: expected a certificate and its private key, as PEM or DER ({error})") from error
         server.set_security_policy(ENCRYPTED)
     server.set_identity_tokens([ua.AnonymousIdentityToken if tokens is None else ua.UserNameIdentityToken])
     space = await _Space.of(server, settings)
