@@ -95,7 +95,7 @@ def _serve(service: LiveService, params: LiveParams, speed: float, recordings: d
     app = create_app(service, params.folder, links, access, params.host, Events(params.log), stribeck)
     config = uvicorn.Config(
         app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
-        ws_per_message_deflate=False, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1,
+        ws_per_message_deflate=False, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1, loop="asyncio",
         ssl_certfile=access.tls_certificate, ssl_keyfile=access.tls_key,
     )  # fmt: skip
     server = LiveServer(config, app.state.drain)
