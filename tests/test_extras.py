@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -126,6 +127,14 @@ def test_every_library_is_brought_by_the_extra_that_is_named() -> None:
         by_others = {"omegaconf": "hydra-core", "dvc_data": "dvc", "dvc_objects": "dvc"}
         for extra in named:
             assert (brought[library] | {by_others.get(library)}) & brings[extra], (library, extra)
+
+
+@pytest.mark.parametrize("extra", ["pipeline", "train", "serve", "live"])
+def test_the_readmes_commands_find_what_they_need_after_make_install(extra: str) -> None:
+    extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    wanted = {re.split(r"[><=\[]", line)[0] for line in extras[extra]} - {"cylinder-friction"}
+    lock = (PROJECT / "requirements.lock").read_text(encoding="utf-8")
+    assert wanted - {line.split("==")[0].replace("_", "-") for line in lock.splitlines()} == set()
 
 
 def test_an_extra_that_does_not_bring_the_library_is_not_named() -> None:

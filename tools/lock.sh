@@ -7,7 +7,7 @@ trap 'rm -rf "$folder"' EXIT
 "${PYTHON:-python3}" -m venv "$folder"
 "$folder/bin/pip" install --quiet --upgrade pip
 freeze() { "$folder/bin/pip" freeze --exclude cylinder-friction | sed -E 's/^(torch==[0-9.]+).*/\1/'; }
-"$folder/bin/pip" install --quiet '.[pipeline]'
+"$folder/bin/pip" install --quiet '.[pipeline,live]'
 { echo "# Every version of the run-time environment; made by tools/lock.sh."; freeze; } > requirements.lock
 "$folder/bin/pip" install --quiet '.[dev]'
 { echo "# What development adds to requirements.lock; made by tools/lock.sh."
