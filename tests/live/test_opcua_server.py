@@ -311,15 +311,25 @@ def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine:
         usage = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
         await setup_self_signed_certificate(files["key.pem"], files["certificate.der"], APPLICATION, "x", usage, {})
 
-    async def enter(user: str | None, password: str, encrypted: bool = True) -> int:
+    async def comes(user: str | None, password: str, encrypted: bool = True) -> Client:
         client = Client(link.address)
         if encrypted:
             await client.set_security(SecurityPolicyBasic256Sha256, files["certificate.der"], files["key.pem"])
         if user is not None:
             client.set_user(user)
             client.set_password(password)
-        async with client:
+        return client
+
+    async def enter(user: str | None, password: str, encrypted: bool = True) -> int:
+        async with await comes(user, password, encrypted) as client:
             return await client.get_namespace_index(NAMESPACE)
+
+    async def is_gone(client: Client) -> bool:
+        try:
+            await client.get_namespace_index(NAMESPACE)
+        except (ua.UaError, ConnectionError):
+            return True
+        return False
 
     async def run() -> None:
         await made()
@@ -329,8 +339,13 @@ def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine:
             for wrong in (("anybody", "another"), (None, ""), ("anybody", "a token", False)):
                 with pytest.raises((ua.UaError, ConnectionError)):
                     await enter(*wrong)
+            inside = await comes("anybody", "a token")
+            await inside.connect()
             (tmp_path / "tokens").write_text(f"{sha256(b'a new token').hexdigest()} read\n", "ascii")
             await until(lambda: enter("anybody", "a new token"))
+            assert await is_gone(inside)
+            with suppress(ua.UaError, ConnectionError):
+                await inside.disconnect()
             with pytest.raises((ua.UaError, ConnectionError)):
                 await enter("anybody", "a token")
 

@@ -61,7 +61,8 @@ def main() -> None:
 
 
 async def _serve(address: str, settings: OpcUaServerSettings, tokens: TokenFile | None) -> None:
-    server = Server(user_manager=None if tokens is None else _Users(tokens))
+    users = None if tokens is None else _Users(tokens)
+    server = Server(user_manager=users)
     await server.init()
     server.iserver.max_session_timeout_ms = 1e3 * GONE_S
     await server.set_application_uri(APPLICATION)
@@ -81,19 +82,24 @@ async def _serve(address: str, settings: OpcUaServerSettings, tokens: TokenFile 
     server.set_identity_tokens([ua.AnonymousIdentityToken if tokens is None else ua.UserNameIdentityToken])
     space = await _Space.of(server, settings)
     async with server, asyncio.TaskGroup() as jobs:
-        jobs.create_task(_look(space, tokens))
+        jobs.create_task(_look(space, users))
         while line := await asyncio.to_thread(sys.stdin.buffer.readline):
             what, content = json.loads(line)
             await {"show": space.show, "close": space.close, "remove": space.remove}[what](content)
         os._exit(0)  # closing by the library takes a second, and nothing would be lost
 
 
-async def _look(space: "_Space", tokens: TokenFile | None) -> None:
+async def _look(space: "_Space", users: "_Users | None") -> None:
     while True:
         await asyncio.sleep(LOOK_S)
-        if tokens is not None:
-            tokens.refresh()
+        if users is not None:
+            await users.refresh(space.server)
         await space.mark_silent()
+
+
+@dataclass
+class _User(User):  # type: ignore[misc]  # the library states no types
+    token: bytes = b""
 
 
 class _Users:
@@ -107,8 +113,19 @@ class _Users:
     ) -> User | None:
         """Return a user, None for one that is refused."""
         del iserver, certificate
-        known = password is not None and self._tokens.role_of(password.encode()) is not None
-        return User(role=UserRole.User, name=username) if known else None
+        token = (password or "").encode()
+        return _User(UserRole.User, username, token) if self._tokens.role_of(token) is not None else None
+
+    async def refresh(self, server: Server) -> None:
+        """Read the tokens again if they have changed, and close the connections of those that are gone."""
+        if not self._tokens.refresh():
+            return
+        for client in list(server.bserver.clients):
+            session = client.processor.session
+            if session is not None and isinstance(session.user, _User) and not self._tokens.role_of(session.user.token):
+                _log.warning("%s: its token is no longer in the file; the connection is closed", client.peer_name)
+                await session.close_session()
+                client.transport.close()
 
 
 @dataclass
