@@ -19,12 +19,13 @@ import sys
 import tempfile
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import numpy as np
 import psutil
 from asyncua import Client
+from asyncua.common.subscription import Subscription
 from live_load import PORT, Seen, opened, read, write
 from live_service import running
 from websockets.asyncio.client import ClientConnection, connect
@@ -35,7 +36,7 @@ from cylinder_friction.live.frames import SampleBlock, pack_samples
 from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
 
-OPCUA_PORT, SETTLE_S = free_port(), 2.0
+OPCUA_PORT, SETTLE_S, PATIENCE_S = free_port(), 2.0, 3.0
 OPCUA, SAME_CORE = "an OPC UA client", "the same, its server on the service's core"
 DISTURBANCES = ("nothing", "a stalled reader", OPCUA, SAME_CORE)
 
@@ -43,8 +44,7 @@ DISTURBANCES = ("nothing", "a stalled reader", OPCUA, SAME_CORE)
 def main() -> None:
     """Run it and print the table."""
     if sys.argv[1:2] == ["--follow"]:
-        with suppress(KeyboardInterrupt):
-            asyncio.run(follow(sys.argv[2]))
+        asyncio.run(follow(sys.argv[2]))
         return
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--model", type=Path, default=Path("models/hybrid"))
@@ -140,8 +140,12 @@ async def disturbed(how: str, inputs: tuple[str, ...], samples: np.ndarray) -> A
             await asyncio.sleep(SETTLE_S)
             yield
         finally:
-            follower.send_signal(signal.SIGINT)  # killed, it would be served until its session times out
-            await follower.wait()
+            follower.terminate()  # it takes its leave: killed, it would be served until its session times out
+            try:
+                await asyncio.wait_for(follower.wait(), PATIENCE_S)
+            except TimeoutError:
+                follower.kill()
+                await follower.wait()
     else:
         yield
 
@@ -155,14 +159,23 @@ async def send_only(socket: ClientConnection, handles: list[int], samples: np.nd
 
 
 async def follow(port: str) -> None:
-    """Subscribe to everything that the service shows, and read it."""
+    """Subscribe to everything that the service shows, and read it until SIGTERM."""
+    stop = asyncio.Event()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
     async with Client(f"opc.tcp://127.0.0.1:{port}/") as client:
         folder = await client.nodes.objects.get_child("2:CylinderFriction")
         nodes = [node for session in await folder.get_children() for node in await session.get_children()]
         subscription = await client.create_subscription(500.0)
         await subscription.subscribe_data_change(nodes)
-        async for _ in subscription:
-            pass
+        reading = asyncio.create_task(read_all(subscription))
+        await stop.wait()
+        reading.cancel()
+
+
+async def read_all(subscription: Subscription) -> None:
+    """Read what comes."""
+    async for _ in subscription:
+        pass
 
 
 if __name__ == "__main__":
