@@ -14,7 +14,7 @@ import pytest
 from cylinder_friction.live import client as client_module
 from cylinder_friction.live.client import Client
 from cylinder_friction.live.client_sockets import LiveClientError, connected
-from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, pack_acknowledgement, unpack
+from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, pack_acknowledgement, pack_estimates, unpack
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import TcpSettings
@@ -173,6 +173,28 @@ def test_a_client_that_is_to_come_back_later_does(pauses: list[float], monkeypat
     monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(wire))
     assert Client("tcp://127.0.0.1:5003", "press", 0.005).next_index == 7
     assert pauses[0] == 2.0
+
+
+def test_estimates_that_have_come_are_returned_at_once_also_behind_other_messages(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    estimates = pack_estimates(EstimateBlock(1, 0, 0.0, np.ones((20, 3)), np.zeros(20, np.uint32)))
+    came: list[Any] = [
+        json.dumps({"opened": {"handle": 1, "next_index": 0, "kept_index": 0}}),
+        *[pack_acknowledgement(Acknowledgement(1, 0))] * 3,
+        estimates,
+    ]
+
+    def recv(_: float) -> Any:
+        if not came:
+            raise TimeoutError
+        return came.pop(0)
+
+    wire: Any = SimpleNamespace(window=None, send=lambda _: None, recv=recv)
+    monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(wire))
+    client = Client("tcp://127.0.0.1:5003", "press", 0.005)
+    assert len(client.estimates(timeout_s=0.0)[1]) == 20
+    assert len(client.estimates(timeout_s=0.0)[1]) == 0
 
 
 def test_an_address_of_no_known_kind_is_named() -> None:

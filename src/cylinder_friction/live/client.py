@@ -90,8 +90,8 @@ class Client:
         """Return the next estimates: index of the first, newtons ``(rows, 3)``, flags; after ``timeout_s`` no rows."""
         deadline = time.monotonic() + timeout_s
         left_s = timeout_s
-        while not self._estimates and left_s >= 0.0 and self._receive(left_s):
-            left_s = deadline - time.monotonic()
+        while not self._estimates and self._receive(left_s):  # what has come is read, however late it is
+            left_s = max(0.0, deadline - time.monotonic())
         if not self._estimates:
             return self.estimated_index, np.zeros((0, 3)), np.zeros(0, np.uint32)
         block = self._estimates.popleft()
