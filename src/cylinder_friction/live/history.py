@@ -26,11 +26,10 @@ LATE_FOLDER = "late"
 _NEWTONS = ("friction_n", "lower_n", "upper_n")
 
 
-def move_into_history(journal: Journal, folder: Path, left: int = 0, within_s: float = math.inf) -> list[Path]:
+def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf) -> list[Path]:
     """Write the chunks of the journal into Parquet and drop them there; return the files.
 
-    The newest ``left`` chunks of all stay, for clients that come back and have not read their estimates; so does what
-    is not begun ``within_s``.
+    What is not begun ``within_s`` stays in the journal.
 
     A kill in between loses nothing and doubles nothing: a file is named by session, day and first index, and what was
     not dropped yet is written again as the same file.
@@ -40,7 +39,7 @@ def move_into_history(journal: Journal, folder: Path, left: int = 0, within_s: f
     SHA-256 are in the file's metadata. Samples that came too late to be stepped lie, without estimates, in a folder
     ``late`` beside the session's days.
     """
-    last, deadline_s = journal.last_chunk() - left, time.monotonic() + within_s
+    last, deadline_s = journal.last_chunk(), time.monotonic() + within_s
     waiting, paths = journal.with_chunks(last), list[Path]()
     while waiting and time.monotonic() < deadline_s:
         paths += write_session(journal, waiting.pop(0), last, folder)
