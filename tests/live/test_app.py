@@ -181,6 +181,7 @@ def test_the_page_shows_a_session(samples: Array, model: Path, tmp_path: Path, p
             page.wait_for_function("data.index.length >= 300")
             shown = page.evaluate("[data.index.at(-1), data.newtons[0].at(-1)]")
             overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+            by_model = page.locator("#model").inner_text()
             series = page.evaluate("plots.velocity.series.map(each => each.label)")
             page.keyboard.press("Escape")
             assert page.locator("#detail").is_hidden()
@@ -188,6 +189,7 @@ def test_the_page_shows_a_session(samples: Array, model: Path, tmp_path: Path, p
         newtons = np.concatenate([client.estimates(1.0)[1] for _ in range(7)])
     assert problems == []
     assert series[-1] == "identified, new [N]"
+    assert by_model == f"by {model}"
     assert overflow <= 0
     assert shown == [999, newtons[999, 0]]
 

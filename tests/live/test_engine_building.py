@@ -43,9 +43,12 @@ def test_a_start_needs_neither_the_estimator_nor_a_compiler_until_either_changes
     model, engines = tmp_path / "model", tmp_path / "engines"
     small_hybrid.save(model)
     folder = engine_of(model, engines)
+    assert Engine(folder).called == ""
     monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
     monkeypatch.setattr(loading, "load_estimator", None)
-    assert engine_of(model, engines) == folder
+    for called in ("models:/friction/2", "models:/friction/3"):
+        assert engine_of(model, engines, called) == folder
+        assert Engine(folder).called == called
     (model / "note.txt").write_text("changed", encoding="utf-8")
     with pytest.raises(TypeError):
         engine_of(model, engines)

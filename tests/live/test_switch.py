@@ -66,7 +66,8 @@ def test_a_model_takes_over_at_its_sample_and_goes_back(
         second = read(client, 800)
         assert main(["switch", "--status", *address]) == 0
         runs = json.loads(capsys.readouterr().out)["models"].values()
-        assert sorted((each["gives_newtons"], each["runs_beside"]) for each in runs) == [(0, 1), (1, 0)]
+        found = sorted((each["gives_newtons"], each["runs_beside"], each["called"]) for each in runs)
+        assert found == [(0, 1, str(model)), (1, 0, str(other_model))]
         assert main(["switch", "--back", "--at-index", "1200", *address]) == 0
         client.send(samples[900:1400])
         third = read(client, 500)
@@ -101,13 +102,19 @@ def test_a_model_that_is_not_what_was_registered_is_not_brought_in(
         assert main(["switch", str(other_model), *address]) == 1
         assert "on its golden trajectory it is 1 N from what was recorded with it" in capsys.readouterr().err
         assert list(ready().values()) == [
-            {"sessions": 1, "golden_trajectory": "none is in the model's folder", "golden_difference_n": None}
+            {
+                "called": str(model),
+                "sessions": 1,
+                "golden_trajectory": "none is in the model's folder",
+                "golden_difference_n": None,
+            }
         ]
         write_json(other_model.with_name(GOLDEN_FILE), golden)
         assert main(["switch", str(other_model), "--after-s", "0", *address]) == 0
         client.send(samples[100:700])
         read(client, 700)
-        assert list(ready().values()) == [{"sessions": 1, "golden_trajectory": "met", "golden_difference_n": 0.0}]
+        now = {"called": str(other_model), "sessions": 1, "golden_trajectory": "met", "golden_difference_n": 0.0}
+        assert list(ready().values()) == [now]
         (stored,) = (folder / "engines").glob(f"*/{GOLDEN_FILE}")
         write_json(stored, golden | {"flags": (flags ^ 1).tolist()})
         body = json.dumps({"do": "beside", "engine": stored.parent.name}).encode()

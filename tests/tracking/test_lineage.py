@@ -14,8 +14,10 @@ import yaml
 from mlflow import MlflowClient
 
 from candidates import registered_in
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.lineage import Lineage, lineage
+from cylinder_friction.tracking.model_folder import estimator_folder
 from cylinder_friction.tracking.repository import LineageError, git
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.versions import dvc_hash, locked_hashes, origin_of
@@ -65,6 +67,12 @@ def test_a_model_that_was_served_is_unchanged(registered: Path, monkeypatch: pyt
     mlflow.pyfunc.load_model(URI)
     assert logged(registered, "registered_model_meta").is_file()
     assert lineage(URI, registered).holds
+
+
+def test_an_alias_leads_to_a_version_and_its_estimator(registered: Path, tmp_path: Path) -> None:
+    folder, uri = estimator_folder(URI, registered, tmp_path)
+    assert uri == "models:/friction-estimator/1"
+    assert load_estimator(folder).inputs
 
 
 def test_a_version_is_found_by_its_number_too(registered: Path) -> None:

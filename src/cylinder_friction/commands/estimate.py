@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar, get_args
 
 import yaml
 
+from cylinder_friction.commands._model import model_folder
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, FrictionOfLogs, estimate_logs, remarks
 from cylinder_friction.execution.selection import workers_from_environment
@@ -48,7 +49,8 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 
 def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
-        model = options.model and model_folder(options.model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        model = options.model and model_folder(options.model, scratch)[0]
         workers = stack.enter_context(workers_from_environment())
         function = partial(estimate_logs, model=model, file_format=options.format, workers=workers)
         result, notes = run_on_logs(function, options)
@@ -111,15 +113,6 @@ def cylinder_of(given: str | None) -> Cylinder:
             f"{', '.join(known[1:])}, and if you like {known[0]}"
         )
     return Cylinder(**content)
-
-
-def model_folder(given: str, scratch: Path) -> Path:
-    """Return the folder of a saved estimator: the one given, or a registered one's, copied below ``scratch``."""
-    if not given.startswith("models:/"):
-        return Path(given)
-    from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
-
-    return estimator_folder(given, Path(), scratch)
 
 
 def _lines(result: FrictionOfLogs) -> list[str]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import uvicorn
 
+from cylinder_friction.commands._model import model_folder
 from cylinder_friction.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
 from cylinder_friction.live.engine_building import engine_of, other_engines
 from cylinder_friction.live.events import Events
@@ -63,29 +64,29 @@ def run(options: argparse.Namespace) -> int:
     params = configured.model_copy(update={name: value for name, value in given.items() if value is not None})
     if options.replay and (params.access.tokens or params.access.tls_key):
         raise LiveError("--replay is to try the service without a machine; it needs one without tokens and TLS")
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = _model_folder(params.model, Path(scratch) / "model")
-        engines = params.folder / ENGINES_FOLDER
-        engine = checked_engine(engine_of(folder, engines))
-        recordings = _replayed(options, engine) if options.replay else {}
-        service = LiveService(
-            engine,
-            Journal(params.folder / JOURNAL_FILE),
-            rules=params.rules,
-            limits=params.limits,
-            others=other_engines(engines, engine),
-        )
-        _serve(service, params, options.speed, recordings)
+    engines = params.folder / ENGINES_FOLDER
+    engine = checked_engine(engine_folder(params.model, engines))
+    recordings = _replayed(options, engine) if options.replay else {}
+    service = LiveService(
+        engine,
+        Journal(params.folder / JOURNAL_FILE),
+        rules=params.rules,
+        limits=params.limits,
+        others=other_engines(engines, engine),
+    )
+    _serve(service, params, options.speed, recordings)
     return 0
 
 
-def _model_folder(model: str | None, scratch: Path) -> Path:
-    if model is not None and not model.startswith("models:/"):
-        return Path(model)
-    from cylinder_friction.commands.estimate import model_folder
-    from cylinder_friction.params.checking import load_params
+def engine_folder(model: str | None, engines: Path) -> Path:
+    """Return the folder of a model's engine, made where it is not there; None: of the champion."""
+    if model is None:
+        from cylinder_friction.params.checking import load_params
 
-    return model_folder(model or f"models:/{load_params().registered_name}@champion", scratch)
+        model = f"models:/{load_params().registered_name}@champion"
+    with tempfile.TemporaryDirectory() as scratch:
+        folder, called = model_folder(model, Path(scratch) / "model")
+        return engine_of(folder, engines, called)
 
 
 def _serve(service: LiveService, params: LiveParams, speed: float, recordings: dict[str, list[Recording]]) -> None:

@@ -3,15 +3,13 @@
 import argparse
 import json
 import ssl
-import tempfile
 import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.commands.estimate import model_folder
+from cylinder_friction.commands.live import engine_folder
 from cylinder_friction.live.app import ENGINES_FOLDER
-from cylinder_friction.live.engine_building import engine_of
 from cylinder_friction.live.service import LiveError
 from cylinder_friction.params.live import load_live_params
 
@@ -52,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     if options.model is None:
         command |= {"do": "end" if options.end else "take-over", "at_index": options.at_index}
     else:
-        engine = _built(options.model, (options.folder or params.folder) / ENGINES_FOLDER)
+        engine = engine_folder(options.model, (options.folder or params.folder) / ENGINES_FOLDER).name
         command |= {"do": "beside", "engine": engine, "recorded": options.record, "at_index": options.at_index}
         if not options.beside and options.at_index is None:
             command["after_s"] = params.rules.warm_s if options.after_s is None else options.after_s
@@ -80,12 +78,6 @@ def _meaning(command: dict[str, Any]) -> str:
     if command.get("after_s") is not None:
         at = f" after {command['after_s']:g} s"
     return f"the model begins beside in about a second{at and ', and takes over'}{at}"
-
-
-def _built(model: str, engines: Path) -> str:
-    """Return the name of a model's engine, made for the service on this machine."""
-    with tempfile.TemporaryDirectory() as scratch:
-        return engine_of(model_folder(model, Path(scratch) / "model"), engines).name
 
 
 def _asked(url: str, command: dict[str, Any] | None, options: argparse.Namespace) -> Any:

@@ -58,7 +58,12 @@ def giving_newtons(service: LiveService) -> dict[str, dict[str, Any]]:
     for model, count in sessions.items():
         golden_n = service.engines[model].golden_difference_n
         golden = "none is in the model's folder" if golden_n is None else "met"
-        found[model] = {"sessions": count, "golden_trajectory": golden, "golden_difference_n": golden_n}
+        found[model] = {
+            "called": service.engines[model].called,
+            "sessions": count,
+            "golden_trajectory": golden,
+            "golden_difference_n": golden_n,
+        }
     return found
 
 
@@ -82,7 +87,8 @@ class Changing:
             if session.models.shadow is not None:
                 beside[session.models.shadow.engine.model] += 1
         models = {
-            model: {"gives_newtons": runs[model], "runs_beside": beside[model]} for model in self._service.engines
+            model: {"called": engine.called, "gives_newtons": runs[model], "runs_beside": beside[model]}
+            for model, engine in self._service.engines.items()
         }
         return JSONResponse({"model_of_new_sessions": self._service.engine.model, "models": models})
 
@@ -96,9 +102,9 @@ class Changing:
             sessions = self._do(command, engine)
         except (ValidationError, LiveError) as error:
             return JSONResponse({"error": _explained(error) if isinstance(error, ValidationError) else str(error)}, 422)
-        model = None if engine is None else engine.model
+        named = {} if engine is None else {"model": engine.model, "called": engine.called}
         client, count = client_of(request), len(sessions)
-        self._peers.events.note("models changed", do=command.do, model=model, sessions=count, client=client)
+        self._peers.events.note("models changed", do=command.do, sessions=count, client=client, **named)
         waits_s = 0.0
         while not all(each.models.switch_kept for each in sessions):
             await asyncio.sleep(0.05)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.files import read_json
 
-NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
+NAME, LIBRARY, DESCRIPTION, CALLED = "friction", "engine.so", "engine.json", "called.txt"
 _OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
 
 
@@ -44,6 +44,7 @@ class Engine:
 
     Attributes:
         model: SHA-256 of every number that a step uses.
+        called: The folder or registered version that it was last brought in as; empty where nobody stated it.
         inputs: Columns of a sample.
         sample_time_s: The one time between two samples [s].
         golden_difference_n: How far it was from its golden trajectory, as ``checked_engine`` found [N]; None: has none.
@@ -66,6 +67,8 @@ class Engine:
         self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
         self._free: list[int] = []
         self.golden_difference_n: float | None = None
+        called = folder / CALLED
+        self.called = called.read_text(encoding="utf-8") if called.is_file() else ""
 
     def add(self) -> int:
         """Return the slot of a fresh session."""

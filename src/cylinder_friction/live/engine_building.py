@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cylinder_friction.deployment.golden_trajectory import GoldenError
-from cylinder_friction.live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
+from cylinder_friction.live.engine import CALLED, DESCRIPTION, LIBRARY, NAME, Engine, processor
 from cylinder_friction.live.golden import checked_engine, take_golden
 from cylinder_friction.recordings.files import write_json, write_text
 
@@ -84,11 +84,12 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
     return folder
 
 
-def engine_of(estimator: Path, engines: Path) -> Path:
+def engine_of(estimator: Path, engines: Path, called: str = "") -> Path:
     """Return the folder of a saved estimator's engine.
 
     Where the same files had theirs built by the same program, neither are they read nor is a compiler looked for: that
-    is most of what a start takes. The golden trajectory of a registered model is copied into the engine's folder.
+    is most of what a start takes. The golden trajectory of a registered model is copied into the engine's folder, and
+    what the model is called lies there too.
 
     Raises:
         GoldenError: The engine does not meet it.
@@ -101,6 +102,8 @@ def engine_of(estimator: Path, engines: Path) -> Path:
         folder = built_engine(load_estimator(estimator), engines)
         write_text(known, folder.name)
     take_golden(folder, estimator)
+    if called and Engine(folder).called != called:
+        write_text(folder / CALLED, called)
     return folder
 
 

@@ -148,6 +148,7 @@ class LiveService:
             LiveError: It takes other samples.
         """
         known = self.engines.setdefault(engine.model, engine)
+        known.called = engine.called
         if (known.inputs, known.sample_time_s) != (self.engine.inputs, self.engine.sample_time_s):
             del self.engines[engine.model]
             raise LiveError(

@@ -3,10 +3,12 @@
 import asyncio
 import json
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from cylinder_friction.live.engine import Engine
 from cylinder_friction.live.frames import EstimateBlock
 from cylinder_friction.live.service import LiveService, LiveSession
 from cylinder_friction.live.stribeck import Lines
@@ -64,7 +66,7 @@ class Watchers:
             table = json.dumps({"sessions": rows, "sample_time_s": engine.sample_time_s, "inputs": engine.inputs})
             for page in self._pages:
                 if page.sending is None or page.sending.done():
-                    page.sending = asyncio.create_task(page.send(table))
+                    page.sending = asyncio.create_task(page.send(table, self._service.engines))
 
     def _look_at(self, page: "_Page", name: str) -> None:
         for looking in self._by_session.values():
@@ -95,21 +97,22 @@ class _Page:
         self.blocks: list[tuple[EstimateBlock, Any]] = []
         self.sending: asyncio.Task[None] | None = None
 
-    async def send(self, table: str) -> None:
+    async def send(self, table: str, engines: Mapping[str, Engine]) -> None:
         blocks, self.blocks = self.blocks, []
         try:
             await self._socket.send_text(table)
             if blocks:
-                await self._socket.send_text(_detail(blocks))
+                await self._socket.send_text(_detail(blocks, engines))
         except (RuntimeError, WebSocketDisconnect):
             pass  # it has left
 
 
-def _detail(blocks: list[tuple[EstimateBlock, Any]]) -> str:
+def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engine]) -> str:
     columns: dict[str, list[Any]] = {"index": [], "samples": [], "newtons": [], "flags": []}
     for block, samples in blocks:
         columns["index"] += range(block.index, block.index + len(block.flags))
         columns["samples"] += [[None if value != value else value for value in row] for row in samples.tolist()]
         columns["newtons"] += block.newtons.tolist()
         columns["flags"] += block.flags.tolist()
-    return json.dumps({"rows": columns})
+    model = blocks[-1][0].model
+    return json.dumps({"rows": columns, "model": engines[model].called or model[:12]})

@@ -137,14 +137,16 @@ def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
         ) from error
 
 
-def estimator_folder(uri: str, root: Path, scratch: Path) -> Path:
-    """Return the folder of the estimator inside a registered model, copied below ``scratch``.
+def estimator_folder(uri: str, root: Path, scratch: Path) -> tuple[Path, str]:
+    """Return the folder of the estimator inside a registered model, copied below ``scratch``, and its version's URI.
 
     Raises:
         TrackingError: The registry cannot be reached or has no such model.
     """
     with open_store(root, create=False) as store:
-        return artifact_path(download_model(store, version_of(store, uri), scratch), ESTIMATOR_ARTIFACT)
+        version = version_of(store, uri)
+        folder = artifact_path(download_model(store, version, scratch), ESTIMATOR_ARTIFACT)
+    return folder, f"models:/{version.name}/{version.version}"
 
 
 def artifact_path(model_folder: Path, artifact: str) -> Path:

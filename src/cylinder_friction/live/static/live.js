@@ -28,7 +28,7 @@ function connect() {
       sampleTimeS = content.sample_time_s;
       columns = ["pressure_1_pa", "pressure_2_pa", "position_m"].map((name) => content.inputs.indexOf(name));
       table(content.sessions);
-    } else if (content.rows) take(content.rows);
+    } else if (content.rows) { take(content.rows); text(by("model"), `by ${content.model}`); }
     else if (content.stribeck) stribeck = content.stribeck;
   };
 }

@@ -1,0 +1,15 @@
+"""Models as commands name them: a folder, or what is registered."""
+
+from pathlib import Path
+
+
+def model_folder(given: str, scratch: Path) -> tuple[Path, str]:
+    """Return the folder of a saved estimator, and what it is called: its path, or the version that an alias names.
+
+    A registered one's is copied below ``scratch``.
+    """
+    if not given.startswith("models:/"):
+        return Path(given), str(Path(given).resolve())
+    from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
+
+    return estimator_folder(given, Path(), scratch)
