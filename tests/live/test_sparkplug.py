@@ -127,17 +127,22 @@ def test_death_has_the_number_of_its_birth_over_a_broker_that_goes_away(
     def numbers(payload: Any) -> tuple[int, bool]:
         return payload.metrics[0].long_value, payload.HasField("seq")
 
+    def connects(times: int) -> None:
+        deadline = time.monotonic() + 20.0
+        while link.counts["connected"] < times and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert link.counts["connected"] == times
+
     def use() -> None:
+        connects(1)
         broker.kill()
         broker.start()
-        deadline = time.monotonic() + 20.0
-        while link.counts["connected"] < 2 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        connects(2)
 
     served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use)
     connected = link._connects
     with by_hand(broker, "spBv1.0/plant/#") as (_, got):
-        served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, lambda: time.sleep(0.5))
+        served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, lambda: connects(3))
         birth, death = (Payload.FromString(got.get(timeout=10.0)[1]) for _ in range(2))
     assert numbers(birth) == (connected + 1, True)
     assert numbers(death) == (connected + 1, False)
