@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from cylinder_friction.commands.cli import INTERRUPTED, refusals
+from cylinder_friction.commands.cli import INTERRUPTED, refusals, until_unread
 from cylinder_friction.extras import explained
 from friction_benchmark.servo_rig import command as servo_rig
 
@@ -24,6 +24,10 @@ COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command in ``benchmark/``; returns 0, or 1 with a message where the user can do something about it."""
+    return until_unread(lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     options = _parser().parse_args(arguments)
     name = f"friction-benchmark {options.command}"
     try:
@@ -33,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"\n{name}: interrupted; {_kept(options.command)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        if not isinstance(error, refusals()):
+        if isinstance(error, BrokenPipeError) or not isinstance(error, refusals()):
             raise
         print(f"{name}: {error}", file=sys.stderr)
         return 1

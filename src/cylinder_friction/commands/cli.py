@@ -4,7 +4,7 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -49,8 +49,13 @@ UNREAD = 141  # That of what writes to a program that has ended, such as head
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns 0, or 1 with a message where the user can do something about it."""
+    return until_unread(lambda: _run(list(sys.argv[1:] if arguments is None else arguments)))
+
+
+def until_unread(run: Callable[[], int]) -> int:
+    """Return the status of what runs, or ``UNREAD`` where the program that reads its output has ended."""
     try:
-        status = _run(list(sys.argv[1:] if arguments is None else arguments))
+        status = run()
     except (BrokenPipeError, SystemExit) as ended:  # of --help, too
         if not _is_unread("\n" if isinstance(ended, BrokenPipeError) else ""):
             raise
