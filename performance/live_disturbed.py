@@ -142,7 +142,8 @@ async def disturbed(how: str, inputs: tuple[str, ...], samples: np.ndarray) -> A
         finally:
             follower.terminate()  # it takes its leave: killed, it would be served until its session times out
             try:
-                await asyncio.wait_for(follower.wait(), PATIENCE_S)
+                async with asyncio.timeout(PATIENCE_S):
+                    await follower.wait()
             except TimeoutError:
                 follower.kill()
                 await follower.wait()

@@ -96,7 +96,8 @@ class Broker:
                     self.publish(goodbye())
                     self._client.disconnect()
                     with suppress(TimeoutError):
-                        await asyncio.wait_for(self._lost.wait(), 1.0)
+                        async with asyncio.timeout(1.0):
+                            await self._lost.wait()
 
     def publish(self, message: Message) -> None:
         """Publish without waiting: QoS 0 is lost while there is no connection."""
@@ -124,7 +125,8 @@ class Broker:
                     await self._connect()
                     while not self._lost.is_set():
                         with suppress(TimeoutError):
-                            await asyncio.wait_for(self._lost.wait(), _MISC_S)
+                            async with asyncio.timeout(_MISC_S):
+                                await self._lost.wait()
                         self._client.loop_misc()
                         retry_s = RETRY_S if self.connected else retry_s
                 except OSError as error:

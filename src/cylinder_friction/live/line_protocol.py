@@ -95,14 +95,16 @@ class LineProtocolLink(Link):
         finally:
             self._stop.set()
             with suppress(TimeoutError):
-                await asyncio.wait_for(sending, LAST_S)
+                async with asyncio.timeout(LAST_S):
+                    await sending
             self.counts["dropped"] += self._waiting_rows
 
     async def _send_all(self) -> None:
         pause_s = self._settings.flush_s
         while not self._stop.is_set():
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._stop.wait(), pause_s)
+                async with asyncio.timeout(pause_s):
+                    await self._stop.wait()
             sent = await self._send_waiting()
             pause_s = self._settings.flush_s if sent else min(2.0 * pause_s, LONGEST_RETRY_S)
 
