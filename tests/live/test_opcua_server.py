@@ -62,7 +62,7 @@ async def shown(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[
 @asynccontextmanager
 async def connected(address: str) -> AsyncIterator[Client]:
     """A client of a server that may not be there yet."""
-    client = Client(address)
+    client = Client(address, timeout=PATIENCE_S)
 
     async def is_there() -> bool:
         await client.connect()
@@ -311,7 +311,7 @@ def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine:
         await setup_self_signed_certificate(files["key.pem"], files["certificate.der"], APPLICATION, "x", usage, {})
 
     async def comes(user: str | None, password: str, encrypted: bool = True) -> Client:
-        client = Client(link.address)
+        client = Client(link.address, timeout=PATIENCE_S)
         if encrypted:
             await client.set_security(SecurityPolicyBasic256Sha256, files["certificate.der"], files["key.pem"])
         if user is not None:
