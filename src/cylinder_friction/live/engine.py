@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -106,11 +107,11 @@ class Engine:
         samples = np.concatenate([job.samples for job in jobs]) if len(jobs) > 1 else jobs[0].samples
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         described = np.array([[job.slot for job in jobs], [job.reset for job in jobs], rows], dtype=np.uint32)
-        outputs = np.empty(sum(rows), dtype=_OUTPUT)
-        self._batch(
-            self._states.ctypes.data, len(jobs), *(each.ctypes.data for each in described), samples.ctypes.data,
-            outputs.ctypes.data,
-        )  # fmt: skip
+        ends = list(accumulate(rows))
+        outputs = np.empty(ends[-1], dtype=_OUTPUT)
+        slots = described.ctypes.data
+        resets, counts = slots + described.strides[0], slots + 2 * described.strides[0]
+        states, inputs = self._states.ctypes.data, samples.ctypes.data
+        self._batch(states, len(jobs), slots, resets, counts, inputs, outputs.ctypes.data)
         newtons, flags = np.ascontiguousarray(outputs["newtons"]), np.ascontiguousarray(outputs["flags"])
-        ends = np.cumsum(rows).tolist()
         return [(newtons[end - count : end], flags[end - count : end]) for end, count in zip(ends, rows, strict=True)]

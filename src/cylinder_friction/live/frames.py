@@ -31,6 +31,7 @@ HEADER = struct.Struct("<BBHIQd")
 LARGEST_INDEX = 1 << 53
 """Greater indices would not survive JSON."""
 NEWTONS = 3
+_NUMBER = np.dtype("<f8")
 
 
 class FrameError(ValueError):
@@ -108,8 +109,7 @@ def _blocks(message: bytes) -> Iterator[SampleBlock | EstimateBlock | Acknowledg
         if end - at < size:
             raise FrameError(f"byte {at}: {end - at} bytes are left, expected {size} for {rows} rows")
         if samples:
-            numbers = np.frombuffer(message, "<f8", rows * columns, at).reshape(rows, columns)
-            yield SampleBlock(handle, index, time_s, numbers)
+            yield SampleBlock(handle, index, time_s, np.ndarray((rows, columns), _NUMBER, message, at))
         elif kind == ESTIMATES:
             newtons = np.frombuffer(message, "<f8", rows * NEWTONS, at).reshape(rows, NEWTONS)
             yield EstimateBlock(

@@ -4,7 +4,7 @@ import json
 import sqlite3
 import threading
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,9 @@ CREATE TABLE IF NOT EXISTS chunk (
 CREATE INDEX IF NOT EXISTS chunk_of_session ON chunk (name, id);
 PRAGMA user_version = {_VERSION};
 """
+
+
+_ChunkRow = tuple[str, int, int, str, bytes, bytes, bytes | None]
 
 
 class JournalError(ValueError):
@@ -68,38 +71,71 @@ class Chunk:
         return None if of is None else of.model, None if beside is None else beside.model
 
 
-def merged(chunks: Sequence[Chunk]) -> list[Chunk]:
-    """Return chunks with those of one session that follow each other, in index and in the sender's time, as one."""
-    runs: list[list[Chunk]] = []
-    for chunk in chunks:
-        if runs and _follows(runs[-1][-1], chunk):
-            runs[-1].append(chunk)
-        else:
-            runs.append([chunk])
-    return [run[0] if len(run) == 1 else _one(run) for run in runs]
+@dataclass(slots=True)
+class Unkept:
+    """A chunk that is not kept yet: as bytes, which grow with every block and are quickly written."""
+
+    name: str
+    index: int  # Of the first sample
+    time_s: float
+    sample_time_s: float
+    inputs: tuple[str, ...]
+    made_by: tuple[str | None, str | None]  # As a chunk's
+    rows: int = 0
+    samples: bytearray = field(default_factory=bytearray)
+    newtons: bytearray = field(default_factory=bytearray)
+    flags: bytearray = field(default_factory=bytearray)
+    shadow_newtons: bytearray = field(default_factory=bytearray)
+    shadow_flags: bytearray = field(default_factory=bytearray)
+
+    def goes_on(self, index: int, time_s: float, made_by: tuple[str | None, str | None]) -> bool:
+        """Return whether a block follows the last one, in index and in the sender's time, by the same models."""
+        late_s = time_s - self.time_s - self.rows * self.sample_time_s
+        same_time = abs(late_s) < _SAME_TIME * self.sample_time_s
+        return index == self.index + self.rows and same_time and made_by == self.made_by
+
+    def add(self, samples: Array, estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> None:
+        """Take a block that follows."""
+        self.rows += len(samples)
+        self.samples += samples.tobytes()
+        if estimates is not None:
+            self.newtons += estimates.newtons.tobytes()
+            self.flags += estimates.flags.tobytes()
+        if shadow is not None:
+            self.shadow_newtons += shadow.newtons.tobytes()
+            self.shadow_flags += shadow.flags.tobytes()
+
+    def last_samples(self, rows: int) -> Array:
+        """Return the newest samples."""
+        columns = len(self.inputs)
+        return np.frombuffer(bytes(self.samples[-8 * rows * columns :]), "<f8").reshape(rows, columns)
+
+    def row(self) -> _ChunkRow:
+        """Return what the journal keeps of it."""
+        model, shadow_model = self.made_by
+        content = {
+            "time_s": self.time_s, "sample_time_s": self.sample_time_s, "inputs": self.inputs, "model": model,
+            "shadow": shadow_model,
+        }  # fmt: skip
+        shadow = None if shadow_model is None else bytes(self.shadow_newtons + self.shadow_flags)
+        samples, estimates = bytes(self.samples), bytes(self.newtons + self.flags)
+        return self.name, self.index, self.rows, json.dumps(content), samples, estimates, shadow
+
+    def chunk(self) -> Chunk:
+        """Return it as it will be read once it is kept."""
+        return _chunk_of(self.row())
 
 
-def _follows(last: Chunk, chunk: Chunk) -> bool:
-    rows = len(last.samples)
-    late_s = chunk.time_s - last.time_s - rows * last.sample_time_s
-    same_time = abs(late_s) < _SAME_TIME * last.sample_time_s
-    same = (chunk.name, chunk.made_by) == (last.name, last.made_by)
-    return same and same_time and chunk.index == last.index + rows
-
-
-def _one(run: Sequence[Chunk]) -> Chunk:
-    samples = np.concatenate([each.samples for each in run])
-    estimates, shadow = _joined([each.estimates for each in run]), _joined([each.shadow for each in run])
-    return replace(run[0], samples=samples, estimates=estimates, shadow=shadow)
-
-
-def _joined(parts: Sequence[EstimateBlock | None]) -> EstimateBlock | None:
-    """Return the estimates of one model as one; None where the first part has none."""
-    given = [part for part in parts if part is not None]
-    if not given:
-        return None
-    flags = np.concatenate([each.flags for each in given])
-    return replace(given[0], newtons=np.concatenate([each.newtons for each in given]), flags=flags)
+def _chunk_of(row: _ChunkRow) -> Chunk:
+    name, index, rows, content, samples, estimates, shadow = row
+    of = json.loads(content)
+    place = index, of["time_s"]
+    return Chunk(
+        name, *place, of["sample_time_s"], tuple(of["inputs"]),
+        np.frombuffer(samples, "<f8").reshape(rows, -1),
+        None if of["model"] is None else _from_bytes(*place, of["model"], estimates, rows),
+        None if shadow is None else _from_bytes(*place, of["shadow"], shadow, rows),
+    )  # fmt: skip
 
 
 class Journal:
@@ -154,17 +190,18 @@ class Journal:
         """Return the names of all sessions that were ever kept."""
         return [name for (name,) in self._reading.execute("SELECT name FROM session ORDER BY name")]
 
-    def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Chunk]) -> None:
+    def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Unkept]) -> None:
         """Keep states and the estimates that led to them, all or nothing."""
-        rows = [_session_row(each) for each in sessions], [_chunk_row(each) for each in merged(chunks)]
         with self._turn:
             self._writing.execute("BEGIN IMMEDIATE")
             with self._writing:  # commits, or rolls back
-                self._writing.executemany("INSERT OR REPLACE INTO session VALUES (?, ?, ?, ?)", rows[0])
+                self._writing.executemany(
+                    "INSERT OR REPLACE INTO session VALUES (?, ?, ?, ?)", map(_session_row, sessions)
+                )
                 self._writing.executemany(
                     "INSERT INTO chunk (name, first_index, rows, content, samples, estimates, shadow) "
                     "VALUES (?, ?, ?, ?, ?, ?, ?)",
-                    rows[1],
+                    (each.row() for each in chunks),
                 )
 
     def last_chunk(self) -> int:
@@ -178,15 +215,8 @@ class Journal:
             "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
             (name, up_to, from_index),
         )
-        for index, count, content, samples, estimates, shadow in rows:
-            of = json.loads(content)
-            place = index, of["time_s"]
-            yield Chunk(
-                name, *place, of["sample_time_s"], tuple(of["inputs"]),
-                np.frombuffer(samples, "<f8").reshape(count, -1),
-                None if of["model"] is None else _from_bytes(*place, of["model"], estimates, count),
-                None if shadow is None else _from_bytes(*place, of["shadow"], shadow, count),
-            )  # fmt: skip
+        for row in rows:
+            yield _chunk_of((name, *row))
 
     def forget(self, up_to: int, but: Collection[str] = ()) -> None:
         """Drop chunks up to a number, but of no session in ``but``: they lie elsewhere now.
@@ -208,10 +238,6 @@ class Journal:
         return [name for (name,) in rows]
 
 
-def _as_bytes(estimates: EstimateBlock | None) -> bytes | None:
-    return None if estimates is None else estimates.newtons.tobytes() + estimates.flags.tobytes()
-
-
 def _from_bytes(index: int, time_s: float, model: str, content: bytes, rows: int) -> EstimateBlock:
     newtons = np.frombuffer(content, "<f8", 3 * rows).reshape(rows, 3)
     return EstimateBlock(0, index, time_s, newtons, np.frombuffer(content, "<u4", rows, 24 * rows), model)
@@ -227,15 +253,3 @@ def _session_row(session: SavedSession) -> tuple[str, str, bytes, bytes | None]:
     }
     shadow = None if session.shadow is None else session.shadow.state
     return session.name, json.dumps(content), session.current.state, shadow
-
-
-def _chunk_row(chunk: Chunk) -> tuple[str, int, int, str, bytes, bytes, bytes | None]:
-    model, shadow_model = chunk.made_by
-    content = {
-        "time_s": chunk.time_s, "sample_time_s": chunk.sample_time_s, "inputs": chunk.inputs, "model": model,
-        "shadow": shadow_model,
-    }  # fmt: skip
-    return (
-        chunk.name, chunk.index, len(chunk.samples), json.dumps(content), chunk.samples.tobytes(),
-        _as_bytes(chunk.estimates) or b"", _as_bytes(chunk.shadow),
-    )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Protocol
 from cylinder_friction.live.clock_check import ClockCheck
 from cylinder_friction.live.engine import Engine, Job
 from cylinder_friction.live.frames import EstimateBlock, SampleBlock
-from cylinder_friction.live.journal import Chunk, Journal, SavedSession
+from cylinder_friction.live.journal import Journal, SavedSession, Unkept
 from cylinder_friction.live.models import Running, SavedState, SessionModels
 from cylinder_friction.live.session import Counts, Piece, SessionOrder
 from cylinder_friction.live.settings import LiveLimits, SessionRules
@@ -53,7 +53,7 @@ class LiveSession:
     models: SessionModels
     order: SessionOrder
     clock: ClockCheck
-    chunks: list[Chunk] = field(default_factory=list)  # Not kept yet
+    unkept: list[Unkept] = field(default_factory=list)  # In the order in which they came
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
     latest: EstimateBlock | None = None  # Since it was opened
@@ -158,7 +158,8 @@ class LiveService:
 
     def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
         """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
-        chunks = [*self.journal.chunks(session.name, self.journal.last_chunk(), index), *session.chunks]
+        kept = self.journal.chunks(session.name, self.journal.last_chunk(), index)
+        chunks = [*kept, *(each.chunk() for each in session.unkept)]
         blocks = []
         for chunk in chunks:
             known = max(0, index - chunk.index)
@@ -228,24 +229,24 @@ class LiveService:
         held = sum(each.order.held_rows for each in self.sessions.values())
         return {"sessions": len(self.sessions), "held_rows": held, "unkept_rows": self.unkept_rows}
 
-    def unkept(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[Chunk]]:
+    def unkept(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[Unkept]]:
         """Return what ``Journal.keep`` is to keep of some sessions; from now on it counts as handed over."""
         saved, chunks = [], []
         for session in sessions:
-            if session.chunks or not session.models.switch_kept:
+            if session.unkept or not session.models.switch_kept:
                 saved.append(session.saved())
-                self.unkept_rows -= sum(len(each.samples) for each in session.chunks)
-                chunks += session.chunks
-                session.chunks = []
+                self.unkept_rows -= sum(each.rows for each in session.unkept)
+                chunks += session.unkept
+                session.unkept = []
         return saved, chunks
 
-    def not_kept(self, saved: Sequence[SavedSession], chunks: Sequence[Chunk], reason: str) -> None:
+    def not_kept(self, saved: Sequence[SavedSession], chunks: Sequence[Unkept], reason: str) -> None:
         """Take back what could not be kept; it is handed over again the next time."""
         self.keeps_not_because = reason
         for session in (self.sessions[each.name] for each in saved):
             own = [chunk for chunk in chunks if chunk.name == session.name]
-            session.chunks = own + session.chunks
-            self.unkept_rows += sum(len(each.samples) for each in own)
+            session.unkept = own + session.unkept
+            self.unkept_rows += sum(each.rows for each in own)
 
     def kept(self, saved: Sequence[SavedSession]) -> None:
         """Note what has been kept, and acknowledge it."""
@@ -269,7 +270,7 @@ class LiveService:
         idle = [
             each
             for each in self.sessions.values()
-            if now_s - each.last_seen_s > self.limits.idle_s and not each.chunks and each.kept_index == each.next_index
+            if now_s - each.last_seen_s > self.limits.idle_s and not each.unkept and each.kept_index == each.next_index
         ]
         for session in idle:
             session.models.close()
@@ -335,9 +336,11 @@ class LiveService:
     def _add(
         self, session: LiveSession, piece: Piece, estimates: EstimateBlock | None, shadow: EstimateBlock | None = None
     ) -> None:
-        step_s, inputs = self.engine.sample_time_s, self.engine.inputs
-        chunk = Chunk(session.name, piece.index, piece.time_s, step_s, inputs, piece.samples, estimates, shadow)
-        session.chunks.append(chunk)
+        made_by = None if estimates is None else estimates.model, None if shadow is None else shadow.model
+        if not session.unkept or not session.unkept[-1].goes_on(piece.index, piece.time_s, made_by):
+            step_s, inputs = self.engine.sample_time_s, self.engine.inputs
+            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, made_by))
+        session.unkept[-1].add(piece.samples, estimates, shadow)
         self.unkept_rows += len(piece.samples)
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:

@@ -36,7 +36,7 @@ class Watchers:
         """Remember the estimates of a session that a page looks at."""
         for page in self._by_session.get(session.name, ()):
             if len(page.blocks) < UNSENT_BLOCKS:
-                page.blocks.append((block, session.chunks[-1].samples))
+                page.blocks.append((block, session.unkept[-1].last_samples(len(block.flags))))
 
     async def run(self, socket: WebSocket) -> None:
         """Serve a page, its socket accepted, until it leaves; it sends the name of the session shown, or nothing."""
