@@ -157,9 +157,9 @@ def test_what_could_not_be_kept_is_kept_later(
 ) -> None:
     service = LiveService(engine, Journal(tmp_path / "journal.db"))
     session = send(service, "press", samples, 0, 66)
-    saved, chunks = service.unkept([session])
+    saved, _ = service.unkept([session])
     send(service, "press", samples, 66, 99)
-    service.not_kept(saved, chunks, "database or disk is full")
+    service.not_kept(saved, "database or disk is full")
     assert (service.keeps_not_because, service.unkept_rows) == ("database or disk is full", 99)
     service.keep()
     assert (service.keeps_not_because, service.unkept_rows, session.kept_index) == ("", 0, 99)

@@ -170,6 +170,24 @@ def test_a_gap_is_stepped_as_a_broken_wire(
     np.testing.assert_array_equal(kept.array("press"), expected(small_hybrid, with_gap))
 
 
+def test_estimates_are_given_again_once_also_while_they_are_being_kept(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    service = service_of(engine, tmp_path)
+    session = opened(service, "press")
+    newtons = expected(small_hybrid, samples[:300])[:, :3]
+
+    def given() -> Array:
+        return np.vstack([block.newtons for block in service.given_from(session, 30)])
+
+    service.receive(blocks(session, samples, 0, 200))
+    saved, chunks = service.unkept([session])
+    service.receive(blocks(session, samples, 200, 300))
+    for step in (lambda: None, lambda: service.journal.keep(saved, chunks), lambda: service.kept(saved), service.keep):
+        step()
+        np.testing.assert_array_equal(given(), newtons[30:])
+
+
 def test_an_idle_session_is_closed_and_comes_back_as_it_was(
     engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
 ) -> None:

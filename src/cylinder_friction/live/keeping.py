@@ -54,7 +54,7 @@ async def _keep_now(service: LiveService, sessions: Sequence[LiveSession]) -> No
         raise
     except (sqlite3.Error, OSError) as error:
         _log.error("nothing is kept or acknowledged: %s; tried again each second", error)
-        service.not_kept(saved, chunks, str(error))
+        service.not_kept(saved, str(error))
         return
     service.kept(saved)
 

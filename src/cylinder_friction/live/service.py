@@ -54,6 +54,7 @@ class LiveSession:
     order: SessionOrder
     clock: ClockCheck
     unkept: list[Unkept] = field(default_factory=list)  # In the order in which they came
+    handed_over: list[Unkept] = field(default_factory=list)  # To the journal; whether it has them is not known yet
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
     latest: EstimateBlock | None = None  # Since it was opened
@@ -159,11 +160,12 @@ class LiveService:
     def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
         """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
         kept = self.journal.chunks(session.name, self.journal.last_chunk(), index)
-        chunks = [*kept, *(each.chunk() for each in session.unkept)]
+        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.unkept)]
         blocks = []
         for chunk in chunks:
             known = max(0, index - chunk.index)
             if chunk.estimates is not None and known < len(chunk.samples):
+                index = chunk.index + len(chunk.samples)
                 time_s = chunk.time_s + known * chunk.sample_time_s
                 newtons, flags = chunk.estimates.newtons[known:], chunk.estimates.flags[known:]
                 blocks.append(EstimateBlock(session.handle, chunk.index + known, time_s, newtons, flags))
@@ -237,23 +239,22 @@ class LiveService:
                 saved.append(session.saved())
                 self.unkept_rows -= sum(each.rows for each in session.unkept)
                 chunks += session.unkept
-                session.unkept = []
+                session.handed_over, session.unkept = session.unkept, []
         return saved, chunks
 
-    def not_kept(self, saved: Sequence[SavedSession], chunks: Sequence[Unkept], reason: str) -> None:
+    def not_kept(self, saved: Sequence[SavedSession], reason: str) -> None:
         """Take back what could not be kept; it is handed over again the next time."""
         self.keeps_not_because = reason
         for session in (self.sessions[each.name] for each in saved):
-            own = [chunk for chunk in chunks if chunk.name == session.name]
-            session.unkept = own + session.unkept
-            self.unkept_rows += sum(each.rows for each in own)
+            self.unkept_rows += sum(each.rows for each in session.handed_over)
+            session.handed_over, session.unkept = [], session.handed_over + session.unkept
 
     def kept(self, saved: Sequence[SavedSession]) -> None:
         """Note what has been kept, and acknowledge it."""
         self.keeps_not_because, self._kept_s = "", self._clock()
         known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
         for session, each in known:
-            session.kept_index = each.next_index
+            session.kept_index, session.handed_over = each.next_index, []
             session.models.switch_kept |= each.switch == session.models.switch
             if session.owner is not None:
                 session.owner.put_acknowledgement(session)
