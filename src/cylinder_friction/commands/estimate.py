@@ -49,8 +49,8 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 
 def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
-        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        model = options.model and model_folder(options.model, scratch)[0]
+        if model := options.model:
+            model, _ = model_folder(model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
         workers = stack.enter_context(workers_from_environment())
         function = partial(estimate_logs, model=model, file_format=options.format, workers=workers)
         result, notes = run_on_logs(function, options)

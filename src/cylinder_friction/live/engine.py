@@ -37,6 +37,12 @@ def processor() -> str:
     return sha256(f"{platform.machine()} {able[0]}".encode()).hexdigest()
 
 
+def called_in(folder: Path) -> str:
+    """Return what the model of an engine's folder was last brought in as; empty where nobody stated it."""
+    path = folder / CALLED
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
 class Engine:
     """States of many sessions of one model, stepped by its own C.
 
@@ -68,8 +74,7 @@ class Engine:
         self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
         self._free: list[int] = []
         self.golden_difference_n: float | None = None
-        called = folder / CALLED
-        self.called = called.read_text(encoding="utf-8") if called.is_file() else ""
+        self.called = called_in(folder)
 
     def add(self) -> int:
         """Return the slot of a fresh session."""

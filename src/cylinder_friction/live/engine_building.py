@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cylinder_friction.deployment.golden_trajectory import GoldenError
-from cylinder_friction.live.engine import CALLED, DESCRIPTION, LIBRARY, NAME, Engine, processor
+from cylinder_friction.live.engine import CALLED, DESCRIPTION, LIBRARY, NAME, Engine, called_in, processor
 from cylinder_friction.live.golden import checked_engine, take_golden
 from cylinder_friction.recordings.files import write_json, write_text
 
@@ -102,7 +102,7 @@ def engine_of(estimator: Path, engines: Path, called: str = "") -> Path:
         folder = built_engine(load_estimator(estimator), engines)
         write_text(known, folder.name)
     take_golden(folder, estimator)
-    if called and Engine(folder).called != called:
+    if called and called_in(folder) != called:
         write_text(folder / CALLED, called)
     return folder
 

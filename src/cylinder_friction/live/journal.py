@@ -67,8 +67,12 @@ class Chunk:
     @property
     def made_by(self) -> tuple[str | None, str | None]:
         """Model and second model."""
-        of, beside = self.estimates, self.shadow
-        return None if of is None else of.model, None if beside is None else beside.model
+        return made_by(self.estimates, self.shadow)
+
+
+def made_by(estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> tuple[str | None, str | None]:
+    """Return the model and the second model of estimates; None: there are none of it."""
+    return None if estimates is None else estimates.model, None if shadow is None else shadow.model
 
 
 @dataclass(slots=True)

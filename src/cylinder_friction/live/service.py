@@ -11,7 +11,7 @@ from typing import Protocol
 from cylinder_friction.live.clock_check import ClockCheck
 from cylinder_friction.live.engine import Engine, Job
 from cylinder_friction.live.frames import EstimateBlock, SampleBlock
-from cylinder_friction.live.journal import Journal, SavedSession, Unkept
+from cylinder_friction.live.journal import Journal, SavedSession, Unkept, made_by
 from cylinder_friction.live.models import Running, SavedState, SessionModels
 from cylinder_friction.live.session import Counts, Piece, SessionOrder
 from cylinder_friction.live.settings import LiveLimits, SessionRules
@@ -337,10 +337,10 @@ class LiveService:
     def _add(
         self, session: LiveSession, piece: Piece, estimates: EstimateBlock | None, shadow: EstimateBlock | None = None
     ) -> None:
-        made_by = None if estimates is None else estimates.model, None if shadow is None else shadow.model
-        if not session.unkept or not session.unkept[-1].goes_on(piece.index, piece.time_s, made_by):
+        models = made_by(estimates, shadow)
+        if not session.unkept or not session.unkept[-1].goes_on(piece.index, piece.time_s, models):
             step_s, inputs = self.engine.sample_time_s, self.engine.inputs
-            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, made_by))
+            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, models))
         session.unkept[-1].add(piece.samples, estimates, shadow)
         self.unkept_rows += len(piece.samples)
 
