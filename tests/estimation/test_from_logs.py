@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
+import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +16,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, MODEL_BOUNDS, NO_BOUNDS, FileFormat, estimate_logs
+from cylinder_friction.estimation.identification import identify_logs
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.realtime.position_load import PositionLoad
@@ -221,11 +224,43 @@ def test_a_bad_file_is_named_and_the_others_go_on(tmp_path: Path, logs: Path, cy
     assert "refused" in (tmp_path / "out/friction.html").read_text()
 
 
-def test_a_folder_of_something_else_is_not_touched(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
-    (tmp_path / "thesis.tex").write_text("years of work", encoding="utf-8")
-    with pytest.raises(FileExistsError, match=r"exists already, and holds no summary.json of an earlier run"):
-        estimate_logs(logs, cylinder, tmp_path, channels=CHANNELS)
-    assert (tmp_path / "thesis.tex").is_file()
+@pytest.mark.parametrize("run", [estimate_logs, partial(identify_logs, generations=1)], ids=["estimate", "identify"])
+def test_a_folder_with_a_file_named_like_our_summary_is_not_taken_for_ours(
+    tmp_path: Path, logs: Path, cylinder: Cylinder, run: Callable[..., object]
+) -> None:
+    own = tmp_path / "own"
+    shutil.copytree(logs, own / "logs")
+    for name in ("summary.json", "friction_models.json"):
+        (own / name).write_text("{}", encoding="utf-8")
+    (own / "notes.txt").write_text("years of work", encoding="utf-8")
+    before = content(own)
+    for output, expected in (
+        (own, "is, or holds, the input"),
+        (own / "logs/friction", "lies in the input"),
+    ):
+        with pytest.raises(FileExistsError, match=expected):
+            run(own / "logs", cylinder, output, channels=CHANNELS)
+    with pytest.raises(
+        FileExistsError, match=r"its \w+\.json does not list the files of an earlier `cylinder-friction "
+    ):
+        run(logs, cylinder, own, channels=CHANNELS)
+    assert content(own) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["own"]
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of every file below a folder."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_what_a_person_adds_to_the_results_stays(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
+    first = sorted(logs.glob("*.csv"))[:1]
+    estimate_logs(first, cylinder, tmp_path / "out", channels=CHANNELS)
+    (tmp_path / "out/mine").mkdir()
+    (tmp_path / "out/mine/notes.txt").write_text("looked at", encoding="utf-8")
+    estimate_logs(first, cylinder, tmp_path / "out", channels=CHANNELS, file_format="csv")
+    names = {"friction.html", "summary.json", "mine/notes.txt", f"{first[0].stem}.csv"}
+    assert set(content(tmp_path / "out")) == names
 
 
 def test_an_earlier_run_is_replaced_as_a_whole(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:

@@ -160,6 +160,6 @@ def test_bad_input_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
         identify_logs(tmp_path, cylinder, tmp_path / "out", channels=CHANNELS, generations=0)
     with pytest.raises(RecordingError, match=r"none of 1 files is usable; the first, broken\.csv: "):
         identify_logs(tmp_path / "broken.csv", cylinder, tmp_path / "out", channels=CHANNELS)
-    with pytest.raises(FileExistsError, match=r"holds no friction_models\.json of an earlier run; name a new folder"):
+    with pytest.raises(FileExistsError, match=r"is, or holds, the input .*broken\.csv; name a folder outside of what"):
         identify_logs(tmp_path / "broken.csv", cylinder, tmp_path, channels=CHANNELS)
     assert [path.name for path in tmp_path.iterdir()] == ["broken.csv"]

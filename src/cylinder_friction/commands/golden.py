@@ -12,7 +12,6 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.params.checking import Params, load_params
 from cylinder_friction.realtime.stream import RealTimeStream
-from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS, cylinder_from
 from cylinder_friction.testing.golden import (
@@ -48,8 +47,7 @@ def train_golden_model(folder: Path, params: Params, inputs: Sequence[str] | Non
         position_load=None if inputs else data.position_load,
     )
     hybrid.fit([firsts[condition] for condition in sorted(firsts)], data.validation)
-    with whole_folder(folder / MODEL_FOLDER) as draft:
-        hybrid.save(draft)
+    hybrid.save(folder / MODEL_FOLDER)
 
 
 def record_golden(folder: Path) -> str:

@@ -7,7 +7,7 @@ from cylinder_friction.commands.estimate import add_log_arguments, print_result,
 from cylinder_friction.estimation.identification import GENERATIONS, PAGE_FILE, FrictionModels, identify_logs
 from cylinder_friction.estimation.identified_model import IdentifiedParameter
 
-EXPECTED = (ValueError,)
+EXPECTED = (ValueError, OSError)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

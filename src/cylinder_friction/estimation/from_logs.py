@@ -22,11 +22,12 @@ from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
-from cylinder_friction.recordings.files import whole_file, whole_folder, write_json
+from cylinder_friction.recordings.files import whole_file, write_json
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording, on_disk
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.recordings.storage import write_parts, write_recording
 from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
 from cylinder_friction.reporting.inspection.friction_view import holds_load, up_and_down
@@ -112,7 +113,7 @@ def estimate_logs(
     Args:
         files, channels, load, names: As in ``read_recordings``.
         cylinder: Whose recordings they are.
-        into: A new folder, or one that an earlier call wrote.
+        into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
         file_format: ``parquet`` or ``csv``.
         rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
@@ -121,14 +122,16 @@ def estimate_logs(
     Raises:
         RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
             used are listed in ``refused``.
-        FileExistsError: The folder holds something else.
+        FileExistsError: The folder holds something else, or is, holds or lies in what is read, or another call is
+            writing it.
     """
     into = Path(into)
-    refuse_other_folder(into, SUMMARY_FILE)
+    files = files if isinstance(files, str | Path) else list(files)
     estimator = load_estimator(model) if isinstance(model, str | Path) else model
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz)
-    with whole_folder(into) as folder:
+    read = inputs(files, channels, model, logs)
+    with ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator, rows_at_once, workers)
         result, panes = _written(run, folder, file_format)
         result = replace(result, folder=into)
@@ -138,10 +141,11 @@ def estimate_logs(
     return result
 
 
-def refuse_other_folder(folder: Path, marker: str) -> None:
-    """Raise ``FileExistsError`` if the folder exists and holds no file ``marker``, by which a run knows its own."""
-    if folder.exists() and not (folder / marker).is_file():
-        raise FileExistsError(f"{folder}: exists already, and holds no {marker} of an earlier run; name a new folder")
+def inputs(files: Any, channels: Any, model: Any, logs: Logs) -> tuple[Path, ...]:
+    """Return every file and folder that a run on logs reads, as far as they were given as paths."""
+    given = [files] if isinstance(files, str | Path) else list(files)
+    paths = [path for path in (*given, channels, model) if isinstance(path, str | Path)]
+    return (*existing(paths), *logs.files.values())
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import LabelledLogs, load_left, refuse_other_folder
+from cylinder_friction.estimation.from_logs import LabelledLogs, inputs, load_left
 from cylinder_friction.estimation.identification_page import write_identification_page
 from cylinder_friction.estimation.identified_model import IdentifiedModel, determined, pressure_problem
 from cylinder_friction.estimation.off_line_velocity import (
@@ -26,10 +26,11 @@ from cylinder_friction.friction_models.identification.intervals import INTERVAL_
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.files import whole_folder, write_json, write_text
+from cylinder_friction.recordings.files import write_json, write_text
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.result_folder import ResultFolder
 from cylinder_friction.reporting.inspection.known_curve import undetermined
 from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
 from cylinder_friction.signals.motion import STEADY_DURATION_S
@@ -94,7 +95,7 @@ def identify_logs(
     Args:
         files, channels, load, names: As in ``read_recordings``.
         cylinder: Whose recordings they are.
-        into: A new folder, or one that an earlier call wrote.
+        into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         generations: Greatest number of generations of the global search.
         seed: Of that search.
 
@@ -102,14 +103,16 @@ def identify_logs(
         ValueError: Fewer than one generation.
         RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed. Single files that
             cannot be used are listed in ``refused``.
-        FileExistsError: The folder holds something else.
+        FileExistsError: The folder holds something else, or is, holds or lies in what is read, or another call is
+            writing it.
     """
     into = Path(into)
     if generations < 1:
         raise ValueError(f"generations: got {generations}, but expected at least 1")
-    refuse_other_folder(into, MODELS_FILE)
+    files = files if isinstance(files, str | Path) else list(files)
     logs = find_logs(files, channels, cylinder, names=names, load=load)
-    with whole_folder(into) as folder:
+    read = inputs(files, channels, None, logs)
+    with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
         labelled = list(run.recordings())
         shutil.rmtree(run.scratch, ignore_errors=True)

@@ -1,11 +1,9 @@
 """Where runs and models are kept: SQLite in the repository, or any server that ``MLFLOW_TRACKING_URI`` names."""
 
-import errno
 import logging
 import os
 import socket
 import sqlite3
-import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 from mlflow.store.db.db_types import DATABASE_ENGINES
 
+from cylinder_friction.recordings.locks import locked
 from cylinder_friction.tracking.repository import TrackingError, repository_root
 
 EXPERIMENT = "cylinder-friction"
@@ -91,7 +90,7 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
     """
     uri, root = tracking_uri(root), repository_root(root)
     _refuse_what_is_no_store(uri, create=create)
-    with _locked(root / LOCAL_FOLDER / "tracking.lock"), _default_for_mlflow(uri):
+    with locked(root / LOCAL_FOLDER / "tracking.lock"), _default_for_mlflow(uri):
         _quiet()
         if uri == _own_uri(root):
             _follow_a_move(root)
@@ -179,31 +178,6 @@ def _refuse_what_is_no_store(uri: str, *, create: bool) -> None:
             f"MLFLOW_TRACKING_URI is {uri}, but nothing responds there ({error}); start the tracking server, correct "
             "the variable, or unset it to use the repository's own store"
         ) from error
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w") as file:
-        _lock(file.fileno())
-        yield
-
-
-def _lock(file: int) -> None:
-    """Wait for the lock of an open file, which ends with it, also where the process is killed."""
-    if sys.platform != "win32":
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX)
-        return None
-    import msvcrt
-
-    while True:
-        try:
-            return msvcrt.locking(file, msvcrt.LK_LOCK, 1)
-        except OSError as error:
-            if error.errno != errno.EDEADLK:  # given after ten seconds of trying
-                raise
 
 
 @contextmanager

@@ -1,0 +1,155 @@
+"""A result folder: replaced where an earlier run listed it, refused where not, and nobody's files are removed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cylinder_friction.recordings.result_folder import ResultFolder
+
+MARKER, COMMAND = "summary.json", "friction-tool run"
+
+
+def result_folder(folder: Path, *inputs: Path) -> ResultFolder:
+    return ResultFolder(folder, MARKER, COMMAND, inputs)
+
+
+def write(folder: Path, *names: str, inputs: tuple[Path, ...] = ()) -> None:
+    with result_folder(folder, *inputs).written() as draft:
+        for name in names:
+            (draft / name).parent.mkdir(exist_ok=True)
+            (draft / name).write_text("result", encoding="utf-8")
+        (draft / MARKER).write_text('{"of": "a run"}', encoding="utf-8")
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
+
+
+def marker(folder: Path, content: Any) -> None:
+    folder.mkdir(exist_ok=True)
+    (folder / MARKER).write_text(json.dumps(content), encoding="utf-8")
+
+
+def test_a_second_run_replaces_what_the_first_listed_and_nothing_else(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, "a", "parts/b")
+    (out / "notes").write_text("mine", encoding="utf-8")
+    write(out, "c")
+    assert names(out) == ["c", "notes", MARKER]
+    assert not (out / "parts").exists()
+    assert json.loads((out / MARKER).read_text()) == {"of": "a run", "written_by": COMMAND, "files": ["c", MARKER]}
+    assert names(tmp_path) == ["out/c", "out/notes", f"out/{MARKER}"]
+
+
+def test_a_result_never_overwrites_a_file_that_no_run_wrote(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, "a")
+    (out / "b").write_text("mine", encoding="utf-8")
+    with pytest.raises(FileExistsError, match=r"b: is in the place of a result, but no earlier run wrote it"):
+        write(out, "b", "c")
+    assert names(out) == ["a", "b", MARKER]
+    assert (out / "b").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ({}, "does not list the files of an earlier `friction-tool run`"),
+        ([], "does not list the files"),
+        ({"written_by": COMMAND}, "does not list the files"),
+        ({"written_by": "another tool", "files": ["a"]}, "does not list the files"),
+        ({"written_by": COMMAND, "files": ["../mine"]}, r"lists '\.\./mine', which is no file inside it"),
+        ({"written_by": COMMAND, "files": ["/etc/passwd"]}, "no file inside it"),
+        ({"written_by": COMMAND, "files": ["link/mine"]}, "no file inside it"),
+        ({"written_by": COMMAND, "files": ["folder"]}, "no file inside it"),
+        ({"written_by": COMMAND, "files": [""]}, "no file inside it"),
+        ({"written_by": COMMAND, "files": [1]}, "no file inside it"),
+    ],
+)
+def test_a_marker_that_is_not_ours_is_refused(tmp_path: Path, content: Any, expected: str) -> None:
+    out = tmp_path / "out"
+    marker(out, content)
+    (tmp_path / "mine").write_text("mine", encoding="utf-8")
+    (out / "folder").mkdir()
+    (out / "folder/mine").write_text("mine", encoding="utf-8")
+    (out / "link").symlink_to(tmp_path)
+    before = names(tmp_path)
+    with pytest.raises(FileExistsError, match=expected):
+        write(out, "b")
+    assert names(tmp_path) == before
+
+
+def test_a_link_in_the_place_of_a_result_loses_the_link_alone(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, "a")
+    (tmp_path / "mine").write_text("mine", encoding="utf-8")
+    (out / "a").unlink()
+    (out / "a").symlink_to(tmp_path / "mine")
+    write(out, "b")
+    assert (tmp_path / "mine").read_text() == "mine"
+    assert names(out) == ["b", MARKER]
+
+
+def test_a_folder_that_is_read_is_not_written(tmp_path: Path) -> None:
+    log = tmp_path / "logs/log.csv"
+    log.parent.mkdir()
+    log.write_text("log", encoding="utf-8")
+    (tmp_path / "alias").symlink_to(log.parent)
+    for folder, read in (
+        (log.parent, log),
+        (tmp_path, log),
+        (log.parent, log.parent),
+        (log.parent / "out", log.parent),
+        (tmp_path / "alias", log),
+    ):
+        with pytest.raises(FileExistsError, match=r"the input .*; name a folder outside of what is read"):
+            write(folder, "a", inputs=(read,))
+    assert names(tmp_path) == ["logs/log.csv"]
+
+
+def test_a_run_that_fails_or_is_killed_while_it_moves_files_leaves_a_folder_for_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    write(out, "a", "b")
+    with pytest.raises(OSError, match="disk full"), result_folder(out).written() as draft:
+        raise OSError(f"disk full: {draft}")
+    assert names(tmp_path) == ["out/a", "out/b", f"out/{MARKER}"]
+    moved = Path.replace
+
+    def killed(path: Path, target: Path) -> Path:
+        if target.name == "d":
+            raise KeyboardInterrupt
+        return moved(path, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            write(out, "c", "d")
+    assert json.loads((out / MARKER).read_text())["unfinished"] is True
+    write(out, "e")
+    assert names(tmp_path) == ["out/e", f"out/{MARKER}"]
+
+
+def test_two_runs_at_once_one_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with result_folder(out).written() as draft:
+        with pytest.raises(FileExistsError, match=r"out: another run is writing this folder; wait for it"):
+            write(out, "b")
+        (draft / MARKER).write_text("{}", encoding="utf-8")
+    write(out, "c")
+    assert names(tmp_path) == ["out/c", f"out/{MARKER}"]
+
+
+def test_a_lookalike_of_our_draft_folder_keeps_what_is_in_it(tmp_path: Path) -> None:
+    drafts = tmp_path / ".out.draft"
+    (drafts / "mine").mkdir(parents=True)
+    (drafts / "mine/notes").write_text("mine", encoding="utf-8")
+    (drafts / ("0" * 32)).mkdir()  # of a run that was killed
+    write(tmp_path / "out", "a")
+    assert names(drafts) == ["mine/notes"]
+    assert not (drafts / ("0" * 32)).exists()
