@@ -1,4 +1,4 @@
-"""Meaning of inputs, outputs and flags of an exported estimator: one list for C, FMU and ONNX."""
+"""Meaning of inputs and flags of an exported estimator: one list for C, FMU and ONNX."""
 
 import re
 from collections.abc import Sequence
@@ -15,24 +15,6 @@ from cylinder_friction.recordings.columns import (
     PRESSURE_2,
 )
 
-_INVALID = "is NaN, infinite or no reading of a working sensor; its last valid value stands in"
-FLAG_MEANINGS = {
-    Flag.NOT_READY: "No sample with all inputs valid has come yet; friction and bounds are 0",
-    Flag.WARMING: "The state still remembers the start",
-    Flag.OUTSIDE: "An input lies outside the training range widened by 5 %; the estimate is an extrapolation",
-    Flag.INVALID_PRESSURE_1: f"Pressure 1 {_INVALID}",
-    Flag.INVALID_PRESSURE_2: f"Pressure 2 {_INVALID}",
-    Flag.INVALID_POSITION: f"The position {_INVALID}",
-    Flag.FROZEN: "An input repeats one value although it cannot be constant",
-    Flag.RECOVERING: "All inputs are valid again, but the state still remembers invalid or frozen ones",
-    Flag.INVALID_OTHER: f"Another input {_INVALID}",
-    Flag.OFFSET_UNKNOWN: "The cylinder has not slid in both directions yet: the offset of the sensors' zeros is no "
-    "better known than stated, and the bounds are as wide as that",
-    Flag.UNMODELLED_FORCE: "The force balance lies beyond its range in training, or did until the piston moves a "
-    "while within it, or both pressures are far below those of training: an external load, an end stop, or pressures "
-    "that are wrong or in another unit, which the estimate takes for friction",
-}
-
 UNITS = {"pa": "Pa", "m_s2": "m/s2", "m_s": "m/s", "m": "m", "n": "N", "s": "s", "c": "degC"}
 """Unit by the end of a column's name."""
 MEANINGS = {
@@ -45,10 +27,10 @@ MEANINGS = {
 }
 
 
-def flag_meanings(model: StepModel) -> dict[Flag, str]:
-    """Return the meaning of each flag that a model can set."""
-    can_set = {Flag.OFFSET_UNKNOWN: model.offset is not None, Flag.UNMODELLED_FORCE: bool(model.guard.force_weights)}
-    return {flag: meaning for flag, meaning in FLAG_MEANINGS.items() if can_set.get(flag, True)}
+def flags_of(model: StepModel) -> list[Flag]:
+    """Return the flags that a model can set."""
+    depends = {Flag.OFFSET_UNKNOWN: model.offset is not None, Flag.UNMODELLED_FORCE: bool(model.guard.force_weights)}
+    return [flag for flag in Flag if depends.get(flag, True)]
 
 
 @dataclass(frozen=True)

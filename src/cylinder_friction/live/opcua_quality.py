@@ -6,14 +6,12 @@ from asyncua import ua
 
 from cylinder_friction.realtime.flags import Flag
 
-FAILED = Flag.INVALID_PRESSURE_1 | Flag.INVALID_PRESSURE_2 | Flag.INVALID_POSITION | Flag.INVALID_OTHER | Flag.FROZEN
-UNSETTLED = Flag.NOT_READY | Flag.WARMING | Flag.RECOVERING | Flag.OFFSET_UNKNOWN
-OFF_RANGE = Flag.OUTSIDE | Flag.UNMODELLED_FORCE
+FAILED, UNSETTLED, OFF_RANGE = Flag.of_kind("sensor"), Flag.of_kind("settling"), Flag.of_kind("range")
 _STATUS = (  # The first that applies
     (Flag.NOT_READY, ua.StatusCodes.BadWaitingForInitialData),
     (FAILED, ua.StatusCodes.BadSensorFailure),
     (OFF_RANGE, ua.StatusCodes.UncertainEngineeringUnitsExceeded),
-    (Flag.WARMING | Flag.RECOVERING, ua.StatusCodes.UncertainSubNormal),
+    (UNSETTLED & ~Flag.OFFSET_UNKNOWN, ua.StatusCodes.UncertainSubNormal),
     (Flag.OFFSET_UNKNOWN, ua.StatusCodes.UncertainSensorNotAccurate),
 )
 SILENT = ua.StatusCode(ua.StatusCodes.UncertainNoCommunicationLastUsableValue)

@@ -28,7 +28,7 @@ class Watchers:
     """
 
     def __init__(self, service: LiveService, stribeck: Lines | None = None) -> None:
-        self._service, self._stribeck = service, json.dumps({"stribeck": stribeck or {}})
+        self._service, self._first = service, _first_message(stribeck or {})
         self._pages: set[_Page] = set()
         self._by_session: dict[str, set[_Page]] = {}
 
@@ -46,7 +46,7 @@ class Watchers:
         page = _Page(socket)
         self._pages.add(page)
         try:
-            await socket.send_text(self._stribeck)
+            await socket.send_text(self._first)
             while True:
                 self._look_at(page, (await socket.receive_text())[:80])
         except (WebSocketDisconnect, KeyError):
@@ -89,6 +89,10 @@ class Watchers:
             "kept": session.kept_index,
             "counts": vars(session.order.counts),
         }
+
+
+def _first_message(stribeck: Lines) -> str:
+    return json.dumps({"stribeck": stribeck, "flags": [flag.name for flag in Flag]})
 
 
 class _Page:

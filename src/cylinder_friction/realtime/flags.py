@@ -1,43 +1,87 @@
-"""Output of a real-time step: one estimate with its bounds, and flags on how far to trust it."""
+"""Output of a real-time step: one estimate with its bounds, and flags on how far to trust it.
+
+Each flag is defined here and nowhere else. Headers, FMUs, graphs, pages and guides read bit, name and texts from here.
+"""
 
 from enum import IntFlag
-from typing import NamedTuple
+from functools import reduce
+from operator import or_
+from typing import Literal, NamedTuple, Self
+
+FlagKind = Literal["settling", "sensor", "range"]
+"""The estimate settles; a sensor fails; or something lies outside what the model was trained on."""
+
+_INVALID = "is NaN, infinite or no reading of a working sensor; its last valid value stands in"
+_CHECK_SENSOR = "check that sensor, its wiring and its unit"
 
 
 class Flag(IntFlag):
-    """Bits of a step's flags; 0 where all is well. The same numbers in every runtime."""
+    """Bits of a step's flags; 0 while all is well. The same numbers in every runtime."""
 
-    NOT_READY = 1
-    """No sample with all inputs valid has come yet; estimate and bounds are 0."""
-    WARMING = 2
-    """The state still remembers the reset."""
-    OUTSIDE = 4
-    """An input lies outside the training range widened by 5 %; the estimate is an extrapolation."""
-    INVALID_PRESSURE_1 = 8
-    """Pressure 1 is no number or no reading of a working sensor; its last valid value stands in."""
-    INVALID_PRESSURE_2 = 16
-    """The same of pressure 2."""
-    INVALID_POSITION = 32
-    """The same of the position."""
-    FROZEN = 64
-    """An input repeats one value although it cannot be constant."""
-    RECOVERING = 128
-    """All inputs are valid again, but the state still remembers invalid or frozen ones."""
-    INVALID_OTHER = 256
-    """The same as ``INVALID_POSITION``, of an input that is neither a raw pressure nor the position."""
+    kind: FlagKind
+    meaning: str
+    advice: str  # What to do about it
 
-    OFFSET_UNKNOWN = 512
-    """The offset of the sensors' zeros is no better known than stated: since the reset the cylinder has not yet slid in
-    both directions. The estimate goes on, with bounds as wide as that."""
-    UNMODELLED_FORCE = 1024
-    """The force balance lies beyond its range in training, or did until the piston moves a while within it, or both
-    pressures are far below those of training: an external load, an end stop, or pressures that are wrong or in another
-    unit. The estimate goes on, and takes that force for friction."""
+    def __new__(cls, bit: int, kind: FlagKind, meaning: str, advice: str) -> Self:
+        flag = int.__new__(cls, bit)
+        flag._value_, flag.kind, flag.meaning, flag.advice = bit, kind, meaning, advice
+        return flag
+
+    NOT_READY = (
+        1,
+        "settling",
+        "No sample with all inputs valid has come yet; friction and bounds are 0",
+        "wait for a sample with all inputs valid",
+    )
+    WARMING = 2, "settling", "The state still remembers the start, for 3 s", "wait, or warm up at the first sample"
+    OUTSIDE = (
+        4,
+        "range",
+        "An input lies outside the training range widened by 5 %; the estimate is an extrapolation",
+        "train on recordings that reach as far",
+    )
+    INVALID_PRESSURE_1 = 8, "sensor", f"Pressure 1 {_INVALID}", _CHECK_SENSOR
+    INVALID_PRESSURE_2 = 16, "sensor", f"Pressure 2 {_INVALID}", _CHECK_SENSOR
+    INVALID_POSITION = 32, "sensor", f"The position {_INVALID}", _CHECK_SENSOR
+    FROZEN = (
+        64,
+        "sensor",
+        "An input repeats one value although it cannot be constant: a pressure over 5 mm of travel, or the position "
+        "for 2 s under twice the largest friction of training",
+        "check that sensor and what passes its readings on",
+    )
+    RECOVERING = (
+        128,
+        "settling",
+        "All inputs are valid again, but the state still remembers invalid or frozen ones, for 3 s",
+        "wait",
+    )
+    INVALID_OTHER = 256, "sensor", f"Another input {_INVALID}", _CHECK_SENSOR
+    OFFSET_UNKNOWN = (
+        512,
+        "settling",
+        "The cylinder has not slid in both directions yet: the offset of the sensors' zeros is no better known than "
+        "stated, and the bounds are as wide as that",
+        "slide in both directions, or start from a known offset",
+    )
+    UNMODELLED_FORCE = (
+        1024,
+        "range",
+        "The force balance lies beyond its range in training, or did until the piston has moved a while within it, or "
+        "both pressures are far below those of training: an external load, an end stop, or pressures that are wrong or "
+        "in another unit, which the estimate takes for friction",
+        "take the load off or use a model that knows it; check the pressures and their unit",
+    )
 
     @classmethod
     def names(cls, flags: int) -> tuple[str, ...]:
         """Return the names of the bits that are set, lowest first."""
         return tuple(flag.name for flag in cls if flags & flag and flag.name is not None)
+
+    @classmethod
+    def of_kind(cls, kind: FlagKind) -> int:
+        """Return the bits of all flags of a kind."""
+        return reduce(or_, (flag.value for flag in cls if flag.kind == kind))
 
 
 def invalid_flag(column: str) -> Flag:

@@ -70,9 +70,9 @@ class ReferenceStream:
         """Return the estimate at this sample, one number per input, whatever the sample is."""
         raw = np.array(sample, dtype=np.float64)
         invalid = [not _accepted(self.model.guard, place, value) for place, value in enumerate(raw)]
-        flags = Flag(0)
+        flags = 0
         for name, bad in zip(self.model.inputs, invalid, strict=True):
-            flags |= invalid_flag(name) if bad else Flag(0)
+            flags |= invalid_flag(name) if bad else 0
         if not self._guard.ready and any(invalid):
             return Estimate(0.0, 0.0, 0.0, int(Flag.NOT_READY | flags))
         if not self._guard.ready:
@@ -132,9 +132,9 @@ class ReferenceStream:
         stuck = state.constant_samples > guard.freeze_samples and abs(base_n) > guard.freeze_force_n
         return bool(state.frozen) or stuck
 
-    def _trust(self, bad: bool) -> Flag:
+    def _trust(self, bad: bool) -> int:
         """Count warm-up and recovery down; return the flags of those that this step is in."""
-        state, flags = self._guard, Flag(0)
+        state, flags = self._guard, 0
         if state.warming > 0:
             state.warming -= 1
             flags |= Flag.WARMING
@@ -192,16 +192,16 @@ class ReferenceStream:
             total -= float(self._offset[OFFSET] * self.model.offset.zero_of(taps[None])[0])
         return total
 
-    def _offset_flag(self) -> Flag:
+    def _offset_flag(self) -> int:
         """Return the flag of an offset that has not been learned yet."""
         unknown = self.model.offset is not None and self._offset[EXTENDED] * self._offset[RETRACTED] == 0.0
-        return Flag.OFFSET_UNKNOWN if unknown else Flag(0)
+        return Flag.OFFSET_UNKNOWN if unknown else 0
 
-    def _unmodelled_force(self, channels: Array, regime: int) -> Flag:
+    def _unmodelled_force(self, channels: Array, regime: int) -> int:
         """Return the flag of a force balance beyond the range of training."""
         limits, guard, stated = self._force_limits, self._guard, self.model.guard
         if not limits.size:
-            return Flag(0)
+            return 0
         found, guard.unmodelled = unmodelled_force(
             limits,
             channels,
@@ -211,7 +211,7 @@ class ReferenceStream:
             stated.clear_samples,
             stated.least_pressure_pa,
         )
-        return Flag.UNMODELLED_FORCE if found else Flag(0)
+        return Flag.UNMODELLED_FORCE if found else 0
 
     def _further(self, regime: int) -> float:
         """Return how many times as far the bounds are as with a known offset."""

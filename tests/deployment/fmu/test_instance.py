@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from cylinder_friction.deployment.descriptions import flag_meanings
+from cylinder_friction.deployment.descriptions import flags_of
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.reference import ReferenceStream
 
@@ -31,7 +31,7 @@ def test_steps_are_the_references(instance: FmuInstance, model: StepModel, sampl
         assert (friction_n, lower_n, upper_n) == pytest.approx(expected[:3], abs=NEWTONS)
         assert flags == expected.flags
         assert instance.get_boolean("trusted") == (flags == 0)
-        for flag in flag_meanings(model):
+        for flag in flags_of(model):
             assert instance.get_boolean(flag.name.lower()) == bool(flags & flag)
 
 

@@ -14,7 +14,7 @@ from cylinder_friction.deployment.c_export.forest import SIDE_BY_SIDE, flatten
 from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_model, lugre_values
 from cylinder_friction.deployment.c_export.network import network_operations, network_values
 from cylinder_friction.deployment.c_export.sensor_offset import offset_operations, offset_values
-from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
+from cylinder_friction.deployment.descriptions import described_inputs, flags_of
 from cylinder_friction.deployment.rendering import Type, model_hash, number, render
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
@@ -184,7 +184,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         "model": step,
         "inputs": inputs,
         "load": step.position_load,
-        "flags": flag_meanings(step),
+        "flags": flags_of(step),
         "fields": fields,
         "state_bytes": sum(field.bytes for field in fields),
         "operations": operations,

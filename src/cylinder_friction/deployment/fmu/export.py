@@ -17,7 +17,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 from cylinder_friction.deployment.c_export.compiled import COMPILERS, NoCompilerError, compile_shared, find_compiler
 from cylinder_friction.deployment.c_export.export import Precision, c_model, generate_c
 from cylinder_friction.deployment.c_export.lugre import LugreModel
-from cylinder_friction.deployment.descriptions import flag_meanings
+from cylinder_friction.deployment.descriptions import flags_of
 from cylinder_friction.deployment.fmu.variables import UNITS, fmu_variables
 from cylinder_friction.deployment.rendering import render
 from cylinder_friction.estimators.base import FrictionEstimator
@@ -122,7 +122,7 @@ def _values(model: StepModel, name: str, kind: str, fmi: FmiVersion) -> dict[str
     variables = fmu_variables(model)
     inputs = [variable for variable in variables if variable.causality == "input"]
     references = {variable.name: reference for reference, variable in enumerate(variables)}
-    flags = [str(flag.name).lower() for flag in flag_meanings(model)]
+    flags = [str(flag.name).lower() for flag in flags_of(model)]
     places = {"first_input": references[inputs[0].name], "first_flag": references[flags[0]]}
     for name_of in [*flags, *(variable.name for variable in inputs)]:
         del references[name_of]

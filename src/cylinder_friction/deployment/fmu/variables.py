@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cylinder_friction.deployment.c_export.sensor_offset import stated_uncertainty_n
-from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
+from cylinder_friction.deployment.descriptions import described_inputs, flags_of
 from cylinder_friction.realtime.model import StepModel
 
 Kind = Literal["real", "integer", "boolean"]
@@ -93,8 +93,8 @@ def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
         FmuVariable("flags", "integer", "output", "discrete", "How far to trust the estimate, as bits; 0: all is well"),
         FmuVariable("trusted", "boolean", "output", "discrete", "No flag is set"),
         *(
-            FmuVariable(str(flag.name).lower(), "boolean", "output", "discrete", f"Flag {flag.value}: {meaning}")
-            for flag, meaning in flag_meanings(model).items()
+            FmuVariable(str(flag.name).lower(), "boolean", "output", "discrete", f"Flag {flag.value}: {flag.meaning}")
+            for flag in flags_of(model)
         ),
     )
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from cylinder_friction.deployment.descriptions import described_inputs, flag_meanings
+from cylinder_friction.deployment.descriptions import described_inputs, flags_of
 from cylinder_friction.deployment.rendering import model_hash
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
@@ -52,7 +52,7 @@ def described(model: StepModel) -> dict[str, str]:
         "lag_s": repr(float(model.lag_s)),
         "input": input_text(model),
         "output": json.dumps(outputs_of(model)),
-        "flags": json.dumps({str(flag.value): flag.name for flag in flag_meanings(model)}),
+        "flags": json.dumps({str(flag.value): flag.name for flag in flags_of(model)}),
         **({} if model.position_load is None else {"position_load": model.position_load.in_words()}),
         "training_range_with_margin": _ranges(model.inputs, guard.trained_lower, guard.trained_upper),
         "accepted_range": _ranges(model.inputs, guard.accept_lower, guard.accept_upper),

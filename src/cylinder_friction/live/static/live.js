@@ -2,16 +2,15 @@
 /* The page of the live service: a table of all sessions; one session over time and against velocity. */
 
 const KEEP_S = 60, SPARK = 300, SLOPE_S = 0.1, BIN_M_S = 0.01, BIN_ROWS = 400, FEWEST = 20, DAY_S = 86400;
-const FLAGS = [["NOT_READY", "#888888"], ["WARMING", "#e69f00"], ["OUTSIDE", "#cc79a7"], ["INVALID_PRESSURE_1", "#d55e00"],
-  ["INVALID_PRESSURE_2", "#d55e00"], ["INVALID_POSITION", "#d55e00"], ["FROZEN", "#999933"], ["RECOVERING", "#e69f00"],
-  ["INVALID_OTHER", "#d55e00"], ["OFFSET_UNKNOWN", "#bbbbbb"], ["UNMODELLED_FORCE", "#882255"]];
+const COLOURS = ["#888888", "#e69f00", "#cc79a7", "#d55e00", "#d55e00", "#d55e00", "#999933", "#e69f00", "#d55e00", "#bbbbbb"];
+const colourOf = (bit) => COLOURS[bit] ?? "#882255";
 const by = (id) => document.getElementById(id);
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const inView = new Set(), watcher = new IntersectionObserver((entries) => entries.forEach((each) => each.isIntersecting ? inView.add(each.target) : inView.delete(each.target)));
 const collator = new Intl.Collator("en", { numeric: true });
 const sparks = new Map(), rows = new Map(), steady = new Map();
 const SORTS = { name: (each) => each.name, friction: (each) => -each.newtons[0], flags: (each) => -each.flags.length, samples: (each) => -each.index, lag: (each) => -(each.lag_s ?? 0) };
-let socket = null, shown = null, frozen = false, plots = null, stribeck = {}, sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1;
+let socket = null, shown = null, frozen = false, plots = null, stribeck = {}, flagNames = [], sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1;
 const data = { index: [], newtons: [[], [], []], samples: [[], [], []], flags: [] };
 
 function connect() {
@@ -29,7 +28,7 @@ function connect() {
       columns = ["pressure_1_pa", "pressure_2_pa", "position_m"].map((name) => content.inputs.indexOf(name));
       table(content.sessions);
     } else if (content.rows) { take(content.rows); text(by("model"), `by ${content.model}`); }
-    else if (content.stribeck) stribeck = content.stribeck;
+    else if (content.stribeck) { stribeck = content.stribeck; flagNames = content.flags; }
   };
 }
 
@@ -224,10 +223,10 @@ function strip() {
   data.flags.forEach((flags, at) => {
     if (!flags) return;
     const x = (left + plot.valToPos(data.index[at] * sampleTimeS, "x")) * ratio;
-    FLAGS.forEach(([name, colour], bit) => { if (flags >> bit & 1) { used.add(bit); pen.fillStyle = colour; } });
+    flagNames.forEach((name, bit) => { if (flags >> bit & 1) { used.add(bit); pen.fillStyle = colourOf(bit); } });
     pen.fillRect(x, 0, Math.max(1, ratio), canvas.height);
   });
-  const legend = [...used].sort((a, b) => a - b).map((bit) => `<span><i style="background:${FLAGS[bit][1]}"></i>${FLAGS[bit][0].toLowerCase().replaceAll("_", " ")}</span>`);
+  const legend = [...used].sort((a, b) => a - b).map((bit) => `<span><i style="background:${colourOf(bit)}"></i>${flagNames[bit].toLowerCase().replaceAll("_", " ")}</span>`);
   by("legend").innerHTML = legend.length ? `Flags: ${legend.join("")}` : "No flags.";
 }
 
