@@ -10,7 +10,7 @@ FAST := $(addprefix tests/,recordings signals labelling evaluation realtime repo
 	commands/test_cli.py pipeline/test_stage_dependencies.py test_configuration.py test_import_graph.py test_cylinder.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test test-fast lint format stages params ui serve track performance readme seeds release lock docs live
+.PHONY: help install install-dev reproduce benchmark test-benchmark test test-fast lint format stages params ui serve track performance readme seeds release lock docs live
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -52,8 +52,10 @@ lane-%:
 	TQDM_POSITION=1 $(LANE) $*
 
 benchmark: install ## run the comparison of the literature, then print where its page is
-	cd benchmark && dvc repro
-	friction-benchmark summary
+	@$(MAKE) --no-print-directory -C benchmark run VENV=$(abspath $(VENV))
+
+test-benchmark: install-dev ## check and test the comparison of the literature: about two minutes on two cores
+	@$(MAKE) --no-print-directory -C benchmark test VENV=$(abspath $(VENV))
 
 test: install-dev ## run all tests: about ten minutes on two cores
 	pytest -n 2

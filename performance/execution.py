@@ -1,14 +1,13 @@
 """The same work by one process, by two, and by a Dask cluster of two workers on loopback: equal bytes, and how long.
 
-    python performance/execution.py [--parts recordings,search,benchmark] [--recordings 1000] [--seconds 4]
+    python performance/execution.py [--parts recordings,search] [--recordings 1000] [--seconds 4]
                                     [--trials 16] [--batch 4]
 
 Records a campaign on the simulated rig and cuts it into short recordings, which go through ingest, filter and label,
 each stage in a process of its own with one thread; then the first trials of the default recipe's search (which has
-16), four at a time; then the smoke recipe of the benchmark, whose bytes are those of its results without what it
-measured of the processor. Each part is done five times, on two idle cores in about 3 minutes for the recordings, 8
-for the search, 2 for the benchmark. On the cluster all of it is done once more while a worker is killed (SIGKILL),
-and once more after the command itself was killed. Times are seconds of the clock, imports and the start of processes
+16), four at a time. Each part is done five times, on two idle cores in about 3 minutes for the recordings and 8 for
+the search. On the cluster all of it is done once more while a worker is killed (SIGKILL), and once more after the
+command itself was killed. Times are seconds of the clock, imports and the start of processes
 in them, and stand beside those of the one process in the same run as ratios. Exits with 1 unless every way gave the
 same bytes.
 """
@@ -16,8 +15,6 @@ same bytes.
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
 import os
 import shutil
 import subprocess
@@ -36,17 +33,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 CLI = (sys.executable, "-m", "cylinder_friction.commands.cli")
-BENCHMARK_CLI = (sys.executable, "-m", "friction_benchmark.cli")
-RECORDINGS, SEARCH, BENCHMARK = ("ingest", "filter", "label"), ("search",), ("benchmark",)
-PARTS = ("recordings", "search", "benchmark")
+RECORDINGS, SEARCH = ("ingest", "filter", "label"), ("search",)
+PARTS = ("recordings", "search")
 WRITTEN = {
     "ingest": "data/interim/recordings",
     "filter": "data/interim/signals",
     "label": "data/processed",
     "search": "models/search",
-    "benchmark": "benchmark/reports",
 }
-TIMES = ("step_us", "training_s")
 DRAFTS = {"filter": "data/interim/.signals.draft", "label": "data/processed/.labelled.draft"}
 SHORT, NO_TRUTH = "ingest.checks.minimum_duration_s=2", "ingest.truth=data/raw/no_truth"
 LOG = "stage.log"
@@ -76,16 +70,11 @@ def main() -> int:
                 call(folder, *CLI, "stage", "record")
                 cut(folder / "data/raw/rig", options.recordings, options.seconds)
                 equal &= compared(folder, RECORDINGS, f"{options.recordings} recordings of {options.seconds} s")
-            elif part == "search":
+            else:
                 call(folder, *CLI, "params", f"search.trials={options.trials}", f"search.batch={options.batch}")
                 for stage in ("record", *RECORDINGS, "split", "offset"):
                     call(folder, *CLI, "stage", stage)
                 equal &= compared(folder, SEARCH, f"{options.trials} trials in batches of {options.batch}")
-            else:
-                shutil.copytree(SOURCE.parent / "benchmark/conf", folder / "benchmark/conf")
-                call(folder, "git", "init", "--quiet")
-                call(folder, *BENCHMARK_CLI, "params", "experiment=smoke")
-                equal &= compared(folder, BENCHMARK, "the benchmark's smoke recipe")
     return 0 if equal else 1
 
 
@@ -146,24 +135,11 @@ def way(
         seconds[stage] = time.monotonic() - started_s
     shares = {stage: each / alone[0][stage] if alone else 1.0 for stage, each in seconds.items()}
     print(f"{name:34}" + "".join(f"{each:9.1f} ({shares[stage]:4.2f})" for stage, each in seconds.items()), flush=True)
-    return seconds, {stage: hash_written(folder, stage) for stage in stages}
-
-
-def hash_written(folder: Path, stage: str) -> str:
-    """Return the hash of what a stage wrote; of the benchmark's results, but for what it measured of the processor."""
-    if stage != "benchmark":
-        return hash_of(folder / WRITTEN[stage])
-    results = json.loads((folder / WRITTEN[stage] / "benchmark.json").read_text(encoding="utf-8"))
-    for entry in (entry for task in results["tasks"] for entry in task["entries"]):
-        for name in TIMES:
-            del entry[name]
-    return hashlib.sha256(json.dumps(results).encode()).hexdigest()
+    return seconds, {stage: hash_of(folder / WRITTEN[stage]) for stage in stages}
 
 
 def half_done(folder: Path, stage: str) -> bool:
     """Return whether some of a stage's pieces are done, and not all."""
-    if stage == "benchmark":
-        return len(list(folder.glob(".cylinder-friction/benchmark-cache/predictions/*"))) > 1
     if stage == "search":
         return any(path.read_bytes().count(b"\n") > 2 for path in folder.glob(".cylinder-friction/resume/*/trials.log"))
     return sum(1 for _ in (folder / DRAFTS[stage]).glob("*/*.parquet")) > 5
@@ -183,10 +159,9 @@ def call(folder: Path, *command: str) -> None:
 
 
 def started(folder: Path, stage: str, given: dict[str, str]) -> subprocess.Popen[bytes]:
-    """Start a stage, or the benchmark, that writes what it prints into a file."""
-    command = (*BENCHMARK_CLI, "run") if stage == "benchmark" else (*CLI, "stage", stage)
+    """Start a stage that writes what it prints into a file."""
     with (folder / LOG).open("wb") as log:
-        return subprocess.Popen(command, cwd=folder, env=environment(given), stdout=log, stderr=log)
+        return subprocess.Popen((*CLI, "stage", stage), cwd=folder, env=environment(given), stdout=log, stderr=log)
 
 
 def environment(given: dict[str, str]) -> dict[str, str]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 SAMPLE_TIME_S = 0.005
 PIPELINE = "tests/pipeline/"
-LONGEST = (PIPELINE, "tests/test_wheel.py", "tests/friction_benchmark/test_pipeline.py")
+LONGEST = (PIPELINE, "tests/test_wheel.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -241,7 +241,7 @@ def _write_run_records(root: Path) -> None:
         (stages / f"{stage}.py").write_text(f"NAME = {stage!r}\n", encoding="utf-8")
     for record in records:
         if (stages / f"{record.name}.py").is_file():
-            code = code_key(f"cylinder_friction.stages.{record.name}", source=root / "src")
+            code = code_key(f"cylinder_friction.stages.{record.name}", packages={"cylinder_friction": root / "src"})
             record = replace(record, code=code)
         (root / f"reports/runs/{record.name}.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
 

@@ -50,31 +50,31 @@ def source(tmp_path: Path) -> Path:
 def test_every_file_that_decides_what_a_module_does_is_found(source: Path) -> None:
     found = {
         path.relative_to(source / "cylinder_friction").as_posix()
-        for path in used_files("cylinder_friction.stage", source=source)
+        for path in used_files("cylinder_friction.stage", packages={"cylinder_friction": source})
     }
     assert found == set(MODULES) - {"__init__.py", "unused.py"}
 
 
 def test_caches_inside_a_folder_of_data_do_not_count(source: Path) -> None:
-    before = used_files("cylinder_friction.work.worker_script", source=source)
+    before = used_files("cylinder_friction.work.worker_script", packages={"cylinder_friction": source})
     cache = source / "cylinder_friction/work/sources/__pycache__"
     cache.mkdir()
     for name in ("a.cpython-312.pyc", "a.step-1.py312.nbi", "a.step-1.py312.1.nbc"):
         (cache / name).write_bytes(b"\0")
-    assert used_files("cylinder_friction.work.worker_script", source=source) == before
+    assert used_files("cylinder_friction.work.worker_script", packages={"cylinder_friction": source}) == before
 
 
 def test_imports_for_type_checking_count_only_where_they_are_asked_for(source: Path) -> None:
-    runtime = imported_modules("cylinder_friction.stage", source)
+    runtime = imported_modules("cylinder_friction.stage", {"cylinder_friction": source})
     assert runtime == {"cylinder_friction.work", "cylinder_friction.work.inner", "cylinder_friction.otherwise"}
-    assert imported_modules("cylinder_friction.stage", source, type_checking=True) - runtime == {
+    assert imported_modules("cylinder_friction.stage", {"cylinder_friction": source}, type_checking=True) - runtime == {
         "cylinder_friction.unused"
     }
 
 
 def test_a_module_that_is_not_there_is_named(source: Path) -> None:
     with pytest.raises(ModuleNotFoundError, match=r"cylinder_friction\.gone: no such module below"):
-        used_files("cylinder_friction.gone", source=source)
+        used_files("cylinder_friction.gone", packages={"cylinder_friction": source})
 
 
 def test_a_key_covers_what_is_used_and_nothing_else() -> None:

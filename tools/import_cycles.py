@@ -1,17 +1,22 @@
-"""Print the groups of modules that import each other, by whatever means, and their number; none may be left."""
+"""Print the groups of modules that import each other, by whatever means, and their number; none may be left.
+
+``python tools/import_cycles.py [SOURCE ...]``: folders that hold packages, by default this project's ``src``.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
+from pathlib import Path
 
-from cylinder_friction.import_graph import all_modules, imported_modules
+from cylinder_friction.import_graph import PACKAGES, all_modules, imported_modules
 
 
-def cycles() -> list[list[str]]:
+def cycles(packages: Mapping[str, Path]) -> list[list[str]]:
     """Return cycles of imports, those in functions and for type checking included; no two share an import."""
-    graph = {module: imported_modules(module, type_checking=True) for module in all_modules()}
+    graph = {module: imported_modules(module, packages, type_checking=True) for module in all_modules(packages)}
     found = []
     while True:
         try:
@@ -25,8 +30,9 @@ def cycles() -> list[list[str]]:
             return found
 
 
-def main() -> int:
-    found = cycles()
+def main(sources: list[str]) -> int:
+    given = {package.parent.name: Path(source) for source in sources for package in Path(source).glob("*/__init__.py")}
+    found = cycles(given or PACKAGES)
     for cycle in found:
         print(" <- ".join(cycle))
     print(f"{len(found)} cycles of imports")
@@ -34,4 +40,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

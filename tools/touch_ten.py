@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 MODULES = (
-    "src/friction_benchmark/models/machado.py",
+    "benchmark/src/friction_benchmark/models/machado.py",
     "src/cylinder_friction/deployment/fmu/export.py",
     "src/cylinder_friction/commands/latency.py",
     "src/cylinder_friction/tracking/log_run.py",

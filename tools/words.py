@@ -1,7 +1,7 @@
 """Find words in code and documentation that a reader of the field would not know or would misread.
 
 ``python tools/words.py [PATH ...]`` prints each place and exits with 1 if there is any; without paths it looks through
-``src``, ``docs``, ``conf``, ``benchmark``, ``performance``, ``README.md``, ``dvc.yaml`` and ``params.yaml``.
+``src``, ``docs``, ``conf``, ``performance``, ``README.md``, ``dvc.yaml`` and ``params.yaml``.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ WORDS: dict[str, str] = {
 }
 """Pattern, whole words only, and what to write instead."""
 
-PLACES = ("src", "docs", "conf", "benchmark", "performance", "README.md", "dvc.yaml", "params.yaml")
+PLACES = ("src", "docs", "conf", "performance", "README.md", "dvc.yaml", "params.yaml")
 SUFFIXES = {".py", ".md", ".yaml", ".html", ".j2", ".c", ".h", ".css", ".js"}
 _PATTERN = re.compile(
     "|".join(f"(?P<w{index}>(?<![A-Za-z])({word})(?![A-Za-z]))" for index, word in enumerate(WORDS)),

@@ -1,30 +1,31 @@
-"""The import graph: which files of this package (and of the benchmark's) decide what a module does."""
+"""The import graph: which files of a package, and of the packages it uses, decide what a module does."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1]
-PACKAGES = ("cylinder_friction", "friction_benchmark")
-_BY_NAME = re.compile(rf"({'|'.join(PACKAGES)})(\.\w+)+")
+PACKAGES: Mapping[str, Path] = {"cylinder_friction": SOURCE}
+"""Package to the folder that holds it. A project that builds on this package adds its own, so that both count."""
+_DOTTED = re.compile(r"\w+(\.\w+)+")
 _LONGEST_PATH = 100
 
 
-def code_key(*modules: str, source: Path = SOURCE) -> str:
+def code_key(*modules: str, packages: Mapping[str, Path] = PACKAGES) -> str:
     """Return a SHA-256 over every file that decides what ``modules`` do, for the key of a result that they computed."""
     digest = hashlib.sha256()
-    for path in used_files(*modules, source=source):
-        digest.update(path.relative_to(source).as_posix().encode() + b"\0")
+    for path in used_files(*modules, packages=packages):
+        digest.update(relative_to_source(path, packages).as_posix().encode() + b"\0")
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def used_files(*modules: str, source: Path = SOURCE) -> tuple[Path, ...]:
+def used_files(*modules: str, packages: Mapping[str, Path] = PACKAGES) -> tuple[Path, ...]:
     """Return the files of ``modules`` and of everything they import, transitively, sorted.
 
     Imports inside functions count, imports for type checking do not. A string that names a module, or a file or a
@@ -33,7 +34,7 @@ def used_files(*modules: str, source: Path = SOURCE) -> tuple[Path, ...]:
 
     Args:
         modules: Dotted names.
-        source: The folder that holds the packages.
+        packages: Package to the folder that holds it.
 
     Raises:
         ModuleNotFoundError: There is no such module.
@@ -46,51 +47,57 @@ def used_files(*modules: str, source: Path = SOURCE) -> tuple[Path, ...]:
         if module in seen:
             continue
         seen.add(module)
-        path = module_path(module, source)
+        path = module_path(module, packages)
         if path is None:
-            raise ModuleNotFoundError(f"{module}: no such module below {source}")
+            raise ModuleNotFoundError(f"{module}: no such module below {', '.join(map(str, packages.values()))}")
         files.add(path)
-        names, data = _strings(path, source)
+        names, data = _strings(path, packages)
         files |= data
-        queue += imported_modules(module, source) | names
+        queue += imported_modules(module, packages) | names
         for package in _packages(module):
-            init = module_path(package, source)
-            if init is not None and does_something(init, source):
+            init = module_path(package, packages)
+            if init is not None and does_something(init, packages):
                 files.add(init)
-                queue += _imports(init, package, source, deep=False)
+                queue += _imports(init, package, packages, deep=False)
     return tuple(sorted(files))
 
 
-def imported_modules(module: str, source: Path = SOURCE, *, type_checking: bool = False) -> set[str]:
-    """Return the modules below ``source`` that a module itself imports, anywhere in its code.
+def imported_modules(module: str, packages: Mapping[str, Path] = PACKAGES, *, type_checking: bool = False) -> set[str]:
+    """Return the modules of ``packages`` that a module itself imports, anywhere in its code.
 
     Args:
         module: Dotted name.
-        source: The folder that holds the packages.
+        packages: Package to the folder that holds it.
         type_checking: Whether imports under ``if TYPE_CHECKING`` count.
     """
-    path = module_path(module, source)
-    return set() if path is None else _imports(path, module, source, type_checking=type_checking) - {module}
+    path = module_path(module, packages)
+    return set() if path is None else _imports(path, module, packages, type_checking=type_checking) - {module}
 
 
-def module_path(module: str, source: Path = SOURCE) -> Path | None:
-    """Return a module's file; None where ``source`` holds no such module of one of the packages."""
-    if module.partition(".")[0] not in PACKAGES:
+def module_path(module: str, packages: Mapping[str, Path] = PACKAGES) -> Path | None:
+    """Return a module's file; None if none of the packages has such a module."""
+    source = packages.get(module.partition(".")[0])
+    if source is None:
         return None
     place = source.joinpath(*module.split("."))
     candidates = (place.with_suffix(".py"), place / "__init__.py")
     return next((path for path in candidates if path.is_file()), None)
 
 
-def all_modules(source: Path = SOURCE) -> list[str]:
+def all_modules(packages: Mapping[str, Path] = PACKAGES) -> list[str]:
     """Return the dotted names of all modules of the packages."""
-    paths = (path for package in PACKAGES for path in (source / package).rglob("*.py"))
-    return sorted(_module_name(path, source) for path in paths)
+    paths = (path for package, source in packages.items() for path in (source / package).rglob("*.py"))
+    return sorted(_module_name(path, packages) for path in paths)
 
 
-def does_something(init: Path, source: Path = SOURCE) -> bool:
+def relative_to_source(path: Path, packages: Mapping[str, Path] = PACKAGES) -> Path:
+    """Return a file's path from the folder that holds its package."""
+    return path.relative_to(_source_of(path, packages))
+
+
+def does_something(init: Path, packages: Mapping[str, Path] = PACKAGES) -> bool:
     """Return whether a package's ``__init__`` runs more than definitions and imports from elsewhere."""
-    if _imports(init, _module_name(init, source), source, deep=False):
+    if _imports(init, _module_name(init, packages), packages, deep=False):
         return True
     for node in _parsed(init).body:
         if isinstance(node, ast.Import | ast.ImportFrom | ast.FunctionDef):
@@ -105,8 +112,8 @@ def does_something(init: Path, source: Path = SOURCE) -> bool:
     return False
 
 
-def _module_name(path: Path, source: Path) -> str:
-    parts = path.relative_to(source).with_suffix("").parts
+def _module_name(path: Path, packages: Mapping[str, Path]) -> str:
+    parts = relative_to_source(path, packages).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
@@ -114,6 +121,10 @@ def _packages(module: str) -> list[str]:
     """Return the packages around a module but the outermost, which imports what it offers only when it is asked."""
     parts = module.split(".")
     return [".".join(parts[:length]) for length in range(2, len(parts))]
+
+
+def _source_of(path: Path, packages: Mapping[str, Path]) -> Path:
+    return next(source for source in packages.values() if path.is_relative_to(source))
 
 
 @cache
@@ -143,7 +154,9 @@ def _walk(node: ast.AST, *, deep: bool, type_checking: bool) -> Iterator[ast.AST
         yield from _walk(child, deep=deep, type_checking=type_checking)
 
 
-def _imports(path: Path, module: str, source: Path, *, deep: bool = True, type_checking: bool = False) -> set[str]:
+def _imports(
+    path: Path, module: str, packages: Mapping[str, Path], *, deep: bool = True, type_checking: bool = False
+) -> set[str]:
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     found: set[str] = set()
     for node in _nodes(_parsed(path), deep=deep, type_checking=type_checking):
@@ -153,27 +166,28 @@ def _imports(path: Path, module: str, source: Path, *, deep: bool = True, type_c
             parts = package.split(".")[: -(node.level - 1) or None] if node.level else []
             base = ".".join([*parts, *([node.module] if node.module else [])])
             inner = {f"{base}.{alias.name}" for alias in node.names}
-            modules = {name for name in inner if module_path(name, source) is not None}
+            modules = {name for name in inner if module_path(name, packages) is not None}
             found |= modules | ({base} if len(modules) < len(inner) else set())
-    return {name for name in found if module_path(name, source) is not None}
+    return {name for name in found if module_path(name, packages) is not None}
 
 
-def _strings(path: Path, source: Path) -> tuple[set[str], set[Path]]:
+def _strings(path: Path, packages: Mapping[str, Path]) -> tuple[set[str], set[Path]]:
     """Return the modules and the data files that the string constants of a module name."""
     names: set[str] = set()
     data: set[Path] = set()
+    source = _source_of(path, packages)
     folders = [folder for folder in path.parents if source in folder.parents]
     for node in _nodes(_parsed(path), deep=True, type_checking=False):
         if not (isinstance(node, ast.Constant) and isinstance(node.value, str) and 1 < len(node.value) < _LONGEST_PATH):
             continue
         text = node.value.partition(":")[0]
-        if _BY_NAME.fullmatch(text) and module_path(text, source) is not None:
+        if _DOTTED.fullmatch(text) and module_path(text, packages) is not None:
             names.add(text)
         if not re.fullmatch(r"\w[\w./-]*", text):
             continue
         for place in (folder / text for folder in folders if text != "__init__.py"):  # every package has one
             if place.is_file() and place.suffix == ".py":
-                names.add(_module_name(place, source))
+                names.add(_module_name(place, packages))
             elif place.is_file():
                 data.add(place)
             elif place.is_dir() and not any(place.rglob("*.py")):

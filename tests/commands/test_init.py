@@ -12,7 +12,6 @@ from cylinder_friction.commands.init import CODE_STAGE, EXAMPLE, project_pipelin
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import git
-from friction_benchmark.cli import main as benchmark
 
 CHECKOUT = Path(__file__).parents[2]
 IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FOLDER` makes\n"
@@ -28,7 +27,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_project_holds_what_its_pipeline_and_its_user_need(project: Path) -> None:
     assert (project / "conf/config.yaml").read_bytes() == (CHECKOUT / "conf/config.yaml").read_bytes()
     assert (project / "params.yaml").read_bytes() == (CHECKOUT / "params.yaml").read_bytes()
-    assert {".dvc", ".dvcignore", ".git", ".gitignore", "benchmark"} <= {path.name for path in project.iterdir()}
+    assert {".dvc", ".dvcignore", ".git", ".gitignore"} <= {path.name for path in project.iterdir()}
     readme = (project / "README.md").read_text(encoding="utf-8")
     assert len([line for line in readme.splitlines() if line]) <= 10
     assert git(project, "status", "--porcelain", "--", "README.md") == "?? README.md"
@@ -61,13 +60,6 @@ def test_the_example_log_gives_friction(
     assert main(["estimate", EXAMPLE, *mapping, "--output", str(tmp_path / "friction")]) == 0
     assert "friction 3" in capsys.readouterr().out  # 3xx N
     assert list(tmp_path.glob("friction/*.csv"))
-
-
-def test_the_benchmark_is_configured_in_it(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(project)
-    before = (project / "benchmark/params.yaml").read_bytes()
-    assert benchmark(["params"]) == 0
-    assert (project / "benchmark/params.yaml").read_bytes() == before
 
 
 def test_without_git_dvc_is_told_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -114,14 +106,3 @@ def test_outside_a_project_a_command_names_what_it_needs_in_one_line(
     printed = capfd.readouterr().err
     assert words in printed
     assert printed.count("\n") == (2 if command == "serve" else 1), "serve looks for the model in another process"
-
-
-@pytest.mark.parametrize("command", ["run", "inputs", "track", "summary", "params"])
-def test_the_benchmark_needs_a_project(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert benchmark([command]) == 1
-    assert capsys.readouterr().err == (
-        f"friction-benchmark {command}: benchmark/conf: no such folder here; {IN_A_PROJECT}"
-    )

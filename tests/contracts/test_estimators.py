@@ -1,4 +1,4 @@
-"""Every estimator of the product and every model of the benchmark keeps the contract, on several sets of sensors."""
+"""Every estimator keeps the contract, on several sets of sensors."""
 
 from __future__ import annotations
 
@@ -20,19 +20,15 @@ from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.testing.estimator_contract import CHECKS, Case, ContractError, check_estimator
-from friction_benchmark.registry.listing import registered_models
-from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from cylinder_friction.cylinder import Cylinder
-    from friction_benchmark.registry.model import RegisteredModel
 
 PLAN = TrainingPlan(epochs=1, patience=1, sequence_length=200, burn_in=20, batch_size=4)
 FOREST = ForestPlan(trees=4, depth=4, rows=2000, leaf=5)
 SMALL, DEEP = Architecture(1, 8, 0.0, 3e-3), Architecture(2, 8, 0.1, 3e-3)
-EFFORT = 0.01
 ROWS = 800
 LOAD = PositionLoad(0.05, 0.2, np.array([-5.0, 8.0, 3.0]), np.full(3, 1.0))
 
@@ -41,7 +37,7 @@ def _with_load_by_position(name: str, cylinder: Cylinder) -> FrictionEstimator:
     return baselines(cylinder, forest_plan=FOREST, position_load=LOAD)[name]
 
 
-PRODUCT: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
+MAKERS: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "force_balance_unfiltered": lambda cylinder: ForceBalanceEstimator(cylinder, "none"),
     "force_balance_paper": lambda cylinder: ForceBalanceEstimator(cylinder, "paper"),
     "force_balance_low_pass": LowPassForceBalanceEstimator,
@@ -66,24 +62,6 @@ PRODUCT: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     },
     "paper_hybrid": lambda cylinder: HybridEstimator(cylinder, "paper", SMALL, PLAN, FOREST),
 }
-INPUTS = {
-    "raw": SAMPLE_COLUMNS,
-    "raw_and_temperature": (*SAMPLE_COLUMNS, "oil_temperature_c"),
-    "levels": ("position_m", "oil_temperature_c", "pressure_1_level_pa", "pressure_2_level_pa"),
-}
-
-
-def built(model: RegisteredModel, inputs: tuple[str, ...], cylinder: Cylinder) -> FrictionEstimator:
-    return model.build(BuildConfiguration(cylinder, inputs, 0, EFFORT, model.defaults))
-
-
-BENCHMARK: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
-    f"{model.name}-{name}": partial(built, model, inputs)
-    for model in registered_models().values()
-    for name, inputs in INPUTS.items()
-    if model.supports(inputs) and not (name == "raw" and model.supports(INPUTS["raw_and_temperature"]))
-}
-MAKERS = PRODUCT | BENCHMARK
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +100,6 @@ def test_friction_is_of_the_right_size(case: Case) -> None:
 def test_no_estimator_is_forgotten(cylinder: Cylinder) -> None:
     made = {type(make(cylinder)) for make in MAKERS.values()}
     assert set(KINDS) - made == set()
-    models = {kind for kind in FrictionEstimator._kinds.values() if kind.__module__.startswith("friction_benchmark.")}
-    assert models - made == set()
 
 
 class Forgetful(ForceBalanceEstimator):

@@ -14,23 +14,18 @@ from cylinder_friction.friction_models.dahl import Dahl
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from friction_benchmark.registry.analytical import MODELS
-from friction_benchmark.registry.model import BuildConfiguration
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
 
-NAMES = [entry.name for entry in MODELS]
+NAMES = ["stribeck", "dahl", "lugre", "pressure_lugre", "film_lugre", "gms"]
 LEVELS = ("position_m", "oil_temperature_c", "pressure_1_level_pa", "pressure_2_level_pa")
 
 
 def made(name: str, cylinder: Cylinder, inputs: tuple[str, ...] = SAMPLE_COLUMNS, seed: int = 1) -> AnalyticalEstimator:
-    entry = next(entry for entry in MODELS if entry.name == name)
-    estimator = entry.build(BuildConfiguration(cylinder, inputs, seed, 0.02, {}))
-    assert isinstance(estimator, AnalyticalEstimator)
-    return estimator
+    return AnalyticalEstimator(cylinder, model_named(name), inputs, effort=scaled_effort(0.02, seed))
 
 
 @pytest.fixture(scope="module")
@@ -48,24 +43,6 @@ def with_levels(recording: Recording) -> Recording:
         for column in SAMPLE_COLUMNS[:2]
     }
     return recording.with_columns(oil_temperature_c=np.full(len(recording), 40.0), **levels)
-
-
-def test_the_registry_has_the_models_of_the_literature() -> None:
-    assert NAMES == ["stribeck", "dahl", "lugre", "pressure_lugre", "film_lugre", "gms"]
-    assert all(entry.family == "analytical" and not entry.space and entry.source for entry in MODELS)
-
-
-@pytest.mark.parametrize(
-    ("inputs", "able"),
-    [
-        (SAMPLE_COLUMNS, NAMES),
-        (("position_m", "oil_temperature_c"), [name for name in NAMES if name != "pressure_lugre"]),
-        (LEVELS, NAMES),
-        (("pressure_1_pa", "pressure_2_pa"), []),
-    ],
-)
-def test_a_model_takes_part_where_it_has_its_inputs(inputs: tuple[str, ...], able: list[str]) -> None:
-    assert [entry.name for entry in MODELS if entry.supports(inputs)] == able
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,4 +1,4 @@
-"""Recordings and the benchmark on a Dask cluster, a worker of which is killed meanwhile: the bytes of the work here."""
+"""Recordings on a Dask cluster, a worker of which is killed meanwhile: the bytes are those of the work here."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from cylinder_friction.commands.params import compose_params
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import VARIABLE
 from cylinder_friction.params.checking import Params, check_params
@@ -23,11 +22,6 @@ from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label
-from friction_benchmark.datasets import Sources
-from friction_benchmark.plan import Plan
-from friction_benchmark.runner import Runner
-from friction_benchmark.scoring import ScoreSettings
-from friction_benchmark_models import CYLINDER, MODULES, SIZES, without_times, write_campaign
 from logger_files import CHANNELS, write_log
 from performance_scripts import performance_script
 
@@ -102,21 +96,3 @@ def test_estimate(
     with workers_from_environment() as workers:
         estimate_logs(logs, cylinder, "friction", **given, workers=workers)
     assert hash_of(tmp_path / "friction") == here
-
-
-def test_benchmark(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    split, models = {"leave_one_load_out": ("identity",)}, ("low_pass", "ridge", "constant_by_direction")
-    plan = Plan(("identity",), split, (0, 1), 0.5, trials=5, batch=2, models=models, modules=MODULES)
-    settings = ScoreSettings(StrataLimits(1e-3, 16e-3, 0.1), 0.05, bootstrap_repeats=50, bootstrap_block_s=1.0)
-    sources = Sources(tmp_path / "campaigns", SIZES, CYLINDER)
-    for seed in plan.seeds:
-        write_campaign(sources, "campaign", seed)
-    found = []
-    for where in ("", cluster.address):
-        monkeypatch.setenv(VARIABLE, where)
-        runner = Runner(plan, sources, tmp_path / ((where and "cluster") or "here"), settings, progress=False)
-        with killed_worker(cluster) if where else nullcontext():
-            found.append(without_times(runner.run()))
-        assert runner.computed["trials"] == 5
-        assert runner.computed["predictions"] == 2 * (1 + 4) * len(models)
-    assert found[0] == found[1]

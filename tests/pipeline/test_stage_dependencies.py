@@ -40,9 +40,9 @@ def test_the_derivation_is_neither_blind_nor_greedy(stage: str, used: str, not_u
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_no_stage_depends_on_the_benchmark_the_commands_or_what_only_logs(stage: str) -> None:
+def test_no_stage_depends_on_the_commands_or_what_only_logs(stage: str) -> None:
     code = " ".join(stage_dependencies.code_of(stage))
-    unwanted = ["friction_benchmark", "cylinder_friction/commands", "deployment/fmu", "stages/_run"]
+    unwanted = ["cylinder_friction/commands", "deployment/fmu", "stages/_run"]
     if stage != "register":
         unwanted.append("tracking")
     assert not [name for name in unwanted if name in code]

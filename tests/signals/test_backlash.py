@@ -1,22 +1,13 @@
-"""The play: noise in the gap never pushes it, creep does, and the features' direction is its own."""
+"""The backlash operator: noise in the gap never pushes it, creep does."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.estimators.front_end import FrontEndBlock, fit_front_end
-from cylinder_friction.realtime.history import TOLERANCE_M
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
-from friction_benchmark.models.related_work import last_motion
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
 
 HALF_WIDTH, STEP_S = 4e-5, 0.005
 
@@ -75,21 +66,3 @@ def test_the_position_is_always_in_the_gap_and_the_last_push_tells_the_direction
             direction = np.sign(at - before)
         assert abs(at - play[CENTRE]) <= HALF_WIDTH * (1.0 + 1e-9)
         assert play[DIRECTION] == direction
-
-
-def test_the_direction_among_the_features_is_that_of_the_play(
-    cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
-    features = fit_front_end("full", cylinder, labelled_recordings, ("position_m",))
-    block = FrontEndBlock(features)
-    recording = labelled_recordings[0]
-    found, _ = block.advance(block.new_state(), recording.samples(("position_m",)))
-    place = features.names.index("position_m_20")
-    smooth_m = found[:, place] * features.scale[place] + features.mean[place]
-    play, expected = new_backlash(), []
-    for at in smooth_m:
-        if not abs(at - play[CENTRE]) <= HALF_WIDTH + TOLERANCE_M:
-            push(at, play, HALF_WIDTH, 0.0, STEP_S)
-        expected.append(play[DIRECTION])
-    np.testing.assert_array_equal(last_motion(features, found), expected)
-    assert set(expected) == {-1.0, 0.0, 1.0}

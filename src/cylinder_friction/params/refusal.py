@@ -41,8 +41,7 @@ def _explain(problem: dict[str, Any], where: str) -> str:
         return f"{key}: unknown key; check its spelling against conf/"
     if problem["type"] == "missing":
         if Path(where).name == PARAMS_FILE.name:
-            program = "`cylinder-friction params` (in benchmark/: `friction-benchmark params`)"
-            return f"{key}: missing; run {program} to compose it from conf/"
+            return f"{key}: missing; run the command `params` to compose it from conf/"
         return (
             f"{key}: missing, conf/ was made for another version; copy it from conf/{problem['loc'][0]}/ of a new "
             "folder, which `cylinder-friction init FOLDER` makes"

@@ -23,8 +23,8 @@ class LineageError(TrackingError):
 
 CODE_FILE = "code.yaml"
 """In a project on the installed package, which holds no source: the hash of each stage's code."""
-RESULT_SHAPING_PATHS = (":/src", "conf", "params.yaml", "dvc.yaml", CODE_FILE, ":/pyproject.toml")
-"""What decides a result besides the data: the code, from the repository's root, and the configuration of a pipeline.
+RESULT_SHAPING_PATHS = ("src", ":/src", "conf", "params.yaml", "dvc.yaml", CODE_FILE, ":/pyproject.toml")
+"""What decides a result besides the data: a pipeline's code and configuration, and the code at the repository's root.
 
 ``dvc.lock`` is written by every run and does not describe the code."""
 
@@ -103,6 +103,6 @@ def code_at(root: Path, sha: str, stage: str) -> str | None:
 
 def _stage_code(stage: str, source: Path) -> str | None:
     try:
-        return code_key(f"cylinder_friction.stages.{stage}", source=source)
+        return code_key(f"cylinder_friction.stages.{stage}", packages={"cylinder_friction": source})
     except ModuleNotFoundError:
         return None

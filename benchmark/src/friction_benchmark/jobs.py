@@ -12,10 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.import_graph import code_key, module_path
+from cylinder_friction.import_graph import module_path
 from friction_benchmark.cache import Cache
 from friction_benchmark.datasets import key_of, twin_kind, unseen_kind
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
+from friction_benchmark.source_code import PACKAGES, code_key
 
 if TYPE_CHECKING:
     from friction_benchmark.cases import Task
@@ -141,7 +142,7 @@ class PredictionJob:
 
 def model_code(module: str) -> str:
     """Return the hash of a registry module and all of the project that it imports; of a foreign module, of its file."""
-    if module_path(module) is not None:
+    if module_path(module, PACKAGES) is not None:
         return code_key(module)
     spec = find_spec(module)
     if spec is None or spec.origin is None:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from performance_scripts import performance_script
-
-ROOT = Path(__file__).parents[2]
-DATA = ROOT / "../shared/data"
+DATA = Path(__file__).parents[3] / "../shared/data"
 
 here = pytest.mark.skipif(not (DATA / "friction-damper").is_dir(), reason="the public measurements are not here")
 
@@ -20,12 +18,12 @@ here = pytest.mark.skipif(not (DATA / "friction-damper").is_dir(), reason="the p
 @pytest.fixture(scope="module")
 def hysteresis() -> Any:
     """What the benchmark prints; tests call the same functions."""
-    return performance_script("measured_hysteresis")
+    return import_module("measured_hysteresis")
 
 
 @pytest.fixture(scope="module")
 def loops() -> Any:
-    return performance_script("hysteresis_loops")
+    return import_module("hysteresis_loops")
 
 
 def test_a_loop_of_known_shape_gives_its_turns_work_and_stiffness(loops: Any) -> None:

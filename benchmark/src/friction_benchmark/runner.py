@@ -11,13 +11,13 @@ from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import Died
-from cylinder_friction.import_graph import code_key
 from friction_benchmark.campaigns import simulate
 from friction_benchmark.datasets import folds_of, inputs_of, labelled_recordings, twin_kind, unseen_kind
 from friction_benchmark.folds import HELD_OUT, UNSEEN_RIG
 from friction_benchmark.jobs import Context, PredictionJob, TuningJob, model_code
 from friction_benchmark.leaderboard import ScoringJob, denominators
 from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, Entry, ModelInfo, TaskResult
+from friction_benchmark.source_code import code_key
 from friction_benchmark.tasks import task_named
 from friction_benchmark.tuning import Tuned, Tuning, TuningError
 from friction_benchmark.worker import do_jobs

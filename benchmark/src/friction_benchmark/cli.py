@@ -68,13 +68,15 @@ def _run(options: argparse.Namespace) -> None:
     if options.command == "servo-rig":
         print(servo_rig.run(options))
         return
-    from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError
+    from cylinder_friction.params.checking import ParamsError
     from friction_benchmark import params, run
 
     if (params.FOLDER / params.CONF).is_dir():
         os.chdir(params.FOLDER)
     elif not params.CONF.is_dir():
-        raise ParamsError(f"{params.FOLDER / params.CONF}: no such folder here; {IN_A_PROJECT}")
+        raise ParamsError(
+            f"{params.FOLDER / params.CONF}: no such folder here; run this in a checkout of cylinder-friction"
+        )
     if options.command == "params":
         params.write_benchmark_params(options.overrides)
     elif options.command == "inputs":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from performance_scripts import performance_script
-
-ROOT = Path(__file__).parents[2]
-DATA = ROOT / "../shared/data"
+DATA = Path(__file__).parents[3] / "../shared/data"
 
 pytestmark = pytest.mark.skipif(not (DATA / "crane").is_dir(), reason="the crane's recordings are not here")
 
@@ -20,7 +18,7 @@ pytestmark = pytest.mark.skipif(not (DATA / "crane").is_dir(), reason="the crane
 @pytest.fixture(scope="module")
 def scope_export() -> Any:
     """What the command prints; tests call the same functions."""
-    return performance_script("scope_export")
+    return import_module("scope_export")
 
 
 @pytest.mark.parametrize("run", ["JibSineTest", "Dual2SineTest"])

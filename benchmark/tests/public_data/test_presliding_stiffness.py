@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 
-from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.recordings.recording import RecordingError
-from friction_samples import new_bristle, simulate
+from presliding_stiffness import PreslidingStiffness, presliding_stiffness
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
@@ -23,7 +22,7 @@ def strokes(model: LugreParameters = MODEL, seconds: float = 40.0) -> tuple[Arra
     time_s = STEP_S * np.arange(round(seconds / STEP_S))
     position_m = 0.1 + 6e-4 * np.sin(np.pi * time_s)
     velocity = np.diff(position_m, prepend=position_m[0]) / STEP_S
-    return position_m, simulate(model, velocity, STEP_S, new_bristle())
+    return position_m, LuGre().simulate(model.packed(), velocity, STEP_S, LuGre().new_state(), None)
 
 
 def found(noise_n: float = 0.0, seed: int = 0) -> PreslidingStiffness:

@@ -1,6 +1,6 @@
 """What the project makes of four public measurements that nobody here controls.
 
-    .venv/bin/python performance/public_recordings.py --data FOLDER [emps|crane|seals|tribometer ...]
+    python public_data/public_recordings.py --data FOLDER [emps|crane|seals|tribometer ...]
 
 FOLDER holds ``emps``, ``crane``, ``pneumatic-seals`` and ``tribometer``. Each file comes in through the project's own
 readers, mapping and resampling, each label through its filter and force balance:
@@ -17,6 +17,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+
 from public_data import CYLINDERS
 from public_figures import PUBLISHED_EMPS, CraneFigures, crane, emps, seals, tribometer
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from public_data import labelled, recordings_of
 
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.signals.smooth_signals import smooth_columns
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from public_data import labelled, recordings_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import replace
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,14 +15,12 @@ import pytest
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.reporting.inspection.files import inspect_files
 from cylinder_friction.reporting.inspection.recording_pane import Panes
-from performance_scripts import performance_script
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.checks.limits import LoadMode
     from cylinder_friction.reporting.inspection.recording_pane import Pane
 
-ROOT = Path(__file__).parents[2]
-DATA = ROOT / "../shared/data"
+DATA = Path(__file__).parents[3] / "../shared/data"
 
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the public measurements are not here")
 
@@ -29,7 +28,7 @@ pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the public measuremen
 @pytest.fixture(scope="module")
 def public() -> Any:
     """What the benchmark prints; tests call the same functions."""
-    return performance_script("public_figures")
+    return import_module("public_figures")
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +94,7 @@ def test_inspection_states_the_crane_s_friction_once_its_load_is_taken_off(
 @pytest.mark.slow
 def test_the_crane_s_offset_is_stated_as_inseparable_from_its_load(public: Any, crane: Any) -> None:
     run = crane["JibSineTest"]
-    words = performance_script("public_recordings").crane_offset
+    words = import_module("public_recordings").crane_offset
     assert run.stated_zero_n is None
     assert words(run).startswith("sensor offset: inseparable from the load, both together known to ± 1125 N (k = 2)")
     assert words(run).endswith(

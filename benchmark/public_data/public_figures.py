@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from presliding_stiffness import PreslidingStiffness, presliding_stiffness
-from public_data import CYLINDERS, labelled, recordings_of
 from scipy.optimize import minimize
 
 from cylinder_friction.estimators.baselines import baselines
@@ -24,6 +22,8 @@ from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, m
 from cylinder_friction.labelling.sensor_offset import zero_uncertainty_n
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.signals.smooth_signals import signals_of
+from presliding_stiffness import PreslidingStiffness, presliding_stiffness
+from public_data import CYLINDERS, labelled, recordings_of
 
 if TYPE_CHECKING:
     from pathlib import Path

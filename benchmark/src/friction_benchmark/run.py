@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cylinder_friction.evaluation.strata import StrataLimits
-from cylinder_friction.import_graph import SOURCE, code_key, used_files
+from cylinder_friction.import_graph import relative_to_source, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._datasets import datasets
@@ -25,6 +25,7 @@ from friction_benchmark.registry.listing import MODULES
 from friction_benchmark.report.write import write_report
 from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
+from friction_benchmark.source_code import PACKAGES, code_key
 
 if TYPE_CHECKING:
     from cylinder_friction.run_record import Dataset, Scalar
@@ -77,7 +78,8 @@ def evaluate(params: BenchmarkParams, runner: Runner) -> RunRecord:
 
 def write_inputs(params: BenchmarkParams) -> None:
     """Write the hash of every module that the benchmark imports, and of your own recordings, if they are used."""
-    code = {file.relative_to(SOURCE).as_posix(): hash_of(file) for file in used_files(__name__, *MODULES)}
+    files = used_files(__name__, *MODULES, packages=PACKAGES)
+    code = {relative_to_source(file, PACKAGES).as_posix(): hash_of(file) for file in files}
     write_json(INPUTS_FILE, {"code": code, "recordings": _recordings(params)})
 
 

@@ -1,6 +1,6 @@
 """Dahl, LuGre and generalised Maxwell-slip on measured hysteresis loops.
 
-    .venv/bin/python performance/measured_hysteresis.py --data FOLDER [--generations N]
+    python public_data/measured_hysteresis.py --data FOLDER [--generations N]
 
 FOLDER holds ``friction-damper`` and ``tribometer``. Force is measured on both, so no force balance is needed:
 
@@ -22,12 +22,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hysteresis_loops import IDENTIFIED, RIGS, Loops, Rig, energies, mean_of_directions, rig_of, stiffnesses
 
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
+from hysteresis_loops import IDENTIFIED, RIGS, Loops, Rig, energies, mean_of_directions, rig_of, stiffnesses
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """The crane's recordings rewritten as a TwinCAT Scope exports them, and read through ``ingest init`` alone.
 
-    .venv/bin/python performance/scope_export.py --data FOLDER
+    python public_data/scope_export.py --data FOLDER
 
 FOLDER holds ``crane``. Each run is written as ``Name,<channels>,Name,<channels>,...`` with a time column in
 milliseconds for each rate. The command prints its friction and load as read from both files, and by how much the labels
@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from public_data import CYLINDERS, labelled, recordings_of
-from public_figures import CRANE_RUNS
 
 from cylinder_friction.commands.cli import main as command
 from cylinder_friction.recordings.reading_logs import read_logs
+from public_data import CYLINDERS, labelled, recordings_of
+from public_figures import CRANE_RUNS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.recordings.recording import Recording
 
-RULES = Path(__file__).parents[1] / "conf/ingest/rules"
+RULES = Path(__file__).parents[2] / "conf/ingest/rules"
 
 BANNER = (
     "Name,Crane,\nFile,D:\\scope\\crane.csv,\nStarttime of export,134179488000000000,14. March 2026,08:00:00.000\n"
