@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -133,17 +134,37 @@ def write_excel(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> No
     book.save(path)
 
 
-WRITERS: dict[str, Callable[[Path, pd.DataFrame, Mapping[str, str]], None]] = {
-    "csv": write_csv,
-    "tsv": write_tsv,
-    "decimal_comma": write_decimal_comma,
-    "csv_gz": write_csv_gz,
-    "matlab5": write_matlab5,
-    "matlab73": write_matlab73,
-    "mdf4": write_mdf4,
-    "tdms": write_tdms,
-    "hdf5": write_hdf5,
-    "parquet": write_parquet,
-    "excel": write_excel,
+@dataclass(frozen=True)
+class Sample:
+    """A file that the contract tests of every format write."""
+
+    format: str  # The name of its format
+    write: Callable[[Path, pd.DataFrame, Mapping[str, str]], None]
+    rounding: float = 0.0  # By how much a value may differ once it is read back, as a share of it
+
+    def channel(self, name: str, unit: str) -> str:
+        """Return what a channel is called in the file: text has the unit in its name."""
+        return f"{name} [{unit}]" if self.format == "csv" else name
+
+
+SAMPLES = {
+    "csv": Sample("csv", write_csv),
+    "tsv": Sample("csv", write_tsv),
+    "decimal_comma": Sample("csv", write_decimal_comma),
+    "csv_gz": Sample("csv", write_csv_gz),
+    "matlab5": Sample("matlab", write_matlab5),
+    "matlab73": Sample("matlab73", write_matlab73),
+    "mdf4": Sample("mdf", write_mdf4),
+    "tdms": Sample("tdms", write_tdms),
+    "hdf5": Sample("hdf5", write_hdf5),
+    "parquet": Sample("parquet", write_parquet),
+    "excel": Sample("excel", write_excel, rounding=1e-15),  # openpyxl writes 16 digits
 }
-"""Every writer by the name of what it writes."""
+"""Samples of every format, by the name of what they are."""
+
+
+def write_sample(kind: str, path: Path, rows: int = 400) -> pd.DataFrame:
+    """Write a sample of the ``synthetic`` recording; return its table."""
+    table, units = synthetic(rows)
+    SAMPLES[kind].write(path, table, units)
+    return table

@@ -17,7 +17,7 @@ from cylinder_friction.params.checking import check_params
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
-from format_writers import WRITERS
+from format_writers import SAMPLES
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
@@ -66,13 +66,13 @@ def test_the_first_mapping_of_a_rig_log_ingests_it(workplace: Path, labelled_rec
     np.testing.assert_allclose(recording.samples(), labelled_recordings[0].samples(), rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", list(WRITERS))
+@pytest.mark.parametrize("name", SAMPLES)
 def test_the_first_mapping_of_every_format_ingests_it(
     workplace: Path, labelled_recordings: list[Recording], name: str
 ) -> None:
     log = workplace / f"logs/noload_day1.{ENDINGS.get(name, name)}"
     log.parent.mkdir()
-    WRITERS[name](log, logged(labelled_recordings[0]), UNITS)
+    SAMPLES[name].write(log, logged(labelled_recordings[0]), UNITS)
     assert main(["ingest", "init", str(log), "--output", "conf/ingest/press.yaml"]) == 0
     (recording,) = ingest_as("press")
     np.testing.assert_allclose(recording.samples(), labelled_recordings[0].samples(), rtol=1e-9)

@@ -30,7 +30,7 @@ from cylinder_friction.recordings.timeline.timestamps import TimeRules
 class Recipe:
     """How a logger's file becomes recordings.
 
-    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.detect.FORMATS``, or
+    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.registry.SETTINGS``, or
     ``auto``, which looks into the file.
     """
 

@@ -15,22 +15,14 @@ import pandas as pd
 import psutil
 import pytest
 import scipy.io
-from asammdf import MDF, Signal
 
 import format_writers
 from cylinder_friction.recordings.formats import isolated
-from cylinder_friction.recordings.formats.hdf5 import read_hdf5
-from cylinder_friction.recordings.formats.matlab import read_matlab, read_matlab73
-from cylinder_friction.recordings.formats.mdf import read_mdf
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.formats.source import FileSource, open_source
-from cylinder_friction.recordings.formats.tdms import read_tdms
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 ROWS = np.arange(6.0)
 DIMENSIONS = b"\x05\0\0\0\x08\0\0\0\x01"
@@ -167,46 +159,6 @@ def test_an_interrupted_answer_is_not_taken_for_the_next(tmp_path: Path, monkeyp
         with pytest.raises(KeyboardInterrupt):
             read_logged_file(good)
     assert read_logged_file(good)[0].units == {"P1": "bar"}
-
-
-def write_odd_mdf(path: Path) -> None:
-    hidden = np.array([0, 0, 1, 0, 0, 0], dtype=bool)
-    words = np.array([b"up", b"", b"down"] * 2)
-    with MDF(version="4.10") as file:
-        file.append(
-            [
-                Signal(ROWS.astype(np.int16), ROWS, name="P1", unit="bar", invalidation_bits=hidden),
-                Signal(words, ROWS, name="P1", encoding="utf-8", invalidation_bits=hidden),
-                Signal(np.arange(12, dtype=np.uint8).reshape(6, 2), ROWS, name="raw"),
-            ]
-        )
-        saved = file.save(path.with_name("odd.mf4"), overwrite=True)
-    saved.replace(path)
-
-
-@pytest.mark.parametrize(
-    ("write", "read_here"),
-    [
-        (write_good, read_hdf5),
-        (write_odd_mdf, read_mdf),
-        (lambda path: format_writers.write_matlab5(path, *format_writers.synthetic()), read_matlab),
-        (lambda path: format_writers.write_matlab73(path, *format_writers.synthetic()), read_matlab73),
-        (lambda path: format_writers.write_tdms(path, *format_writers.synthetic()), read_tdms),
-    ],
-)
-@pytest.mark.parametrize("wanted", [None, ["P1"], ["nothing"]])
-def test_what_is_read_apart_is_what_is_read_here(
-    tmp_path: Path,
-    write: Callable[[Path], object],
-    read_here: Callable[[FileSource, list[str] | None], list[LoggedTable]],
-    wanted: list[str] | None,
-) -> None:
-    write(tmp_path / "log")
-    expected, read = read_here(open_source(tmp_path / "log"), wanted), read_logged_file(tmp_path / "log", wanted=wanted)
-    assert len(expected) == len(read)
-    for one, other in zip(expected, read, strict=True):
-        pd.testing.assert_frame_equal(other.channels, one.channels, check_exact=True, check_column_type=False)
-        assert (one.units, one.name, one.unread, one.notes) == (other.units, other.name, other.unread, other.notes)
 
 
 def test_columns_may_be_written_to(tmp_path: Path) -> None:

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cylinder_friction.recordings.formats.detect import format_of
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.formats.source import read_head
+from cylinder_friction.recordings.formats.registry import format_of
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 
@@ -23,7 +22,7 @@ def real(name: str) -> Path:
 
 def test_positioning_system_in_matlab(tmp_path: Path) -> None:
     path = real("emps/DATA_EMPS.mat")
-    assert format_of(read_head(path)) == "matlab"
+    assert format_of(path).name == "matlab"
     (table,) = read_logged_file(path)
     assert list(table.channels.columns) == ["qg", "qm", "t", "vir"]
     assert len(table.channels) == 24841

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import MISSING, split_cells
 from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
+from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
 from cylinder_friction.recordings.formats.layout import Layout, find_layout
 from cylinder_friction.recordings.formats.logged_table import (
@@ -24,7 +25,7 @@ from cylinder_friction.recordings.formats.logged_table import (
     LoggedTable,
     LongTable,
 )
-from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.options import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
 from cylinder_friction.recordings.formats.time_groups import dated, repeated_names, split_groups
@@ -34,7 +35,9 @@ _FEWEST_LINES = 20
 _LARGEST_HEAD = 64 * HEAD_SIZE
 
 
-def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
+def read_delimited(
+    source: FileSource, wanted: Collection[str] | None, options: CsvOptions = AUTOMATIC
+) -> list[LoggedTable]:
     """Return the table of a text file: the layout shows in its first lines, Arrow reads the rest in one pass.
 
     A file with several time columns of one name gives a table for each, with the channels behind it.
@@ -55,7 +58,7 @@ def read_delimited(source: FileSource, options: CsvOptions, wanted: Collection[s
 
 
 def long_delimited(
-    source: FileSource, options: CsvOptions, wanted: Collection[str] | None, rows: int
+    source: FileSource, wanted: Collection[str] | None, rows: int, options: CsvOptions = AUTOMATIC
 ) -> LongTable | None:
     """Return a text file that has many more rows than these, to be read in parts of about so many; None if it has not.
 
@@ -274,3 +277,7 @@ class _Rows:
                 f"line {number} is the header again: {line[:80]!r}; two logs in one file have two clocks; "
                 "cut the file in two there"
             )
+
+
+FORMAT = Format("csv", "a text table", read_delimited, read_long=long_delimited, options=True)
+"""Any text table."""

@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
-from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.format import Format, Library
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
@@ -20,14 +20,15 @@ def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[Logge
 
     A sheet without rows of numbers is left out; where none has any, the reason of the first is given.
     """
-    openpyxl = optional_library("openpyxl", "Excel workbooks", "excel")
+    import openpyxl
+
     tables: list[LoggedTable] = []
     refusals: list[str] = []
     with source.opened() as opened:
         workbook = openpyxl.load_workbook(opened, read_only=True, data_only=True)
         for sheet in workbook.worksheets:
             try:
-                found = read_delimited(_as_text(sheet), _AS_TEXT, wanted)
+                found = read_delimited(_as_text(sheet), wanted, _AS_TEXT)
             except RecordingError as error:
                 refusals.append(f"sheet {sheet.title!r}: {error}")
                 continue
@@ -61,3 +62,13 @@ def _cell(value: Any) -> str:
     if isinstance(value, timedelta):
         return repr(value.total_seconds())
     return "" if value is None else str(int(value)) if isinstance(value, bool) else str(value)
+
+
+FORMAT = Format(
+    "excel",
+    "an Excel workbook",
+    read_excel,
+    fits=lambda head: head.startswith(b"PK") and b"xl/" in head and b"xl/workbook.bin" not in head,
+    needs=Library("openpyxl", "Excel workbooks", "excel"),
+    crashes="the Excel library",
+)

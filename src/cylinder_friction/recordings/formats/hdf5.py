@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
+from cylinder_friction.recordings.formats.format import MOST_UNPACKED, Format, Library
 from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
@@ -32,7 +32,8 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     dataset, its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time
     among the channels, a channel ``time`` is made of it.
     """
-    h5py = optional_library("h5py", "HDF5", "hdf5")
+    import h5py
+
     with h5py.File(source.handle(), "r") as file:
         found, tables = Found(), []
 
@@ -43,7 +44,7 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
                 refuse_absurd_size(node, source)
                 tables.append(table_of(_fields(node), wanted, path))
             else:
-                _add(path, node, found, source, h5py)
+                _add(path, node, found, source)
 
         file.visititems(visit)
         if found.channels or not tables:
@@ -60,7 +61,9 @@ def refuse_absurd_size(node: Any, source: FileSource) -> None:
         )
 
 
-def _add(path: str, node: Any, found: Found, source: FileSource, h5py: Any) -> None:
+def _add(path: str, node: Any, found: Found, source: FileSource) -> None:
+    import h5py
+
     text = h5py.check_string_dtype(node.dtype) is not None
     shape = node.shape or ()
     arrays = column_arrays(path, shape) if shape and (text or node.dtype.kind in "biuf") else []
@@ -121,3 +124,15 @@ def _sample_time_s(node: Any) -> float | None:
         if node.name == "/":
             return None
         node = node.parent
+
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+def _has_signature(head: bytes) -> bool:
+    """HDF5 may leave room for a user's block of 512 bytes or a power of two times that."""
+    return any(head[offset:].startswith(SIGNATURE) for offset in (0, 512, 1024, 2048, 4096, 8192))
+
+
+LIBRARY = Library("h5py", "HDF5", "hdf5")
+FORMAT = Format("hdf5", "an HDF5 file", read_hdf5, fits=_has_signature, needs=LIBRARY, crashes="the HDF5 library")

@@ -7,65 +7,50 @@ few bytes changed at random. TDMS is read here all the same; Parquet, for its sp
 """
 
 import atexit
+import faulthandler
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Collection
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.recordings.formats.arrow_pipe import read_message, read_tables, write_message
-from cylinder_friction.recordings.formats.libraries import missing_library
+from cylinder_friction.recordings.formats.arrow_pipe import read_message, read_tables, write_message, write_tables
+from cylinder_friction.recordings.formats.format import Format, guarded
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.registry import FORMATS
+from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
+
+if sys.platform != "win32":
+    import resource
 
 LIMIT_S = 60.0  # so long may reading take [s], and longer where the file is large
 LIMIT_PER_BYTE_S = 1.0 / 2e6
 LIMIT_BYTES = 4 << 30  # so much memory may it take, and more for each byte of the file
 LIMIT_BYTES_PER_BYTE = 50
 
-LIBRARIES = {
-    "excel": "the Excel library",
-    "hdf5": "the HDF5 library",
-    "matlab": "SciPy's MATLAB reader",
-    "matlab73": "the HDF5 library",
-    "mdf": "the MDF library",
-    "tdms": "the TDMS library",
-}
-"""What is read in the isolated process, and by which library."""
-_NEEDS = {
-    "excel": ("openpyxl", "Excel workbooks", "excel"),
-    "hdf5": ("h5py", "HDF5", "hdf5"),
-    "matlab73": ("h5py", "MATLAB 7.3", "hdf5"),
-    "mdf": ("asammdf", "MDF4", "mdf"),
-    "tdms": ("nptdms", "TDMS", "tdms", "npTDMS"),
-}
-"""The optional module, its format in words, the extra that brings it, and the package if not named as its module."""
-
 _START = """
 import json, sys
 sys.path[:] = json.loads(sys.argv[1])
-from cylinder_friction.recordings.formats.isolated_worker import serve
+from cylinder_friction.recordings.formats.isolated import serve
 serve()
 """
 
 
-def read_isolated(path: Path, kind: str, wanted: Collection[str] | None) -> list[LoggedTable]:
+def read_isolated(path: Path, of: Format, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return a file's tables, read in a process that is started for the first file and kept for the next ones.
 
     Raises:
-        RecordingError: The library is not installed; the file is damaged; reading it crashed the library or took too
-            long.
+        RecordingError: The file is damaged; reading it crashed the library or took too long.
         RuntimeError: The process does not start.
     """
-    if kind in _NEEDS and find_spec(_NEEDS[kind][0]) is None:
-        raise missing_library(*_NEEDS[kind])
-    return _READER.read(path, kind, wanted)
+    return _READER.read(path, of, wanted)
 
 
 class _Reader:
@@ -75,12 +60,12 @@ class _Reader:
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
 
-    def read(self, path: Path, kind: str, wanted: Collection[str] | None) -> list[LoggedTable]:
+    def read(self, path: Path, of: Format, wanted: Collection[str] | None) -> list[LoggedTable]:
         size = path.stat().st_size
         limit_s = LIMIT_S + LIMIT_PER_BYTE_S * size
         request = {
             "path": str(path.absolute()),
-            "kind": kind,
+            "format": of.name,
             "wanted": None if wanted is None else list(wanted),
             "limit_s": limit_s,
             "limit_bytes": LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size,
@@ -93,7 +78,7 @@ class _Reader:
             except (EOFError, OSError):
                 took_s = time.monotonic() - start
                 process.wait()
-                raise _death(process.returncode, took_s >= limit_s, limit_s, kind) from None
+                raise _death(process.returncode, took_s >= limit_s, limit_s, of.crashes) from None
             except BaseException:
                 # A reply half read would be taken for the next one.
                 self.close()
@@ -152,10 +137,53 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         pass
 
 
-def _death(code: int, too_long: bool, limit_s: float, kind: str) -> RecordingError:
+def _death(code: int, too_long: bool, limit_s: float, library: str) -> RecordingError:
     how = f"signal {-code}" if code < 0 else f"exit code {code}"
-    what = f"took longer than {limit_s:.0f} s; it" if too_long else f"crashed {LIBRARIES[kind]} ({how}); the file"
+    what = f"took longer than {limit_s:.0f} s; it" if too_long else f"crashed {library} ({how}); the file"
     return RecordingError(f"reading it {what} is damaged; copy it again, or export it anew")
+
+
+def serve() -> None:
+    """Read the files requested on the standard input until it ends, which it does with the process at its other end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(OSError):
+        # Where damage makes a library ask for all memory, Linux is to end this process and no other.
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+    replies = os.fdopen(os.dup(1), "wb")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    with Path(os.devnull).open("w", encoding="utf-8") as unseen, replies:
+        write_message(replies, "ready")
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        with suppress(EOFError, BrokenPipeError):
+            while True:
+                request = read_message(sys.stdin.buffer)
+                _limit_memory(request["limit_bytes"])
+                # A thread of C ends the process in time, also from within a library that never returns to Python.
+                faulthandler.dump_traceback_later(request["limit_s"], exit=True, file=unseen)
+                tables, refusal = _read(request)
+                faulthandler.cancel_dump_traceback_later()
+                write_message(replies, refusal)
+                if refusal is None:
+                    write_tables(replies, tables)
+
+
+def _limit_memory(limit_bytes: int) -> None:
+    """Let larger allocations fail, which the libraries report as any other damage; not on Windows."""
+    if sys.platform != "win32":
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
+        resource.setrlimit(resource.RLIMIT_DATA, (limit_bytes, most))
+
+
+def _read(request: dict[str, Any]) -> tuple[list[LoggedTable], str | None]:
+    """Return the tables, or why there are none."""
+    of = FORMATS[request["format"]]
+    try:
+        with guarded(of.what):
+            return of.read(open_source(Path(request["path"])), request["wanted"]), None
+    except RecordingError as error:
+        return [], str(error)
 
 
 _READER = _Reader()

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.hdf5 import refuse_absurd_size
-from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.format import Format, Library
+from cylinder_friction.recordings.formats.hdf5 import SIGNATURE, refuse_absurd_size
 from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
@@ -156,7 +156,8 @@ def _tree(value: Any) -> Any:
 
 def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return a file's channels as ``read_matlab`` does."""
-    h5py = optional_library("h5py", "MATLAB 7.3", "hdf5")
+    import h5py
+
     with h5py.File(source.handle(), "r") as file:
         found = Found()
         variables = {name: _tree73(file[name], source, 0) for name in file if not name.startswith("#")}
@@ -166,7 +167,8 @@ def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[Lo
 
 def _tree73(node: Any, source: FileSource, depth: int) -> Any:
     """Return an object of the file in the shape that the walk expects: Leaf, dict, list or text."""
-    h5py = optional_library("h5py", "MATLAB 7.3", "hdf5")
+    import h5py
+
     if depth > _DEEPEST:
         return None
     if isinstance(node, h5py.Group):
@@ -201,3 +203,18 @@ def _struct_array(fields: dict[str, Any]) -> Any:
     if len(lengths) == 1 and min(lengths) > 0:
         return [{key: value[index] for key, value in fields.items()} for index in range(lengths.pop())]
     return fields
+
+
+FORMAT = Format(
+    "matlab", "a MATLAB file", read_matlab, starts=(b"MATLAB 5.0 MAT-file",), crashes="SciPy's MATLAB reader"
+)
+FORMAT_73 = Format(
+    "matlab73",
+    "a MATLAB file",
+    read_matlab73,
+    starts=(b"MATLAB 7.3 MAT-file",),
+    fits=lambda head: head[512:].startswith(SIGNATURE),
+    setting="matlab",
+    needs=Library("h5py", "MATLAB 7.3", "hdf5"),
+    crashes="the HDF5 library",
+)

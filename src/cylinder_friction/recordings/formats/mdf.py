@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.libraries import MOST_UNPACKED, optional_library
+from cylinder_friction.recordings.formats.format import MOST_UNPACKED, Format, Library
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns, numeric
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
@@ -21,12 +21,14 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedT
     A sample that the file marks as invalid is NaN. Groups of raw bus frames are left out; a file of nothing else is
     refused, and so is one that claims what it cannot hold.
     """
-    asammdf = optional_library("asammdf", "MDF4", "mdf")
+    import asammdf
+
+    open_mdf: Any = asammdf.MDF  # its types lack some arguments
     # It finishes an unfinished file in place, so it gets a copy of that.
     unfinished = source.head.startswith(b"UnFinMF")
     with (
         io.BytesIO(source.all_bytes()) if unfinished else source.opened() as opened,
-        asammdf.MDF(opened, process_bus_logging=False) as file,
+        open_mdf(opened, process_bus_logging=False) as file,
     ):
         for group in file.groups:
             _refuse_absurd_records(group, source.size)
@@ -115,3 +117,13 @@ def _values(signal: Any) -> NDArray[Any] | None:
         values = values.astype(object if values.dtype == object else np.float64)
         values[np.asarray(invalid, dtype=bool)] = np.nan
     return values
+
+
+FORMAT = Format(
+    "mdf",
+    "an MDF file",
+    read_mdf,
+    starts=(b"MDF     ", b"UnFinMF "),
+    needs=Library("asammdf", "MDF4", "mdf"),
+    crashes="the MDF library",
+)

@@ -30,3 +30,6 @@ class CsvOptions:
             except LookupError:
                 expected = "expected one that Python knows, such as utf-8 or cp1252, or 'auto'"
                 raise ValueError(f"encoding: {expected}, but got {self.encoding!r}") from None
+
+
+AUTOMATIC = CsvOptions()

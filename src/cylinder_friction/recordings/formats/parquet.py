@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.recordings.formats.columns import plain_values, text_objects
+from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.logged_table import (
     PLACES,
     ROWS_A_PLACE,
@@ -100,3 +101,7 @@ def _values(column: Any) -> Any:
         column = column.cast(column.type.value_type)
     values = plain_values(column)
     return text_objects(column.cast(pa.string())) if values is None else values
+
+
+# Hundreds of hours come this way, and Arrow withstands damage: it is read in the caller's process.
+FORMAT = Format("parquet", "a Parquet file", read_parquet, starts=(b"PAR1",), read_long=long_parquet)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.libraries import optional_library
+from cylinder_friction.recordings.formats.format import Format, Library
 from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTable, numeric, table_of
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
@@ -21,7 +21,8 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time. A channel that
     claims more samples than the file could hold is refused.
     """
-    nptdms = optional_library("nptdms", "TDMS", "tdms", "npTDMS")
+    import nptdms
+
     with source.opened() as opened, nptdms.TdmsFile.open(opened) as file:
         starts = [_start(channel) for group in file.groups() for channel in group.channels()]
         first = min((start for start in starts if start is not None), default=None)
@@ -107,3 +108,13 @@ def _values(channel: Any) -> NDArray[Any]:
     if values.dtype.kind == "M":
         return values.astype("datetime64[ns]")
     return values.astype(object) if values.dtype.kind in "OU" else numeric(values)
+
+
+FORMAT = Format(
+    "tdms",
+    "a TDMS file",
+    read_tdms,
+    starts=(b"TDSm",),
+    needs=Library("nptdms", "TDMS", "tdms", "npTDMS"),
+    crashes="the TDMS library",
+)

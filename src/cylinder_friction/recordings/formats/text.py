@@ -10,12 +10,22 @@ from typing import Any
 
 import pyarrow as pa
 
-from cylinder_friction.recordings.formats.detect import BYTE_ORDER_MARKS
 from cylinder_friction.recordings.formats.source import MOST_IN_MEMORY, FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
+BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+
 _TAIL = 1 << 16
 _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether bytes are text: it may end in zero bytes, after a power loss, and hold rare damaged characters."""
+    if any(head.startswith(mark) for mark in BYTE_ORDER_MARKS if mark != codecs.BOM_UTF8):
+        return True
+    body = head.rstrip(b"\0")
+    odd = len(body) - len(body.translate(None, bytes(range(9)) + bytes(range(14, 26)) + bytes(range(27, 32)) + b"\x7f"))
+    return bool(body) and b"\0" not in body and odd <= 0.01 * len(body)
 
 
 @dataclass(frozen=True)

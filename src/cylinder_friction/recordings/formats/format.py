@@ -1,0 +1,83 @@
+"""What a file format is to the package: how it is recognized, what reads it, and what that needs."""
+
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+import numpy as np
+
+from cylinder_friction.extras import not_installed
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
+from cylinder_friction.recordings.recording import RecordingError
+
+MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
+
+
+@dataclass(frozen=True)
+class Library:
+    """A library that only this format needs."""
+
+    module: str  # Its name in an import
+    reads: str  # What it reads, in the message that asks for it
+    extra: str  # The extra of this package that brings it
+    package: str = ""  # Its name for pip; empty if that is the module's
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format. A module beside this one defines it, and ``registry.FORMATS`` lists it."""
+
+    name: str
+    what: str  # In messages: ``an HDF5 file``
+    # Returns the tables of a ``FileSource`` with the wanted channels. For ``options`` it takes ``CsvOptions`` too.
+    read: Callable[..., list[LoggedTable]]
+    starts: tuple[bytes, ...] = ()  # How its files begin
+    fits: Callable[[bytes], bool] | None = (
+        None  # Whether a file with this head has the format, if ``starts`` is not enough
+    )
+    setting: str = ""  # What a configuration calls it, if two formats share that; empty for its name
+    needs: Library | None = None
+    # Reads a file of more rows than its last argument in parts; None if it has fewer. Other arguments as for ``read``.
+    read_long: Callable[..., LongTable | None] | None = None
+    options: bool = False
+    # What crashes over a damaged file, in messages. Such a format is read in an isolated process; others are not.
+    crashes: str = ""
+
+    @property
+    def configured(self) -> str:
+        """The name by which a configuration asks for it."""
+        return self.setting or self.name
+
+    def refuse_missing_library(self) -> None:
+        """Raise ``RecordingError`` with the command that installs the library this format needs."""
+        if self.needs is not None and find_spec(self.needs.module) is None:
+            package = self.needs.package or self.needs.module
+            raise RecordingError(f"reading {self.needs.reads} needs {not_installed(package, self.needs.extra)}")
+
+
+@contextmanager
+def guarded(what: str) -> Iterator[None]:
+    """Turn whatever a library raises over a damaged file into a ``RecordingError``, and keep its warnings quiet.
+
+    These libraries trust what they read, so that damage shows as any exception at all: an index out of range, a key
+    that is missing, a size that no memory holds.
+    """
+    quiet = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    except RecordingError:
+        raise
+    except Exception as error:
+        text = " ".join(str(error).split())[:300]
+        message = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        raise RecordingError(
+            f"cannot be read as {what} ({message}); it is damaged, cut off or of another kind"
+        ) from None
+    finally:
+        logging.disable(quiet)
