@@ -1,4 +1,4 @@
-"""WebSocket, raw TCP and MQTT side by side: round trip, share of a core, and what a broker that is killed costs.
+"""WebSocket and MQTT side by side: round trip, share of a core, and what a broker that is killed costs.
 
 Clients, a thread each, send frames in their own time and time each until its newtons are there; every estimate is
 compared with that of a stream of its own. Then the broker is killed in the middle, once under the client that sends
@@ -81,12 +81,12 @@ def main() -> None:
     load = load_of(given)
     cores = sorted(os.sched_getaffinity(0))
     with tempfile.TemporaryDirectory() as folder, Mosquitto(Path(folder), *BROKER) as broker:
-        port, tcp = free_port(), free_port()
-        settings = {"tcp": {"port": tcp}, "mqtt": {"broker": {"port": broker.port}}}
+        port = free_port()
+        settings = {"mqtt": {"broker": {"port": broker.port}}}
         with running(given.model, Path(folder) / "live", port, settings, cores[:1]) as process:
             service = psutil.Process(process.pid)
             os.sched_setaffinity(0, cores[1:] or cores)
-            ws, by_tcp = f"ws://127.0.0.1:{port}/stream", f"tcp://127.0.0.1:{tcp}"
+            ws = f"ws://127.0.0.1:{port}/stream"
             mqtt = f"mqtt://127.0.0.1:{broker.port}/cylinder-friction/NAME"
 
             def publisher(qos: int) -> Callable[[int, Seen], None]:
@@ -97,7 +97,6 @@ def main() -> None:
 
             runs: list[tuple[str, Callable[[int, Seen], None], bool]] = [
                 ("WebSocket", client(ws), False),
-                ("raw TCP", client(by_tcp), False),
                 ("MQTT", client(mqtt), False),
                 ("MQTT, broker killed", client(mqtt), True),
                 ("... QoS 1, no acknowledgements", publisher(1), True),

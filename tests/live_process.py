@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+import uvicorn
 from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
@@ -27,6 +28,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.live.app import create_app
 from cylinder_friction.live.frames import SampleBlock, pack_samples
+from cylinder_friction.live.server import LiveServer
 from cylinder_friction.network.ports import free_port
 from performance_scripts import performance_script
 
@@ -119,13 +121,22 @@ class Mosquitto:
         self.kill()
 
 
-def served(links: Sequence[Link], service: LiveService, folder: Path, use: Callable[[], Any]) -> Any:
-    """What ``use`` returns in a thread of its own while the service runs."""
+def served(links: Sequence[Link], service: LiveService, folder: Path, use: Callable[[], Any], port: int = 0) -> Any:
+    """What ``use`` returns in a thread of its own while the service runs, its WebSocket at ``port`` (0: a free one)."""
 
     async def run() -> Any:
-        app: Any = create_app(service, folder / "history", links)
-        async with app.router.lifespan_context(app):
+        app = create_app(service, folder / "history", links)
+        config = uvicorn.Config(app, port=port, log_level="warning", ws_per_message_deflate=False)
+        server = LiveServer(config, app.state.drain)
+        serving = asyncio.create_task(server.serve())
+        while not (server.started or serving.done()):
+            await asyncio.sleep(0.01)
+        assert not serving.done(), "the service ended while it started"
+        try:
             return await asyncio.to_thread(use)
+        finally:
+            server.should_exit = True
+            await serving
 
     return asyncio.run(run())
 

@@ -1,12 +1,12 @@
-/* Friction in real time over raw TCP: rows of samples from standard input, newtons to standard output.
+/* Friction in real time over a WebSocket without a library: rows of samples from standard input, newtons to standard output.
  *
  *     cc -std=c99 -O2 -o live_client live_client.c
- *     ./live_client 127.0.0.1 5003 "press 7" 0.005 < rows.csv
+ *     ./live_client 127.0.0.1 5002 "press 7" 0.005 < rows.csv
  *
  * A row is one line, INPUTS separated by commas, nan where there is none; it prints index,friction,lower,upper,flags.
  * Rows are kept until they are acknowledged and sent again after a break, so that neither a break nor a restart of the
- * service loses one. For little-endian machines with POSIX sockets. */
-#define _POSIX_C_SOURCE 200809L
+ * service loses one. For little-endian machines with Linux sockets, without TLS and tokens. */
+#define _GNU_SOURCE
 #include <netdb.h>
 #include <poll.h>
 #include <stdint.h>
@@ -19,6 +19,7 @@
 
 #define INPUTS "\"pressure_1_pa\", \"pressure_2_pa\", \"position_m\""
 enum { COLUMNS = 3, ROW = 8 * COLUMNS, RING = 1 << 14, BLOCK = 10, MESSAGE = 1 << 23 };
+enum { TEXT = 1, FRAMES = 2, CLOSE = 8, PING = 9, PONG = 10 }; /* kinds of WebSocket messages */
 
 struct header { uint8_t kind, columns; uint16_t rows; uint32_t handle; uint64_t index; double time_s; };
 
@@ -29,27 +30,57 @@ static uint32_t handle;
 static int line = -1;
 static double sample_time_s, start_s;
 
-static int put(unsigned char kind, void *bytes, uint32_t size) /* send a message; 0 when the connection broke */
+static int put(unsigned char kind, const void *bytes, uint32_t size) /* send a message; 0 when the connection broke */
 {
-    unsigned char head[5] = {0, 0, 0, 0, kind};
+    unsigned char head[14] = {0};
+    size_t length = 2, byte, more = size > 65535 ? 8 : size > 125 ? 2 : 0; /* bytes that hold the size */
 
-    memcpy(head, &size, 4);
-    return send(line, head, 5, MSG_NOSIGNAL) == 5 && send(line, bytes, size, MSG_NOSIGNAL) == (ssize_t)size;
+    head[0] = 0x80 | kind;
+    head[1] = 0x80 | (unsigned char)(more == 8 ? 127 : more == 2 ? 126 : size);
+    for (byte = more; byte-- > 0;)
+        head[length++] = byte < 4 ? (unsigned char)(size >> 8 * byte) : 0;
+    length += 4; /* the mask: with zeros the bytes stay as they are */
+    return send(line, head, length, MSG_NOSIGNAL | MSG_MORE) == (ssize_t)length
+        && send(line, bytes, size, MSG_NOSIGNAL) == (ssize_t)size;
 }
 
-static int get(uint32_t *size) /* the next message: 1 frames, 2 text; 0 when the connection broke */
+static int get(uint32_t *size) /* the next message's kind; 0 when the connection broke or was closed */
 {
-    unsigned char head[5];
+    unsigned char head[10];
+    size_t byte, more;
+    uint64_t length;
 
-    if (recv(line, head, 5, MSG_WAITALL) != 5)
+    if (recv(line, head, 2, MSG_WAITALL) != 2)
         return 0;
-    memcpy(size, head, 4);
-    if (*size > MESSAGE || recv(line, message, *size, MSG_WAITALL) != (ssize_t)*size)
+    more = head[1] == 127 ? 8 : head[1] == 126 ? 2 : 0;
+    if (more && recv(line, head + 2, more, MSG_WAITALL) != (ssize_t)more)
         return 0;
-    message[*size] = 0;
-    if (head[4] == 2 && !strncmp((char *)message, "{\"error\"", 8))
+    for (length = more ? 0 : head[1], byte = 0; byte < more; byte++)
+        length = length << 8 | head[2 + byte];
+    if (length > MESSAGE || recv(line, message, length, MSG_WAITALL) != (ssize_t)length)
+        return 0;
+    *size = (uint32_t)length;
+    message[length] = 0;
+    if ((head[0] & 15) == PING)
+        put(PONG, message, *size);
+    if ((head[0] & 15) == TEXT && !strncmp((char *)message, "{\"error\"", 8))
         exit((fprintf(stderr, "%s\n", (char *)message), 1));
-    return head[4];
+    return (head[0] & 15) == CLOSE ? 0 : head[0] & 15;
+}
+
+static int greet(char **given) /* turn the connection into a WebSocket; 0 when the service does not take it */
+{
+    char text[512];
+    size_t length = (size_t)snprintf(text, sizeof text, "GET /stream HTTP/1.1\r\nHost: %s:%s\r\nConnection: Upgrade\r\n"
+        "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n",
+        given[1], given[2]);
+
+    if (send(line, text, length, MSG_NOSIGNAL) != (ssize_t)length)
+        return 0;
+    for (length = 0; length < 4 || memcmp(text + length - 4, "\r\n\r\n", 4); length++)
+        if (length == sizeof text || recv(line, text + length, 1, 0) != 1)
+            return 0;
+    return !memcmp(text, "HTTP/1.1 101", 12);
 }
 
 static uint64_t stated(const char *key)
@@ -70,13 +101,13 @@ static void open_session(char **given, int again) /* until it is open; goes on w
         snprintf(from, sizeof from, "%llu", (unsigned long long)printed);
     snprintf(text, sizeof text, "{\"open\": {\"session\": \"%s\", \"sample_time_s\": %s, \"estimates_from\": %s, "
              "\"inputs\": [" INPUTS "]}}", given[3], given[4], from);
-    for (kind = 0; kind != 2; nanosleep(&pause, NULL)) {
+    for (kind = 0; kind != TEXT; nanosleep(&pause, NULL)) {
         close(line);
         if (getaddrinfo(given[1], given[2], &wanted, &place))
             continue;
         line = socket(place->ai_family, SOCK_STREAM, 0);
-        if (!connect(line, place->ai_addr, place->ai_addrlen) && put(2, text, (uint32_t)strlen(text)))
-            while ((kind = get(&size)) == 1) {}
+        if (!connect(line, place->ai_addr, place->ai_addrlen) && greet(given) && put(TEXT, text, (uint32_t)strlen(text)))
+            while ((kind = get(&size)) && kind != TEXT) {}
         freeaddrinfo(place);
     }
     handle = (uint32_t)stated("\"handle\": ");
@@ -94,7 +125,7 @@ static int send_block(void)
 
     for (; sent < end; sent++, at += ROW)
         memcpy(at, ring[sent % RING], ROW);
-    return put(1, message, (uint32_t)(at - message));
+    return put(FRAMES, message, (uint32_t)(at - message));
 }
 
 static int take(void) /* print estimates, forget acknowledged rows */
@@ -105,7 +136,7 @@ static int take(void) /* print estimates, forget acknowledged rows */
     uint32_t size, flags, row;
     int kind = get(&size);
 
-    while (kind == 1 && at < message + size) {
+    while (kind == FRAMES && at < message + size) {
         memcpy(&head, at, sizeof head);
         at += sizeof head;
         if (head.kind == 3)

@@ -1,4 +1,4 @@
-"""The C example for clients without WebSocket: the newtons of the step, to the last bit, over a kill of the service."""
+"""The C client gets the newtons of the step, to the last bit, over a kill of the service."""
 
 from __future__ import annotations
 
@@ -45,12 +45,11 @@ def test_the_c_client_gets_the_newtons_of_the_step_over_a_kill(
     samples = samples[:1500].copy()
     samples[700, 1] = np.nan
     newtons, flags = small_hybrid.real_time().run(samples)
-    port, tcp = free_port(), free_port()
-    settings = {"tcp": {"port": tcp}}
-    command = [str(program), "127.0.0.1", str(tcp), "press 7", "0.005"]
+    port = free_port()
+    command = [str(program), "127.0.0.1", str(port), "press 7", "0.005"]
     output: list[str] = []
     client = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    with running(model, tmp_path, port, settings) as first, client:
+    with running(model, tmp_path, port) as first, client:
         assert client.stdin is not None
         assert client.stdout is not None
         reader = threading.Thread(target=lambda: output.append(client.stdout.read()))  # type: ignore[union-attr]
@@ -63,7 +62,7 @@ def test_the_c_client_gets_the_newtons_of_the_step_over_a_kill(
             client.stdin.flush()
             first.kill()
             first.wait()
-            with running(model, tmp_path, port, settings):
+            with running(model, tmp_path, port):
                 client.stdin.write(lines_of(samples[1100:]))
                 client.stdin.close()
                 assert client.wait(30.0) == 0
@@ -77,10 +76,10 @@ def test_the_c_client_gets_the_newtons_of_the_step_over_a_kill(
 
 
 def test_what_it_is_refused_and_what_is_no_row_is_printed(program: Path, model: Path, tmp_path: Path) -> None:
-    tcp = free_port()
-    with running(model, tmp_path, free_port(), {"tcp": {"port": tcp}}):
+    port = free_port()
+    with running(model, tmp_path, port):
         for sample_time_s, row, words in (("0.001", "", "trained at 0.005 s"), ("0.005", "a,b", "row 0: expected")):
-            command = [str(program), "127.0.0.1", str(tcp), "press", sample_time_s]
+            command = [str(program), "127.0.0.1", str(port), "press", sample_time_s]
             done = subprocess.run(command, input=row, capture_output=True, text=True, timeout=20.0, check=False)
             assert done.returncode == 1
             assert words in done.stderr

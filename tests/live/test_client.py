@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import time
-from contextlib import contextmanager, nullcontext
-from types import SimpleNamespace
+import threading
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection, serve
 
 from cylinder_friction.live import client as client_module
 from cylinder_friction.live.client import Client
@@ -17,8 +18,7 @@ from cylinder_friction.live.client_sockets import LiveClientError, connected
 from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, pack_acknowledgement, pack_estimates, unpack
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.service import LiveService
-from cylinder_friction.live.settings import TcpSettings
-from cylinder_friction.live.tcp import TcpLink
+from cylinder_friction.network.ports import free_port
 from live_process import served
 
 if TYPE_CHECKING:
@@ -57,11 +57,11 @@ def test_estimates_that_were_lost_on_their_way_are_asked_for_again(
             yield Leaky(inner)
 
     monkeypatch.setattr(client_module, "connected", leaky)
-    tcp = TcpLink(TcpSettings(port=0))
+    port = free_port()
 
     def use() -> Array:
         parts = []
-        with Client(tcp.address, "press", 0.005) as client:
+        with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
             for begin in range(0, 500, 50):
                 client.send(samples[begin : begin + 50])
                 parts.append(client.estimates(5.0))
@@ -70,7 +70,7 @@ def test_estimates_that_were_lost_on_their_way_are_asked_for_again(
         assert [index for index, _, _ in parts] == np.cumsum([0, *(len(each) for _, each, _ in parts[:-1])]).tolist()
         return np.concatenate([newtons for _, newtons, _ in parts])
 
-    got = served([tcp], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use)
+    got = served([], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use, port)
     assert Leaky.lost > 0
     np.testing.assert_array_equal(got, small_hybrid.real_time().run(samples[:500])[0])
 
@@ -88,11 +88,11 @@ def test_after_samples_that_were_left_out_a_client_stays_connected(
             yield inner
 
     monkeypatch.setattr(client_module, "connected", counted)
-    tcp = TcpLink(TcpSettings(port=0))
+    port = free_port()
 
     def use() -> list[int]:
         begun = []
-        with Client(tcp.address, "press", 0.005) as client:
+        with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
             for _ in range(3):
                 client.send(samples[:50])
                 client.skip(12_000)
@@ -100,103 +100,66 @@ def test_after_samples_that_were_left_out_a_client_stays_connected(
             client.wait_until_kept()
         return begun
 
-    assert served([tcp], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use) == [0, 12_050, 24_100]
+    assert served([], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use, port) == [0, 12_050, 24_100]
     assert len(connections) == 1
 
 
-class Slow:
-    """A service that acknowledges ten rows with each message, one every twenty seconds, up to ``last``."""
+@contextmanager
+def service_that_sends(*connections: list[bytes | str]) -> Iterator[str]:
+    """The address of a service that gives each connection in turn these messages, after its first one."""
+    left = list(connections)
 
-    window = None
+    def serve_one(socket: ServerConnection) -> None:
+        socket.recv()
+        for message in left.pop(0):
+            socket.send(message)
+        with suppress(ConnectionClosed):
+            while True:
+                socket.recv()
 
-    def __init__(self, clock: list[float], last: int) -> None:
-        self._clock, self._last, self._kept = clock, last, 0
-
-    def send(self, message: bytes | str) -> None:
-        """Take anything."""
-
-    def recv(self, timeout_s: float) -> bytes | str:
-        if self._clock[0] == 0.0:
-            self._clock[0] = 20.0
-            return json.dumps({"opened": {"handle": 1, "next_index": 0, "kept_index": 0}})
-        self._clock[0] += 20.0
-        if self._kept >= self._last:
-            raise TimeoutError
-        self._kept += 10
-        return pack_acknowledgement(Acknowledgement(1, self._kept))
+    with serve(serve_one, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"ws://127.0.0.1:{server.socket.getsockname()[1]}/stream"
+        server.shutdown()
 
 
-@pytest.mark.parametrize("last", [100, 40])
-def test_a_client_waits_while_acknowledgements_go_on_coming(monkeypatch: pytest.MonkeyPatch, last: int) -> None:
-    clock = [0.0]
-    monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(Slow(clock, last)))
-    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
-    with Client("tcp://127.0.0.1:5003", "press 7", 0.005) as client:
+def opened(index: int = 0) -> str:
+    return json.dumps({"opened": {"handle": 1, "next_index": index, "kept_index": index}})
+
+
+def test_a_client_names_how_many_samples_were_not_acknowledged_when_acknowledgements_no_longer_come() -> None:
+    kept = [pack_acknowledgement(Acknowledgement(1, rows)) for rows in (10, 20, 30, 40)]
+    with service_that_sends([opened(), *kept]) as url, Client(url, "press 7", 0.005) as client:
         client.send(np.zeros((100, 3)))
-        if last == 100:
-            client.wait_until_kept(timeout_s=30.0)
-            assert client.acknowledged_index == 100
-            return
         with pytest.raises(LiveClientError) as caught:
-            client.wait_until_kept(timeout_s=30.0)
+            client.wait_until_kept(timeout_s=1.0)
     assert str(caught.value) == (
-        "session 'press 7': 60 samples are not acknowledged, and no acknowledgement came for 30 s; /readyz of the "
+        "session 'press 7': 60 samples are not acknowledged, and no acknowledgement came for 1 s; /readyz of the "
         "service states whether it can keep what comes"
     )
 
 
-@pytest.fixture
-def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """How long a client pauses, each time; only that takes time."""
-    slept: list[float] = []
-    monkeypatch.setattr(time, "monotonic", lambda: sum(slept))
-    monkeypatch.setattr(time, "sleep", slept.append)
-    return slept
+def test_a_service_that_is_away_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client_module, "PATIENCE_S", 0.3)
+    url = f"ws://127.0.0.1:{free_port()}/stream"
+    with pytest.raises(LiveClientError, match=rf"^{url}: not reached in 0.3 s \(.*refused"):
+        Client(url, "press", 0.005)
 
 
-def test_a_service_that_is_away_is_tried_often_at_first_and_then_each_second(
-    pauses: list[float], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(*_: Any) -> None:
-        raise ConnectionRefusedError("refused")
-
-    monkeypatch.setattr(client_module, "connected", refused)
-    with pytest.raises(LiveClientError, match=r"^tcp://127.0.0.1:5003: not reached in 30 s \(refused\)$"):
-        Client("tcp://127.0.0.1:5003", "press", 0.005)
-    assert pauses[:10] == [0.05] * 10
-    assert pauses[-1] == 1.0
+def test_a_client_that_is_to_come_back_later_does() -> None:
+    later = json.dumps({"error": "too many", "retry_after_s": 0.1})
+    with service_that_sends([later], [opened(7)]) as url, Client(url, "press", 0.005) as client:
+        assert client.next_index == 7
 
 
-def test_a_client_that_is_to_come_back_later_does(pauses: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    replies = [{"error": "too many", "retry_after_s": 2.0}, {"opened": {"handle": 1, "next_index": 7, "kept_index": 7}}]
-    wire: Any = SimpleNamespace(window=None, send=lambda _: None, recv=lambda _: json.dumps(replies.pop(0)))
-    monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(wire))
-    assert Client("tcp://127.0.0.1:5003", "press", 0.005).next_index == 7
-    assert pauses[0] == 2.0
-
-
-def test_estimates_that_have_come_are_returned_at_once_also_behind_other_messages(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_estimates_are_returned_at_once_also_behind_other_messages() -> None:
     estimates = pack_estimates(EstimateBlock(1, 0, 0.0, np.ones((20, 3)), np.zeros(20, np.uint32)))
-    came: list[Any] = [
-        json.dumps({"opened": {"handle": 1, "next_index": 0, "kept_index": 0}}),
-        *[pack_acknowledgement(Acknowledgement(1, 0))] * 3,
-        estimates,
-    ]
-
-    def recv(_: float) -> Any:
-        if not came:
-            raise TimeoutError
-        return came.pop(0)
-
-    wire: Any = SimpleNamespace(window=None, send=lambda _: None, recv=recv)
-    monkeypatch.setattr(client_module, "connected", lambda *_: nullcontext(wire))
-    client = Client("tcp://127.0.0.1:5003", "press", 0.005)
-    assert len(client.estimates(timeout_s=0.0)[1]) == 20
-    assert len(client.estimates(timeout_s=0.0)[1]) == 0
+    behind = [pack_acknowledgement(Acknowledgement(1, 0))] * 3
+    with service_that_sends([opened(), *behind, estimates]) as url, Client(url, "press", 0.005) as client:
+        assert len(client.estimates(timeout_s=60.0)[1]) == 20
+        assert len(client.estimates(timeout_s=0.0)[1]) == 0
 
 
 def test_an_address_of_no_known_kind_is_named() -> None:
-    with pytest.raises(ValueError, match=r"'http://127.0.0.1': expected ws://HOST:PORT/stream, wss://..., tcp://"):
+    with pytest.raises(ValueError, match=r"'http://127.0.0.1': expected ws://HOST:PORT/stream, wss://..., mqtt://"):
         connected("http://127.0.0.1")

@@ -20,8 +20,7 @@ from cylinder_friction.live.client import Client
 from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.line_protocol import LineProtocolLink
 from cylinder_friction.live.service import LiveService
-from cylinder_friction.live.settings import LineProtocolSettings, LiveSettingsError, TcpSettings
-from cylinder_friction.live.tcp import TcpLink
+from cylinder_friction.live.settings import LineProtocolSettings, LiveSettingsError
 from cylinder_friction.network.ports import free_port
 from live_process import served
 
@@ -77,16 +76,16 @@ def sent(
     wait_s: float = 0.0,
 ) -> LineProtocolLink:
     """The link, after samples were stepped and the service has ended."""
-    link, tcp = LineProtocolLink(settings), TcpLink(TcpSettings(port=0))
+    link, port = LineProtocolLink(settings), free_port()
 
     def use() -> None:
-        with Client(tcp.address, name, engine.sample_time_s, start_time_s=START_S) as client:
+        with Client(f"ws://127.0.0.1:{port}/stream", name, engine.sample_time_s, start_time_s=START_S) as client:
             for begin in range(0, len(samples), 70):
                 client.send(samples[begin : begin + 70])
             client.wait_until_kept()
         time.sleep(wait_s)
 
-    served([tcp, link], LiveService(engine, Journal(folder / "journal.db")), folder, use)
+    served([link], LiveService(engine, Journal(folder / "journal.db")), folder, use, port)
     return link
 
 

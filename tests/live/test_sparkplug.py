@@ -18,11 +18,10 @@ from cylinder_friction.live.settings import (
     LiveLimits,
     LiveSettingsError,
     SparkplugSettings,
-    TcpSettings,
 )
 from cylinder_friction.live.sparkplug import SparkplugLink
 from cylinder_friction.live.sparkplug_payload import REBIRTH, SparkplugError, asks_for_rebirth
-from cylinder_friction.live.tcp import TcpLink
+from cylinder_friction.network.ports import free_port
 from live_process import by_hand, needs_broker, served
 
 if TYPE_CHECKING:
@@ -74,11 +73,13 @@ def test_births_data_deaths_and_a_rebirth(
     newtons, flags = small_hybrid.real_time().run(samples[:600])
     service = LiveService(engine, Journal(tmp_path / "journal.db"), limits=LiveLimits(idle_s=2.0))
     link = SparkplugLink(SparkplugSettings(BrokerSettings(port=broker.port), "plant", "live", rate_hz=20.0))
-    tcp = TcpLink(TcpSettings(port=0))
+    port = free_port()
     seen: list[tuple[str, Any]] = []
 
     def use(host: PahoClient, got: queue.Queue[tuple[str, bytes]]) -> None:
-        with Client(tcp.address, "hall 3/press", engine.sample_time_s, start_time_s=100.0) as client:
+        with Client(
+            f"ws://127.0.0.1:{port}/stream", "hall 3/press", engine.sample_time_s, start_time_s=100.0
+        ) as client:
 
             def take(kind: str) -> None:
                 while not seen or kind not in seen[-1][0]:
@@ -101,7 +102,7 @@ def test_births_data_deaths_and_a_rebirth(
             take("DDEATH")
 
     with by_hand(broker, "spBv1.0/plant/#") as (host, got):  # before the node, so that its first birth is seen
-        served([tcp, link], service, tmp_path, lambda: use(host, got))
+        served([link], service, tmp_path, lambda: use(host, got), port)
     kinds = [topic.split("/")[2] for topic, _ in seen]
     last_birth = len(kinds) - 1 - kinds[::-1].index("NBIRTH")
     assert kinds[last_birth:] == ["NBIRTH", "DBIRTH", "DDATA", "DDEATH"]

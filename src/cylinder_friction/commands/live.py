@@ -30,7 +30,6 @@ from cylinder_friction.live.server import LiveServer
 from cylinder_friction.live.service import LiveError, LiveService
 from cylinder_friction.live.settings import HELD_BACK_S
 from cylinder_friction.live.stribeck import stribeck_lines
-from cylinder_friction.live.tcp import TcpLink
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 
 if TYPE_CHECKING:
@@ -123,8 +122,6 @@ def _serve(service: LiveService, params: LiveParams, speed: float, recordings: d
 def links_of(params: LiveParams) -> list[Link]:
     """Return the links that are configured."""
     links: list[Link] = []
-    if params.tcp is not None:
-        links.append(TcpLink(params.tcp))
     if params.opcua_server is not None:
         from cylinder_friction.live.opcua_server import OpcUaServerLink
 

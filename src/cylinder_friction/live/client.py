@@ -30,7 +30,7 @@ class Client:
     gone, and connects again at its next call.
 
     Args:
-        url: Of the service: ``ws://127.0.0.1:5002/stream``, ``tcp://127.0.0.1:5003``, or
+        url: Of the service: ``ws://127.0.0.1:5002/stream`` or
             ``mqtt://127.0.0.1:1883/cylinder-friction/CLIENT``, CLIENT being this one's alone.
         session: Name of the cylinder's session, the same after every start.
         sample_time_s: Time between two samples [s].

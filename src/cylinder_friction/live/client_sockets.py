@@ -1,4 +1,4 @@
-"""What carries a client's messages, by its address: WebSocket, raw TCP or MQTT."""
+"""What carries a client's messages, by its address: WebSocket or MQTT."""
 
 import json
 import queue
@@ -7,7 +7,6 @@ import socket
 import ssl
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -21,13 +20,11 @@ from websockets.protocol import State
 from websockets.uri import parse_uri
 
 from cylinder_friction.live.settings import HELD_BACK_S
-from cylinder_friction.live.tcp import HEAD, message_size, packed, unpacked
 
 OPEN_S, CLOSE_S = 5.0, 0.5
 REFUSED = (4401, 4403)
 """Codes with which the service closes a connection that may not be."""
 KEEPALIVE_S = 20
-_LARGEST_BYTES = 1 << 30
 
 
 class LiveClientError(RuntimeError):
@@ -53,7 +50,7 @@ class ClientSocket(Protocol):
 
 
 def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractContextManager[ClientSocket]:
-    """Return the context of a connection to the service at ``ws://``, ``wss://``, ``tcp://``, ``mqtt://``, ``mqtts://``.
+    """Return the context of a connection to the service at ``ws://``, ``wss://``, ``mqtt://`` or ``mqtts://``.
 
     Raises:
         ValueError: It is none of these.
@@ -62,13 +59,10 @@ def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractCont
     scheme = url.partition("://")[0]
     if scheme in ("ws", "wss"):
         return _web_socket(url, token, ca)
-    if scheme == "tcp":
-        return _tcp(url)
     if scheme in ("mqtt", "mqtts"):
         return _mqtt(url, ca)
     raise ValueError(
-        f"{url!r}: expected ws://HOST:PORT/stream, wss://..., tcp://HOST:PORT, mqtt://BROKER:PORT/PREFIX/CLIENT or "
-        "mqtts://..."
+        f"{url!r}: expected ws://HOST:PORT/stream, wss://..., mqtt://BROKER:PORT/PREFIX/CLIENT or mqtts://..."
     )
 
 
@@ -81,57 +75,6 @@ def _plain(host: str | None, port: int | None) -> socket.socket:
 def _send_at_once(connection: Any) -> None:
     """Let small messages not wait for each other."""
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-
-class _Stream(ABC):
-    """Messages over a byte stream, in the caller's thread.
-
-    What has come is read when no more can be sent: estimates of what was sent, without whose reading the service
-    would take no more, and neither side would ever go on.
-    """
-
-    window: int | None = None
-    silence_s: float | None = None
-    """After so long without a byte from the service it is gone; None: it may be silent."""
-
-    def __init__(self, connection: socket.socket) -> None:
-        connection.setblocking(False)
-        self._connection, self._out, self._heard_s = connection, bytearray(), time.monotonic()
-
-    @abstractmethod
-    def _take(self, part: bytes) -> None:
-        """Take in bytes that came; none: the service has closed the connection."""
-
-    @abstractmethod
-    def _next(self) -> bytes | str | None:
-        """Return the next message that is whole; raises ``OSError`` where none can come any more."""
-
-    def recv(self, timeout_s: float) -> bytes | str:
-        deadline = time.monotonic() + timeout_s
-        while (message := self._next()) is None:
-            if not self._exchange(deadline - time.monotonic()):
-                raise TimeoutError
-        return message
-
-    def _send(self, content: bytes) -> None:
-        self._out += content
-        while self._out:
-            self._exchange(self.silence_s)
-
-    def _exchange(self, timeout_s: float | None) -> bool:
-        """Send what can be sent, else take in what has come; return whether there was either within ``timeout_s``."""
-        out, wait_s = [self._connection] if self._out else [], timeout_s and max(0.0, timeout_s)
-        readable, writable, _ = select.select([self._connection], out, [], wait_s)
-        with suppress(BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):  # half a record of TLS
-            if writable:
-                del self._out[: self._connection.send(self._out)]
-            elif readable:
-                part = self._connection.recv(1 << 16)
-                self._heard_s = time.monotonic()
-                self._take(part)
-        if not readable and self.silence_s is not None and time.monotonic() - self._heard_s > self.silence_s:
-            raise ConnectionError(f"nothing came from the service for {self.silence_s:g} s")
-        return bool(readable or writable)
 
 
 @contextmanager
@@ -150,11 +93,18 @@ def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]
         yield stream
 
 
-class _WebSocket(_Stream):
-    silence_s = HELD_BACK_S  # the service's pings come more often
+class _WebSocket:
+    """Messages over a WebSocket, in the caller's thread.
+
+    While it cannot send, it reads what has come. The service reads no more from a client that leaves its estimates
+    unread, so that otherwise both sides would wait forever.
+    """
+
+    window: int | None = None
 
     def __init__(self, connection: socket.socket, protocol: ClientProtocol, token: str) -> None:
-        super().__init__(connection)
+        connection.setblocking(False)
+        self._connection, self._out, self._heard_s = connection, bytearray(), time.monotonic()
         self._protocol = protocol
         self._messages: deque[bytes | str] = deque()
         self._parts: list[bytes | bytearray | memoryview] = []
@@ -188,8 +138,32 @@ class _WebSocket(_Stream):
             while self._protocol.state is not State.CLOSED and time.monotonic() < deadline:
                 self._exchange(deadline - time.monotonic())
 
+    def recv(self, timeout_s: float) -> bytes | str:
+        deadline = time.monotonic() + timeout_s
+        while (message := self._next()) is None:
+            if not self._exchange(deadline - time.monotonic()):
+                raise TimeoutError
+        return message
+
     def _send_out(self) -> None:
-        self._send(b"".join(self._protocol.data_to_send()))
+        self._out += b"".join(self._protocol.data_to_send())
+        while self._out:
+            self._exchange(HELD_BACK_S)
+
+    def _exchange(self, timeout_s: float) -> bool:
+        """Send what can be sent, else take in what has come; return whether there was either within ``timeout_s``."""
+        out = [self._connection] if self._out else []
+        readable, writable, _ = select.select([self._connection], out, [], max(0.0, timeout_s))
+        with suppress(BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):  # half a record of TLS
+            if writable:
+                del self._out[: self._connection.send(self._out)]
+            elif readable:
+                part = self._connection.recv(1 << 16)
+                self._heard_s = time.monotonic()
+                self._take(part)
+        if not readable and time.monotonic() - self._heard_s > HELD_BACK_S:  # the service's pings come more often
+            raise ConnectionError(f"nothing came from the service for {HELD_BACK_S:g} s")
+        return bool(readable or writable)
 
     def _take(self, part: bytes) -> None:
         if part:
@@ -220,37 +194,6 @@ class _WebSocket(_Stream):
         if close is not None and close.code in REFUSED:
             raise LiveClientError(close.reason)
         raise ConnectionError("the service has closed the connection" + (f": {close}" if close else ""))
-
-
-@contextmanager
-def _tcp(url: str) -> Iterator[ClientSocket]:
-    place = urlsplit(url)
-    with _plain(place.hostname, place.port) as connection:
-        yield _Tcp(connection)
-
-
-class _Tcp(_Stream):
-    def __init__(self, connection: socket.socket) -> None:
-        super().__init__(connection)
-        self._got = bytearray()
-
-    def send(self, message: bytes | str) -> None:
-        self._send(packed(message))
-
-    def _take(self, part: bytes) -> None:
-        if not part:
-            raise ConnectionError("the service has closed the connection")
-        self._got += part
-
-    def _next(self) -> bytes | str | None:
-        if len(self._got) < HEAD.size:
-            return None
-        size, kind = message_size(bytes(self._got[: HEAD.size]), _LARGEST_BYTES)
-        if len(self._got) < HEAD.size + size:
-            return None
-        content = bytes(self._got[HEAD.size : HEAD.size + size])
-        del self._got[: HEAD.size + size]
-        return unpacked(content, kind)
 
 
 @contextmanager

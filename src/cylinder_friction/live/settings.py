@@ -91,28 +91,6 @@ class LiveLimits:
 
 
 @dataclass(frozen=True)
-class TcpSettings:
-    """Raw TCP, for clients without WebSocket. It has neither TLS nor tokens, and therefore stays on this machine.
-
-    Attributes:
-        host: An address of this machine's loopback.
-        port: 0 for a free one.
-    """
-
-    host: str = "127.0.0.1"
-    port: int = 5003
-
-    def __post_init__(self) -> None:
-        """Refuse other machines' addresses and what is no port; raises ``LiveSettingsError``."""
-        if self.host not in LOOPBACK:
-            raise LiveSettingsError(
-                f"tcp.host: got {self.host!r}, expected one of {', '.join(LOOPBACK)}: raw TCP has neither TLS nor "
-                "tokens; from elsewhere use WebSocket or MQTT, or a tunnel"
-            )
-        refuse_unless_port("tcp.port", self.port)
-
-
-@dataclass(frozen=True)
 class BrokerSettings:
     """An MQTT 5 broker.
 

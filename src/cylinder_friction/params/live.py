@@ -15,7 +15,6 @@ from cylinder_friction.live.settings import (
     MqttSettings,
     SessionRules,
     SparkplugSettings,
-    TcpSettings,
 )
 from cylinder_friction.network.exposure import refuse_exposed
 from cylinder_friction.params.refusal import ParamsError, checked
@@ -37,7 +36,6 @@ class LiveParams(Section):
         access: Who may reach it.
         rules: What becomes of samples that come early, late or not.
         limits: What the service takes.
-        tcp: Raw TCP; None: off.
         mqtt: Frames and JSON by an MQTT 5 broker; None: off.
         sparkplug: Births and data of Sparkplug B; None: off.
         line_protocol: Estimates for a time-series database; None: off.
@@ -54,7 +52,6 @@ class LiveParams(Section):
     access: LiveAccess = LiveAccess()
     rules: SessionRules = SessionRules()
     limits: LiveLimits = LiveLimits()
-    tcp: TcpSettings | None = None
     mqtt: MqttSettings | None = None
     sparkplug: SparkplugSettings | None = None
     line_protocol: LineProtocolSettings | None = None
