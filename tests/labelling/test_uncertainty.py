@@ -9,8 +9,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_uncertainty
-from cylinder_friction.recordings.mapping.sensor import SensorScale
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, sensor_uncertainty
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.zero_phase import SavitzkyGolay

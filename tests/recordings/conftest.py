@@ -1,11 +1,9 @@
-"""Recordings to check: a small campaign of the simulated rig, and a crane where its data lie beside the repository."""
+"""Recordings to check: a small campaign of the simulated rig."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -13,8 +11,6 @@ from cylinder_friction.rig.campaign import CampaignPlan, campaign
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-
-CRANE = Path(__file__).parents[2] / "../shared/data/crane"
 
 
 @pytest.fixture(scope="session")
@@ -32,22 +28,3 @@ def rig_tables(cylinder: Cylinder) -> dict[str, pd.DataFrame]:
         )
         for recording in campaign(cylinder, plan)
     }
-
-
-@pytest.fixture(scope="session")
-def crane_tables() -> dict[str, pd.DataFrame]:
-    """The jib cylinder of a real loader crane, at 100 Hz; it carries 25 to 38 kN that nobody measured."""
-    if not CRANE.is_dir():
-        pytest.skip("the crane's recordings are not here")
-    tables = {}
-    for path in sorted(CRANE.glob("*.csv.gz")):
-        log = pd.read_csv(path)
-        tables[path.name] = pd.DataFrame(
-            {
-                "time_s": 0.01 * np.arange(len(log)),
-                "pressure_1_pa": log["jib_pA_cyl_bar"] * 1e5,
-                "pressure_2_pa": log["jib_pB_cyl_bar"] * 1e5,
-                "position_m": log["jib_x_m"],
-            }
-        )
-    return tables

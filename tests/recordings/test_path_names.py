@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.path_names import NameRules, PathNames, compile_name_pattern, names_from_path
+from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ RIG = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
 @given(st.integers(1, 9), st.integers(1, 99), st.integers(1, 99))
 def test_names_of_the_rig(condition: int, session: int, recording: int) -> None:
     path = f"condition{condition}_session{session:02d}_recording{recording:02d}.csv"
-    names = names_from_path(path, compile_name_pattern(RIG))
+    names = NameRules(RIG).names(path)
     assert (names.name, names.condition, names.session) == (
         path[:-4],
         str(condition),

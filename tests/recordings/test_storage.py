@@ -111,10 +111,6 @@ def test_a_foreign_parquet_file_is_refused(tmp_path: Path) -> None:
             read(path)
 
 
-def test_metadata_are_read_without_rows(tmp_path: Path) -> None:
-    assert read_metadata(write_recording(tmp_path, made())) == METADATA
-
-
 def test_a_folder_is_read_in_the_order_of_names(tmp_path: Path) -> None:
     for name in ("b", "a", "c"):
         write_recording(tmp_path, replace(made(), metadata=replace(METADATA, name=name)))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.mapping.sensor import SensorScale
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 
 NAME_PATTERN = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"

@@ -16,7 +16,7 @@ from cylinder_friction.recordings.checks.screening import ScreenRules, screen_si
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, ZeroRules, apply_zero, find_zero
+from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_facts import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
@@ -121,7 +121,7 @@ def metadata_of(
 
 
 def zeroed(
-    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
+    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
     """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that record it.
 
@@ -129,14 +129,13 @@ def zeroed(
     refused.
     """
     own = find_zero(piece.table, recipe.zero, recipe.channels, metadata.name)
-    # Where neither shows a zero, the recording's own reason is more specific than the session's.
-    reading = session if isinstance(session, ZeroReading) and not isinstance(own, ZeroReading) else own
-    return apply_zero(piece.table, metadata, reading, recipe.channels)
+    # If neither shows a zero, the recording's own reason is more specific than the session's.
+    if session is not None and session.offsets and not own.offsets:
+        own = session
+    return apply_zero(piece.table, metadata, own, recipe.channels)
 
 
-def checked(
-    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None = None
-) -> Recording:
+def checked(piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None) -> Recording:
     """Return a piece as a recording: pressures zeroed, every check passed; the first that is not refuses it."""
     table, with_zero = zeroed(piece, metadata, recipe, session)
     return check_recording(with_zero, table, recipe.limits, piece.sample_time_s)

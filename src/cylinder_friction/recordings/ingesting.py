@@ -21,7 +21,7 @@ from cylinder_friction.recordings.long_logs import (
     pieces_in_turn,
     pieces_or_drafts,
 )
-from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, find_zero, session_zero
+from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
@@ -150,7 +150,6 @@ def convert_in_parts(
         for relative, path in files.items()
     ]
     digests: dict[str, str] = {}
-    sources: dict[str, str] = {}
     duplicates = DuplicateDetection()
     converted = workers.in_order(pieces)
     for relative, file in zip(files, tqdm(converted, "ingest", len(files), unit="file", disable=None), strict=True):
@@ -167,13 +166,11 @@ def convert_in_parts(
             if isinstance(outcome, Quarantined):
                 yield outcome
                 continue
-            name = outcome.recording.metadata.name
             try:
-                refuse_duplicate(name, outcome.hashes, sources, duplicates)
+                duplicates.refuse(outcome.recording.metadata.name, relative, outcome.hashes)
             except RecordingError as error:
                 yield Quarantined(relative, str(error), outcome.where)
             else:
-                sources[name] = relative
                 yield outcome.recording
 
 
@@ -198,7 +195,7 @@ def convert_file(
     relative: str,
     path: Path,
     recipe: Recipe,
-    zero: ZeroReading | NoZero | None,
+    zero: ZeroReading | None,
     folder: Path | None,
     rows: int | None,
     kept: Path | None,
@@ -238,19 +235,6 @@ def convert_file(
     return result
 
 
-def refuse_duplicate(
-    name: str, hashes: dict[int, Hashes], sources: Mapping[str, str], duplicates: DuplicateDetection
-) -> None:
-    if name in sources:
-        raise RecordingError(f"has the name {name!r}, which {sources[name]} has already")
-    match = duplicates.add(name, hashes)
-    if match is not None:
-        raise RecordingError(
-            f"is the same measurement as recording {match.name!r}, or overlaps it ({100.0 * match.share:.0f} % of "
-            "its windows are equal, noise and all); a model could be tested on its own training data; keep one of them"
-        )
-
-
 def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:
     """Return, by name, the recordings that do not share the commonest sample time: no estimator takes two rates."""
     counts = Counter(entry.sample_time_s for entry in metadata)
@@ -284,13 +268,13 @@ def _not_read(source: Source, matching: list[Path]) -> list[str]:
 
 def session_zeros(
     files: Mapping[str, Path], recipe: Recipe, rows: int | None = None, workers: Workers | None = None
-) -> dict[str, ZeroReading | NoZero]:
+) -> dict[str, ZeroReading]:
     """Return what the pressure sensors of each session read while vented, from the recordings that show it.
 
     A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
     cannot be read is skipped here; the run over the files reports why. A file of more ``rows`` is read in parts.
     """
-    readings: defaultdict[str, list[ZeroReading | NoZero]] = defaultdict(list)
+    readings: defaultdict[str, list[ZeroReading]] = defaultdict(list)
     found = (workers or Workers()).in_order([partial(zeros_of, *each, recipe, rows) for each in files.items()])
     for own in tqdm(found, desc="zeros", total=len(files), unit="file", disable=None):
         for session, reading in () if isinstance(own, Died) else own:
@@ -298,16 +282,16 @@ def session_zeros(
     return {session: session_zero(read) for session, read in readings.items()}
 
 
-def _zero_of(relative: str, recipe: Recipe, zeros: Mapping[str, ZeroReading | NoZero]) -> ZeroReading | NoZero | None:
+def _zero_of(relative: str, recipe: Recipe, zeros: Mapping[str, ZeroReading]) -> ZeroReading | None:
     with suppress(RecordingError):
         return zeros.get(recipe.names.names(relative).session)
     return None
 
 
-def zeros_of(relative: str, path: Path, recipe: Recipe, rows: int | None) -> list[tuple[str, ZeroReading | NoZero]]:
+def zeros_of(relative: str, path: Path, recipe: Recipe, rows: int | None) -> list[tuple[str, ZeroReading]]:
     """Return the session of one file and what its pressure sensors read while vented, piece by piece."""
     read = pieces_of if rows is None else partial(pieces_in_turn, rows=rows)
-    readings: list[tuple[str, ZeroReading | NoZero]] = []
+    readings: list[tuple[str, ZeroReading]] = []
     with suppress(RecordingError, OSError):
         names = recipe.names.names(relative)
         readings.extend(  # piece by piece, so that those before an error are kept

@@ -31,7 +31,7 @@ from cylinder_friction.recordings.checks.screening import Screen
 from cylinder_friction.recordings.conversion import Recipe, pieces_from, pieces_of, unread_clocks
 from cylinder_friction.recordings.formats.logged_table import MOST_INDIVISIBLE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
-from cylinder_friction.recordings.mapping.calibration import NoZero, ZeroReading, apply_zero, find_zero
+from cylinder_friction.recordings.mapping.calibration import ZeroReading, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata, Signal
@@ -319,7 +319,7 @@ class Draft:
         self.paths: list[Path] = []
         self.own: list[slice] = []
         self.findings: list[tuple[float, list[Finding]]] = []
-        self.zeros: list[ZeroReading | NoZero] = []
+        self.zeros: list[ZeroReading] = []
         self.repairs: list[str] = []
 
     def add(self, part: Part, recipe: Recipe) -> None:
@@ -338,16 +338,14 @@ class Draft:
         recording = read_recording(self.paths[0]).rows(self.own[0])
         return Piece(recording.table, recording.sample_time_s, tuple(_few(self.repairs)))
 
-    def checked(
-        self, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None
-    ) -> LongRecording:
+    def checked(self, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None) -> LongRecording:
         """Return the recording, with what ``conversion.checked`` does; of its zeros that of the longest stretch counts.
 
         Raises:
             RecordingError: A check is not passed; see ``findings_of_parts``.
         """
         table, rows = self.first().table, sum(own.stop - own.start for own in self.own)
-        read = [each for each in self.zeros if isinstance(each, ZeroReading)]
+        read = [each for each in self.zeros if each.offsets]
         zero = max(read, key=lambda each: each.to_s - each.from_s) if read else session or self.zeros[0]
         _, metadata = apply_zero(table, metadata, zero, recipe.channels)
         length = length_finding(rows, metadata.sample_time_s, recipe.limits)

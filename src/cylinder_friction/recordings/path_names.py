@@ -3,7 +3,7 @@
 import csv
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -24,16 +24,6 @@ class PathNames:
 
 
 @dataclass(frozen=True)
-class TableLine(PathNames):
-    """One line of a table of names: ``number`` counted from 1 for the header, ``name`` a file's path or a glob."""
-
-    number: int
-
-    def fits(self, path: str) -> bool:
-        return self.name == path or (bool(_WILD & set(self.name)) and fnmatchcase(path, self.name))
-
-
-@dataclass(frozen=True)
 class NameRules:
     """Where condition, session and load of a file come from: exactly one of the three."""
 
@@ -46,7 +36,8 @@ class NameRules:
     # The condition of every file; each is then a session of its own, named as its recording
     condition: str | None = None
     _compiled: re.Pattern[str] | None = field(init=False, repr=False, compare=False, default=None)
-    _lines: tuple[TableLine, ...] = field(init=False, repr=False, compare=False, default=())
+    # By the number of the line, counted from 1 for the header; the name is a file's path or a glob
+    _lines: dict[int, PathNames] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if [self.pattern, self.table, self.condition].count(None) != 2:
@@ -62,34 +53,45 @@ class NameRules:
         Raises:
             RecordingError: The pattern does not match, the table has no line for it, or more than one glob fits it.
         """
-        if self._compiled is not None:
-            return names_from_path(relative_path, self._compiled)
         name = name_of(relative_path)
+        if self._compiled is not None:
+            match = self._compiled.search(relative_path)
+            groups = match.groupdict() if match else {}
+            if not groups.get("condition") or not groups.get("session"):
+                raise RecordingError(
+                    f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
+                    f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
+                )
+            return PathNames(name, groups["condition"], groups["session"], groups.get("load") or "")
         if self.condition is not None:
             return PathNames(name, self.condition, name, "")
-        fitting = [line for line in self._lines if line.name == relative_path]
-        fitting = fitting or [line for line in self._lines if line.fits(relative_path)]
+        fitting = {number: line for number, line in self._lines.items() if line.name == relative_path}
+        fitting = fitting or {number: line for number, line in self._lines.items() if _fits(line.name, relative_path)}
         if not fitting:
             raise RecordingError(
                 f"path {relative_path!r} has no line in the table of names; add one with its condition, session"
             )
         if len(fitting) > 1:
-            numbers = ", ".join(str(line.number) for line in fitting)
             raise RecordingError(
-                f"path {relative_path!r} fits lines {numbers} of the table of names; expected one line per file; write "
-                "the path out, or make the globs narrower"
+                f"path {relative_path!r} fits lines {', '.join(map(str, fitting))} of the table of names; expected one "
+                "line per file; write the path out, or make the globs narrower"
             )
-        return PathNames(name, fitting[0].condition, fitting[0].session, fitting[0].load)
+        return replace(next(iter(fitting.values())), name=name)
 
     def lines_without_file(self, relative_paths: Iterable[str]) -> list[str]:
         """Return a sentence for each line of the table that no file fits; none where names come from a pattern."""
         paths = list(relative_paths)
         return [
-            f"line {line.number} of the table of names: no file fits {line.name!r}; correct the line, or put the file "
+            f"line {number} of the table of names: no file fits {line.name!r}; correct the line, or put the file "
             "where it belongs"
-            for line in self._lines
-            if not any(map(line.fits, paths))
+            for number, line in self._lines.items()
+            if not any(_fits(line.name, path) for path in paths)
         ]
+
+
+def _fits(name: str, path: str) -> bool:
+    """Return whether a line's name is this path, or a glob that matches it."""
+    return name == path or (bool(_WILD & set(name)) and fnmatchcase(path, name))
 
 
 def compile_name_pattern(pattern: str) -> re.Pattern[str]:
@@ -107,29 +109,14 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
     return compiled
 
 
-def names_from_path(path: str, pattern: re.Pattern[str]) -> PathNames:
-    """Return what a path, relative to the ingested folder and with ``/``, states about its recording.
-
-    The pattern is searched for anywhere in the path; it must find a condition and a session that are not empty.
-    """
-    match = pattern.search(path)
-    groups = match.groupdict() if match else {}
-    if not groups.get("condition") or not groups.get("session"):
-        raise RecordingError(
-            f"path {path!r} does not give condition and session: the pattern {pattern.pattern!r} finds "
-            f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
-        )
-    return PathNames(name_of(path), groups["condition"], groups["session"], groups.get("load") or "")
-
-
 def name_of(path: str) -> str:
     """Return a recording's name: its file's path without the last suffix, with ``-`` for ``/``."""
     stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
     return stem.replace("/", "-")
 
 
-def read_names_table(path: Path) -> tuple[TableLine, ...]:
-    """Return the lines of a table of names; its delimiter is a comma, a semicolon or a tab."""
+def read_names_table(path: Path) -> dict[int, PathNames]:
+    """Return the lines of a table of names by their numbers; its delimiter is a comma, a semicolon or a tab."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -144,7 +131,8 @@ def read_names_table(path: Path) -> tuple[TableLine, ...]:
                 f"table of names {path.name!r}: expected one column {column!r} in its header, but got "
                 f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session and, if you like, load"
             )
-    lines: dict[str, TableLine] = {}
+    lines: dict[int, PathNames] = {}
+    numbers: dict[str, int] = {}
     for number, row in enumerate(rows[1:], start=2):
         if not any(row):
             continue
@@ -156,9 +144,9 @@ def read_names_table(path: Path) -> tuple[TableLine, ...]:
             if not cells[column]:
                 raise RecordingError(f"{where} has no {column}; fill in the cell")
         file = cells["file"].replace("\\", "/").removeprefix("./")
-        if file in lines:
+        if numbers.setdefault(file, number) != number:
             raise RecordingError(
-                f"{where} is for {file!r}, which line {lines[file].number} is for already; expected one line per file"
+                f"{where} is for {file!r}, which line {numbers[file]} is for already; expected one line per file"
             )
-        lines[file] = TableLine(file, cells["condition"], cells["session"], cells.get("load", ""), number)
-    return tuple(lines.values())
+        lines[number] = PathNames(file, cells["condition"], cells["session"], cells.get("load", ""))
+    return lines

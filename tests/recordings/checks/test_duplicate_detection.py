@@ -91,15 +91,6 @@ def test_a_motion_that_repeats_within_a_recording_matches_nobody() -> None:
     assert DuplicateDetection().add("periodic", window_hashes(pd.concat([once] * 5))) is None
 
 
-def test_cranes_are_two_recordings(crane_tables: dict[str, pd.DataFrame]) -> None:
-    seen = DuplicateDetection()
-    assert [seen.add(name, window_hashes(table)) for name, table in crane_tables.items()] == [None, None]
-    for name, table in crane_tables.items():
-        match = seen.add("again", window_hashes(as_logged(table.iloc[1000:], 1e5, 3)))
-        assert match is not None
-        assert match.name == name
-
-
 def test_a_drive_force_is_known_again() -> None:
     def forced(seed: int) -> pd.DataFrame:
         table = made(seed)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
-from cylinder_friction.recordings.mapping.sensor import SensorLimits
+from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
 
 if TYPE_CHECKING:
@@ -196,12 +196,6 @@ def test_nothing_is_found_in_the_rigs_recordings(rig_tables: dict[str, pd.DataFr
                 column: Signal(TIME_S, np.ascontiguousarray(table[column].to_numpy()[::stride])) for column in columns
             }
             assert screen_signals(signals, limits, RULES, STROKE_M)[1] == ()
-
-
-def test_nothing_is_found_in_a_real_crane(crane_tables: dict[str, pd.DataFrame]) -> None:
-    for table in crane_tables.values():
-        signals = {str(column): Signal(TIME_S, table[column].to_numpy()) for column in table.columns}
-        assert screen_signals(signals, {}, RULES, STROKE_M)[1] == ()
 
 
 def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> None:

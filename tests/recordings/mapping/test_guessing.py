@@ -17,9 +17,8 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
-from cylinder_friction.recordings.path_names import compile_name_pattern, names_from_path
+from cylinder_friction.recordings.path_names import NameRules
 
-SHARED = Path(__file__).parents[3] / "../shared/data"
 PATH = Path("logs/noload_day1.csv")
 ROWS = 400
 TIME = 0.005 * np.arange(ROWS)
@@ -230,7 +229,7 @@ def test_the_template_can_be_another_and_the_names_pattern_finds_test_and_sessio
     guess = guess_mapping([LoggedTable(pd.DataFrame({"t": TIME}))], Path("logs/no-load_day1_3.csv.gz"))
     loaded = yaml.safe_load(mapping_yaml(guess))
     assert (loaded["source"], loaded["pattern"]) == ("logs", "**/*.csv.gz")
-    names = names_from_path("a/no-load_day1_3.csv.gz", compile_name_pattern(loaded["name_pattern"]))
+    names = NameRules(loaded["name_pattern"]).names("a/no-load_day1_3.csv.gz")
     assert (names.condition, names.session) == ("no-load", "no-load_day1_3")
     short = mapping_yaml(guess, source="data/raw/own", template="from: {source}\nchannels:\n{channels}\n")
     assert yaml.safe_load(short)["from"] == "data/raw/own"
@@ -270,55 +269,6 @@ def test_whatever_channels_are_called_the_text_loads_and_names_them_exactly(
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=12))
 def test_any_values_give_a_mapping(values: list[float]) -> None:
     text_of({"t": values, "p1 [bar]": values, "p2": values, "x [mm]": values, "F": values})
-
-
-@pytest.mark.parametrize("name", ["Dual2SineTest_230425__100Hz.csv.gz", "JibSineTest_230425__100Hz.csv.gz"])
-def test_the_crane_has_two_cylinders_and_says_so(name: str) -> None:
-    path = SHARED / "crane" / name
-    if not path.is_file():
-        pytest.skip(f"no {path}")
-    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
-    assert names_of(text) == {
-        "time_s": "t_s",
-        "pressure_1_pa": "jib_pA_cyl_bar",
-        "pressure_2_pa": "jib_pB_cyl_bar",
-        "position_m": "jib_x_m",
-    }
-    assert {entry["unit"] for entry in channels_of(text).values()} == {"s", "bar", "m"}
-    assert "AMBIGUOUS: jib_pA_cyl_bar" in comment_of(text, "pressure_1_pa")
-    assert "main_pA_cyl_bar" in comment_of(text, "pressure_1_pa")
-    assert "or main_x_m" in comment_of(text, "position_m")
-    assert "xref" not in comment_of(text, "position_m")
-
-
-def test_the_tribometer_has_a_force_in_place_of_pressures() -> None:
-    path = SHARED / "tribometer/test_data_2.txt"
-    if not path.is_file():
-        pytest.skip(f"no {path}")
-    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
-    assert names_of(text) == {"time_s": "Time [s]", "drive_force_n": "Friction [uN]", "position_m": "Position [mm]"}
-    assert channels_of(text)["drive_force_n"]["unit"] == "uN"
-    assert "AMBIGUOUS: Friction [uN]" in comment_of(text, "drive_force_n")
-    assert "CHECK: it falls below 0; state as offset" in comment_of(text, "position_m")
-
-
-def test_names_that_say_nothing_are_listed_and_not_guessed() -> None:
-    path = SHARED / "emps/DATA_EMPS.mat"
-    if not path.is_file():
-        pytest.skip(f"no {path}")
-    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
-    assert names_of(text)["time_s"] == "t"
-    assert names_of(text)["position_m"] == "NOT FOUND"
-    assert "#   qm: values -2.2e-05 to 0.2464" in text
-
-
-def test_a_file_without_names_gets_its_time_and_a_list() -> None:
-    path = SHARED / "pneumatic-seals/NAPN_1bar.csv.gz"
-    if not path.is_file():
-        pytest.skip(f"no {path}")
-    text = mapping_yaml(guess_mapping(read_logged_file(path), path))
-    assert channels_of(text)["time_s"] == {"channel": "column_1", "unit": "ms"}
-    assert all(f"#   column_{number}: values" in text for number in range(2, 8))
 
 
 def test_a_file_of_the_rig_is_guessed_as_it_is_configured(tmp_path: Path) -> None:

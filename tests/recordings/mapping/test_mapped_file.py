@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
-from cylinder_friction.recordings.mapping.sensor import SensorScale
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
@@ -45,14 +44,6 @@ def test_units_and_signs_are_applied_and_spare_channels_left_out() -> None:
 def test_columns_of_one_table_share_their_time() -> None:
     signals = map_signals([logged()], MAPPING).signals
     assert signals["pressure_1_pa"].time_s is signals["pressure_2_pa"].time_s is signals["position_m"].time_s
-
-
-def test_seconds_and_pascals_pass_untouched() -> None:
-    time_s, pressure_pa = np.array([0.0, 1.0 / 3.0]), np.array([1e5, np.nan])
-    mapping = MAPPING | {"time_s": ChannelMapping("t", "s"), "pressure_1_pa": ChannelMapping("a", "Pa")}
-    signal = map_signals([logged(t=time_s, a=pressure_pa)], mapping).signals["pressure_1_pa"]
-    np.testing.assert_array_equal(signal.time_s, time_s)
-    np.testing.assert_array_equal(signal.values, pressure_pa)
 
 
 @pytest.mark.parametrize(("delay_s", "first"), [(0.02, 0), (0.0125, 1)])

@@ -45,11 +45,6 @@ def test_what_it_cannot_carry_is_attenuated_by_60_db(frequency_hz: float, phase:
     assert np.abs(values).max() < 1e-3
 
 
-def test_a_sine_of_150_hz_does_not_alias_into_200_hz() -> None:
-    _, values = downsampled(150.0, 0.3)
-    assert 20.0 * np.log10(np.abs(values).max()) < -60.0
-
-
 @pytest.mark.parametrize("to_hz", [130.0, 200.0, 333.3, 999.0])
 def test_irregular_phases_need_no_ratio_of_whole_numbers(to_hz: float) -> None:
     wanted_s, values = downsampled(0.35 * to_hz, 0.123, to_hz)
@@ -79,13 +74,6 @@ def test_a_straight_line_stays_straight_to_its_ends(ratio: float) -> None:
     assert np.abs(values - (3.0 + 2.0 * positions)).max() < 5e-3 * 2.0 / min(1.0, ratio)
 
 
-@pytest.mark.parametrize("ratio", [0.2, 1.0, 2.3])
-def test_overshoot_at_a_step_is_13_percent_of_its_height(ratio: float) -> None:
-    step = np.repeat([0.0, 1.0], 500)
-    values = windowed_sinc(step, np.arange(0.0, 999.0, 0.07), ratio)
-    assert 0.05 < max(values.max() - 1.0, -values.min()) < 0.13
-
-
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 3.0))
 @settings(max_examples=40, deadline=None)
 def test_overshoot_is_bounded(seed: int, ratio: float) -> None:
@@ -93,14 +81,6 @@ def test_overshoot_is_bounded(seed: int, ratio: float) -> None:
     values = rng.choice([-1.0, 1.0], rng.integers(1, 400))
     result = np.abs(windowed_sinc(values, rng.uniform(0.0, len(values) - 1, 50), ratio))
     assert result.max() <= 3.0 * OVERSHOOT
-
-
-def test_the_worst_signal_reaches_the_stated_overshoot() -> None:
-    offsets = np.arange(-21, 22)
-    lone = np.array(
-        [windowed_sinc((np.arange(201) == 100 + k).astype(float), np.array([100.5]), 1.0)[0] for k in offsets]
-    )
-    assert 2.0 < np.abs(lone).sum() <= OVERSHOOT
 
 
 def test_the_kernel_reaches_no_further_than_stated() -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import DRIVE_FORCE
+from cylinder_friction.recordings.recording import RecordingError
 
 Hashes = NDArray[np.uint64]
 
@@ -49,6 +50,7 @@ class DuplicateDetection:
     """
 
     def __init__(self) -> None:
+        self.files: dict[str, str] = {}  # The file of each recording
         self._names: list[str] = []
         self._counts: list[dict[int, int]] = []
         self._hashes, self._owners = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int32)
@@ -68,6 +70,19 @@ class DuplicateDetection:
             self._names.append(name)
             self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
         return match
+
+    def refuse(self, name: str, file: str, hashed: dict[int, Hashes]) -> None:
+        """Remember a recording and its file; raise ``RecordingError`` if its name or its measurement is known."""
+        if name in self.files:
+            raise RecordingError(f"has the name {name!r}, which {self.files[name]} has already")
+        match = self.add(name, hashed)
+        if match is not None:
+            raise RecordingError(
+                f"is the same measurement as recording {match.name!r}, or overlaps it ({100.0 * match.share:.0f} % of "
+                "its windows are equal, noise and all); a model could be tested on its own training data; keep one of "
+                "them"
+            )
+        self.files[name] = file
 
     def _best_match(self, hashed: dict[int, Hashes]) -> Match | None:
         best: Match | None = None

@@ -9,6 +9,9 @@ LoadMode = Literal["none", "measured", "position"]
 """What the cylinder carries: nothing, what ``load_force_n`` measures, or a load that position decides."""
 
 
+TINY = sys.float_info.min
+
+
 @dataclass(frozen=True, kw_only=True)
 class CheckRules:
     """What is plausible for any cylinder."""
@@ -29,31 +32,20 @@ class CheckRules:
     stuck_travel: float = 0.25  # A pressure that stays exactly constant over this share of the stroke is stuck
 
     def __post_init__(self) -> None:
-        for names, least, most, expected in _RANGES:
+        for names, least, below, expected in (
+            (("minimum_duration_s", "minimum_rate_hz", "highest_pressure_pa"), TINY, math.inf, "a positive number"),
+            (("lowest_pressure_pa",), -sys.float_info.max, math.inf, "a finite number"),
+            (
+                ("least_pressure_span_pa", "least_peak_pressure_pa", "least_force_span_n", "position_slack"),
+                0.0,
+                math.inf,
+                "zero or a positive number",
+            ),
+            (("least_travel", "stuck_travel"), 0.0, 1.0, "at least 0 and less than 1"),
+        ):
             for name in names:
-                value = getattr(self, name)
-                if not least <= value < most:
-                    raise ValueError(f"{name}: expected {expected}, but got {value!r}")
-
-
-_TINY = sys.float_info.min
-_RANGES = (
-    (
-        ("minimum_duration_s", "minimum_rate_hz", "highest_pressure_pa"),
-        sys.float_info.min,
-        math.inf,
-        "a positive number",
-    ),
-    (("lowest_pressure_pa",), -sys.float_info.max, math.inf, "a finite number"),
-    (
-        ("least_pressure_span_pa", "least_peak_pressure_pa", "least_force_span_n", "position_slack"),
-        0.0,
-        math.inf,
-        "zero or a positive number",
-    ),
-    (("least_travel", "stuck_travel"), 0.0, 1.0, "at least 0 and less than 1"),
-)
-"""Names, least value, what they are below, and that in words."""
+                if not least <= getattr(self, name) < below:
+                    raise ValueError(f"{name}: expected {expected}, but got {getattr(self, name)!r}")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,14 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding, spoken
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import check_friction
-from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, REQUIRED_COLUMNS, missing_columns
+from cylinder_friction.recordings.columns import (
+    DRIVE_FORCE,
+    LOAD_FORCE,
+    POSITION,
+    PRESSURES,
+    REQUIRED_COLUMNS,
+    missing_columns,
+)
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
@@ -142,36 +149,25 @@ def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) ->
             return
     yield Finding("finite", "ok", "every value is a finite number")
     yield length_finding(len(table), sample_time_s, limits)
-    yield _rate(sample_time_s, limits)
+    rate = f"is sampled at {1.0 / sample_time_s:.4g} Hz"
+    yield Finding.of(
+        "rate",
+        1.0 / sample_time_s >= limits.minimum_rate_hz * (1.0 - RATE_TOLERANCE),
+        rate,
+        f"{rate}, expected at least {limits.minimum_rate_hz:.4g} Hz; the filters would smear starts, stops and "
+        "reversals over each other; log faster, or correct the unit of time_s (ms read as s?)",
+    )
     valid = True
-    for finding in _of_signals(columns, limits, sample_time_s):
+    seen = {name: _survey(values, columns[POSITION]) for name, values in columns.items()}
+    for finding in (
+        *_of_position(columns[POSITION], seen[POSITION], sample_time_s, limits),
+        *(_of_force(seen, limits) if DRIVE_FORCE in columns else _of_pressures(columns, seen, limits)),
+        *(_of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits) if LOAD_FORCE in columns else ()),
+    ):
         valid = valid and finding.outcome != "refused"
         yield finding
     if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
         yield from check_friction(table, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
-
-
-def _of_signals(columns: dict[str, Array], limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
-    seen = {name: _survey(values, columns["position_m"]) for name, values in columns.items()}
-    yield _position_range(seen["position_m"], limits)
-    yield _motion(seen["position_m"], limits)
-    yield _position_stuck(columns["position_m"], sample_time_s, limits)
-    if DRIVE_FORCE in columns:
-        yield from _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
-    else:
-        for name in PRESSURES:
-            yield _pressure_range(name, seen[name], limits)
-            yield from _alive(name, "pressure", seen[name], limits.least_pressure_span_pa, limits)
-        yield Finding.of(
-            "pressures_differ",
-            not np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]),
-            "the two pressures differ",
-            "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "
-            "twice or mapped twice; correct the mapping",
-        )
-        yield _unit_plausible(seen, limits)
-    if limits.load == "measured" and LOAD_FORCE in columns:
-        yield from _of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits)
 
 
 def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
@@ -187,40 +183,27 @@ def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Find
     )
 
 
-def _rate(sample_time_s: float, limits: CheckLimits) -> Finding:
-    rate_hz = 1.0 / sample_time_s
-    text = f"is sampled at {rate_hz:.4g} Hz"
-    return Finding.of(
-        "rate",
-        rate_hz >= limits.minimum_rate_hz * (1.0 - RATE_TOLERANCE),
-        text,
-        f"{text}, expected at least {limits.minimum_rate_hz:.4g} Hz; the filters would smear starts, stops and "
-        "reversals over each other; log faster, or correct the unit of time_s (ms read as s?)",
-    )
-
-
-def _position_range(seen: _Survey, limits: CheckLimits) -> Finding:
-    slack_m, stroke_m = limits.position_slack * limits.stroke_m, limits.stroke_m
+def _of_position(position_m: Array, seen: _Survey, sample_time_s: float, limits: CheckLimits) -> Iterator[Finding]:
+    stroke_m, slack_m = limits.stroke_m, limits.position_slack * limits.stroke_m
     runs = f"it runs from {seen.lowest:.4g} to {seen.highest:.4g} m"
     value, row = seen.worst(0.0, stroke_m)
-    return Finding.of(
+    yield Finding.of(
         "position_range",
         seen.lowest >= -slack_m and seen.highest <= stroke_m + slack_m,
         f"position_m lies within the stroke of {stroke_m:.4g} m; {runs}",
         f"position_m is {value:.4g} m in row {row} ({runs}), expected 0 to {stroke_m:.4g} m, the stroke; "
         "check unit (mm read as m?), sign and zero of the sensor",
     )
-
-
-def _motion(seen: _Survey, limits: CheckLimits) -> Finding:
-    least_m = limits.least_travel * limits.stroke_m
-    return Finding.of(
+    least_m = limits.least_travel * stroke_m
+    moves = f"position_m moves by {seen.span:.3g} m"
+    yield Finding.of(
         "motion",
         seen.span >= least_m,
-        f"position_m moves by {seen.span:.3g} m",
-        f"position_m moves by {seen.span:.3g} m only, expected at least {least_m:.3g} m; nothing moves, the sensor is "
-        "stuck, or its unit is wrong (m read as mm?)",
+        moves,
+        f"{moves} only, expected at least {least_m:.3g} m; nothing moves, the sensor is stuck, or its unit is wrong "
+        "(m read as mm?)",
     )
+    yield _position_stuck(position_m, sample_time_s, limits)
 
 
 def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits) -> Finding:
@@ -245,15 +228,38 @@ def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits
     return Finding("position_stuck", "refused", text)
 
 
-def _pressure_range(name: str, seen: _Survey, limits: CheckLimits) -> Finding:
+def _of_force(seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
+    yield from _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
+
+
+def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
     low, high = limits.lowest_pressure_pa, limits.highest_pressure_pa
-    value, row = seen.worst(low, high)
-    return Finding.of(
-        "pressure_range",
-        seen.lowest >= low and seen.highest <= high,
-        f"{name} runs from {spoken(name, seen.lowest)} to {spoken(name, seen.highest)}",
-        f"{name} is {spoken(name, value)} in row {row}, expected {low / 1e5:.4g} to {high / 1e5:.4g} bar gauge; check "
-        "unit (Pa or kPa read as bar?) and sign",
+    for name in PRESSURES:
+        value, row = seen[name].worst(low, high)
+        yield Finding.of(
+            "pressure_range",
+            seen[name].lowest >= low and seen[name].highest <= high,
+            f"{name} runs from {spoken(name, seen[name].lowest)} to {spoken(name, seen[name].highest)}",
+            f"{name} is {spoken(name, value)} in row {row}, expected {low / 1e5:.4g} to {high / 1e5:.4g} bar gauge; "
+            "check unit (Pa or kPa read as bar?) and sign",
+        )
+        yield from _alive(name, "pressure", seen[name], limits.least_pressure_span_pa, limits)
+    yield Finding.of(
+        "pressures_differ",
+        not np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]),
+        "the two pressures differ",
+        "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "
+        "twice or mapped twice; correct the mapping",
+    )
+    # Without pressure throughout, the unit is too small, or the supply was off.
+    name = max(PRESSURES, key=lambda column: seen[column].highest)
+    peak = f"the highest pressure in the whole recording is {spoken(name, seen[name].highest)} ({name})"
+    yield Finding.of(
+        "unit_plausible",
+        seen[name].highest >= limits.least_peak_pressure_pa,
+        peak,
+        f"{peak}, expected at least {limits.least_peak_pressure_pa / 1e5:.4g} bar; check the unit (MPa read as bar, "
+        "kPa as Pa?) and that the supply was on, or lower least_peak_pressure_pa for pneumatics",
     )
 
 
@@ -279,21 +285,10 @@ def _alive(name: str, kind: str, seen: _Survey, least: float, limits: CheckLimit
         )
 
 
-def _unit_plausible(seen: dict[str, _Survey], limits: CheckLimits) -> Finding:
-    """Refuse a recording without pressure throughout: its unit is too small, or the supply was off."""
-    name = max(PRESSURES, key=lambda column: seen[column].highest)
-    peak = f"the highest pressure in the whole recording is {spoken(name, seen[name].highest)} ({name})"
-    return Finding.of(
-        "unit_plausible",
-        seen[name].highest >= limits.least_peak_pressure_pa,
-        peak,
-        f"{peak}, expected at least {limits.least_peak_pressure_pa / 1e5:.4g} bar; check the unit (MPa read as bar, "
-        "kPa as Pa?) and that the supply was on, or lower least_peak_pressure_pa for pneumatics",
-    )
-
-
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
     """Check that a load cell changes; unlike a pressure it may stay constant, unless its noise ceases."""
+    if limits.load != "measured":
+        return
     if seen.span == 0.0:
         text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
         yield Finding("load_alive", "noted", text)

@@ -10,7 +10,7 @@ the position sensor's zero follow from anything here; its mapping's ``offset`` s
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -19,8 +19,12 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import PRESSURES
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_uncertainty
-from cylinder_friction.recordings.mapping.sensor import HALF_WIDTH_TO_STANDARD, sensor_step
+from cylinder_friction.recordings.mapping.channel_mapping import (
+    HALF_WIDTH_TO_STANDARD,
+    ChannelMapping,
+    sensor_step,
+    sensor_uncertainty,
+)
 from cylinder_friction.recordings.mapping.units import column_scale
 from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
 
@@ -121,26 +125,22 @@ class ZeroRules:
 
 @dataclass(frozen=True)
 class ZeroReading:
-    """What vented sensors read."""
+    """What vented sensors read; nothing, if there are no offsets."""
 
-    offsets: Mapping[str, float]  # Mean reading by column, in the column's unit
-    uncertainty: Mapping[str, float]  # Standard uncertainty of each, autocorrelation and converter steps accounted for
+    # Mean reading by column, in the column's unit
+    offsets: Mapping[str, float] = field(default_factory=dict)
+    # Standard uncertainty of each, autocorrelation and converter steps accounted for
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
     # from_s, to_s: Start and end of the stretch [s]
-    from_s: float
-    to_s: float
+    from_s: float = 0.0
+    to_s: float = 0.0
     recording: str = ""  # Name of the recording in which it was read
-
-
-@dataclass(frozen=True)
-class NoZero:
-    """That no zero was read, and why, in a sentence; empty where nobody asked for one."""
-
-    reason: str = ""
+    reason: str = ""  # Why nothing was read, in a sentence; empty if nobody asked for a zero
 
 
 def find_zero(
     table: pd.DataFrame, rules: ZeroRules, mapping: Mapping[str, ChannelMapping], recording: str = ""
-) -> ZeroReading | NoZero:
+) -> ZeroReading:
     """Return what the pressure sensors read while their chambers were vented, or why there is no zero.
 
     Args:
@@ -151,10 +151,10 @@ def find_zero(
             is further from zero than the sensor's accuracy explains.
     """
     if rules.method == "none":
-        return NoZero()
+        return ZeroReading()
     columns = [column for column in PRESSURES if column in table.columns]
     if not columns:
-        return NoZero(f"{NOT_CORRECTED}: there is no pressure column")
+        return _none("there is no pressure column")
     time_s = table["time_s"].to_numpy(dtype=np.float64)
     step_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
     half = round(0.5 * AVERAGED_S / step_s) if step_s > 0.0 else 0
@@ -171,9 +171,9 @@ def find_zero(
         expected = f"expected {least_s:g} s"
         if window_s is None:
             why = f"the longest stretch that may be vented lasts {length_s:.3g} s, {expected} at standstill with both "
-            return NoZero(f"{NOT_CORRECTED}: {why}pressures steady near zero")
+            return _none(f"{why}pressures steady near zero")
         why = f"the window from {window_s[0]:g} to {window_s[1]:g} s holds {length_s:.3g} s of this recording"
-        return NoZero(f"{NOT_CORRECTED}: {why}, {expected}")
+        return _none(f"{why}, {expected}")
     problem = _not_vented(averaged(signals[first:end], half), columns, rules, mapping)
     if problem:
         where = f"from {time_s[first]:.4g} to {time_s[end - 1]:.4g} s"
@@ -182,7 +182,7 @@ def find_zero(
                 f"{problem} {where}, the stated window; expected both chambers vented there; correct "
                 "ingest.zero.window_s, or vent the cylinder at the start of a log"
             )
-        return NoZero(f"{NOT_CORRECTED}: {problem} {where}, the longest steady stretch")
+        return _none(f"{problem} {where}, the longest steady stretch")
     readings = {column: signals[first:end, index] for index, column in enumerate(columns, start=1)}
     return ZeroReading(
         offsets={column: float(np.mean(reading)) for column, reading in readings.items()},
@@ -193,15 +193,19 @@ def find_zero(
     )
 
 
-def session_zero(readings: Sequence[ZeroReading | NoZero]) -> ZeroReading | NoZero:
+def _none(why: str) -> ZeroReading:
+    return ZeroReading(reason=f"{NOT_CORRECTED}: {why}")
+
+
+def session_zero(readings: Sequence[ZeroReading]) -> ZeroReading:
     """Return the zero that holds for the other recordings of a session, from those that show one.
 
     Offsets are averaged; their uncertainty holds the readings' own and their scatter from recording to recording, for
     a zero that wanders between two readings wanders elsewhere too. One reading passes as it is.
     """
-    read = [reading for reading in readings if isinstance(reading, ZeroReading)]
+    read = [reading for reading in readings if reading.offsets]
     if len(read) < 2:
-        return read[0] if read else NoZero(f"{NOT_CORRECTED}: none read in this session")
+        return read[0] if read else _none("none read in this session")
     offsets: dict[str, float] = {}
     uncertainty: dict[str, float] = {}
     for column in read[0].offsets:
@@ -222,7 +226,7 @@ def session_zero(readings: Sequence[ZeroReading | NoZero]) -> ZeroReading | NoZe
 def apply_zero(
     table: pd.DataFrame,
     metadata: RecordingMetadata,
-    reading: ZeroReading | NoZero | None,
+    reading: ZeroReading,
     mapping: Mapping[str, ChannelMapping],
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
     """Return a recording's table with its pressure zeros taken off, and its metadata with what is then uncertain.
@@ -231,10 +235,9 @@ def apply_zero(
     accuracy is not stated gets no uncertainty, zeroed or not: its span is not known.
     """
     uncertainty = {column: stated for column, stated in sensor_uncertainty(mapping).items() if column in table.columns}
-    offsets: dict[str, float] = {}
-    reasons = [reading.reason] if isinstance(reading, NoZero) and reading.reason else []
-    if isinstance(reading, ZeroReading):
-        offsets = {column: offset for column, offset in reading.offsets.items() if column in table.columns}
+    offsets = {column: offset for column, offset in reading.offsets.items() if column in table.columns}
+    reasons = [reading.reason] if reading.reason else []
+    if reading.offsets:
         reasons = [_sentence(reading, offsets, metadata.name)]
         table = table.assign(**{column: table[column] - offset for column, offset in offsets.items()})
         for column in offsets.keys() & uncertainty.keys():

@@ -11,8 +11,8 @@ from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDet
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, tables_of, zeroed
-from cylinder_friction.recordings.ingesting import refuse_duplicate, session_zeros
-from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, NoZero, ZeroReading
+from cylinder_friction.recordings.ingesting import session_zeros
+from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import PathNames, name_of
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
@@ -31,7 +31,6 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
         recipe: How a file becomes recordings.
     """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
-    sources: dict[str, str] = {}
     duplicates = DuplicateDetection()
     for name, path in tqdm(files.items(), desc="inspect", unit="file", disable=None):
         for piece, subject in _inspect_file(name, path, recipe, zeros):
@@ -40,16 +39,14 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
                 yield subject
                 continue
             try:
-                refuse_duplicate(recording.name, window_hashes(piece.table), sources, duplicates)
+                duplicates.refuse(recording.name, name, window_hashes(piece.table))
             except RecordingError as error:
                 subject = subject.found(Finding("duplicate", "refused", str(error)))
-            else:
-                sources[recording.name] = name
             yield subject
 
 
 def _inspect_file(
-    name: str, path: Path, recipe: Recipe, zeros: Mapping[str, ZeroReading | NoZero]
+    name: str, path: Path, recipe: Recipe, zeros: Mapping[str, ZeroReading]
 ) -> Iterator[tuple[Piece | None, Inspected]]:
     """Yield what was found in one file. A path without a session is noted, for it may lie elsewhere later.
 
@@ -83,7 +80,7 @@ def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
 
 
 def _checked(
-    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | NoZero | None
+    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None
 ) -> tuple[Sequence[Finding], Recording | None]:
     findings: list[Finding] = []
     table = piece.table
