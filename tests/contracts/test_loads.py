@@ -36,7 +36,7 @@ KINDS = ("measured", "position")
 
 @dataclass(frozen=True)
 class Case:
-    """A step model that knows the load, with what the reference gives where sensors are off by 60 N together."""
+    """A step model that knows the load, with what Python gives where sensors are off by 60 N together."""
 
     model: StepModel
     expected: Trajectory
@@ -95,7 +95,7 @@ def test_the_served_model_takes_the_load_off_too(case: Case) -> None:
             score(graph, rows.assign(load_force_n=100.0))
 
 
-def test_the_reference_learns_it(case: Case) -> None:
+def test_python_learns_it(case: Case) -> None:
     """Estimates move by most of the 60 N, and what is none is flagged and held."""
     blind = trace(replace(case.model, offset=None), case.expected.samples)
     learned_n = (blind.newtons - case.expected.newtons)[:, 0]

@@ -138,7 +138,7 @@ def test_before_the_first_valid_sample_it_is_not_ready_and_remembers_nothing(
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("model", sorted(MODELS))
 @pytest.mark.parametrize("name", sorted(RUNTIMES))
-def test_whatever_comes_it_meets_the_reference(
+def test_whatever_comes_it_meets_python(
     name: str, model: str, seed: int, models: dict[str, StepModel], opened: Opened
 ) -> None:
     generator = np.random.default_rng(seed)

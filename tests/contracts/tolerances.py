@@ -1,9 +1,8 @@
-"""How far each runtime may be from the reference: the one table."""
+"""How far each runtime may be from the golden trajectories: the one table."""
 
 from __future__ import annotations
 
 TOLERANCES_N = {
-    "reference": 0.0,
     "python": 0.0,
     "python_run": 0.0,
     "onnx_step": 0.1,
@@ -15,11 +14,10 @@ TOLERANCES_N = {
 }
 """Largest difference of friction and of either bound [N]. Flags are equal in every runtime.
 
-The reference's own steps run in one order on every machine, and the compiled step keeps that order, so both are met bit
-for bit. The C that adds in double precision, and the FMU around it, meet it bit for bit too where the compiler does not
-fuse multiplications and additions; ONNX Runtime adds in an order of its own, and is 3e-5 N off. But a forest turns the
-last bit of a feature into a whole step of a tree where it lies on a threshold, so both have room for such a step; the C
-in single precision has room for several.
+The step adds in one order on every machine, so Python meets them bit for bit. So do the C that adds in double
+precision, and the FMU around it, if the compiler does not fuse multiplications and additions; ONNX Runtime adds in an order of its
+own, and is 3e-5 N off. But a forest turns the last bit of a feature into a whole step of a tree if it lies on a
+threshold, so both have room for such a step; the C in single precision has room for several.
 """
 
 RARELY_N = {("c_float", "pressure_free"): 20.0}

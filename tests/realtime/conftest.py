@@ -1,4 +1,4 @@
-"""Small models of every design as step models, and both Python streams."""
+"""Small models of every design as step models, and a stream."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
-from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def designed(
     return DESIGNS[request.param](cylinder).fit(labelled_recordings)
 
 
-@pytest.fixture(params=[ReferenceStream, RealTimeStream], ids=["reference", "compiled"])
-def stream(request: pytest.FixtureRequest, small_model: StepModel) -> ReferenceStream | RealTimeStream:
-    """The reference and the compiled step, which keep one contract, with any force taken for friction."""
-    return request.param(replace(small_model, guard=replace(small_model.guard, force_weights=())))
+@pytest.fixture
+def stream(small_model: StepModel) -> RealTimeStream:
+    """The small hybrid, with any force taken for friction."""
+    return RealTimeStream(replace(small_model, guard=replace(small_model.guard, force_weights=())))

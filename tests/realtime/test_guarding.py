@@ -1,4 +1,4 @@
-"""What the guard lets through, holds and flags: the reference and the compiled step keep one contract."""
+"""What the guard lets through, holds and flags: one contract for every sample."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ import pytest
 
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
-from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
     from cylinder_friction.recordings.recording import Recording
-
-    Streams = ReferenceStream | RealTimeStream
 
 SAMPLE = (9e5, 1.0e6, 0.125)
 BAD = [float("nan"), float("inf"), -float("inf"), 1e300]
@@ -52,8 +49,8 @@ def test_largest_friction_is_that_of_usable_rows(labelled_recordings: list[Recor
 
 @pytest.mark.parametrize("value", BAD)
 @pytest.mark.parametrize("channel", range(3))
-def test_a_bad_channel_is_held_at_its_last_valid_value(stream: Streams, channel: int, value: float) -> None:
-    other = ReferenceStream(stream.model)
+def test_a_bad_channel_is_held_at_its_last_valid_value(stream: RealTimeStream, channel: int, value: float) -> None:
+    other = RealTimeStream(stream.model)
     for step in range(5):
         sample = moved(SAMPLE, p1=1e4 * step, p2=-1e4 * step, x=1e-4 * step)
         stream.step(*sample)
@@ -68,19 +65,19 @@ def test_a_bad_channel_is_held_at_its_last_valid_value(stream: Streams, channel:
     assert got.flags & ~Flag.WARMING == Flag.INVALID_PRESSURE_1 << channel
 
 
-def test_before_the_first_sound_sample_nothing_is_said_and_nothing_remembered(stream: Streams) -> None:
+def test_before_the_first_sound_sample_nothing_is_said_and_nothing_remembered(stream: RealTimeStream) -> None:
     early = stream.step(float("nan"), SAMPLE[1], float("inf"))
     assert early == (0.0, 0.0, 0.0, Flag.NOT_READY | Flag.INVALID_PRESSURE_1 | Flag.INVALID_POSITION)
-    assert stream.step(*SAMPLE) == ReferenceStream(stream.model).step(*SAMPLE)
+    assert stream.step(*SAMPLE) == RealTimeStream(stream.model).step(*SAMPLE)
 
 
-def test_warming_lasts_as_long_as_it_says(stream: Streams) -> None:
+def test_warming_lasts_as_long_as_it_says(stream: RealTimeStream) -> None:
     steps = stream.model.guard.warm_up_samples
     flags = [stream.step(*moved(SAMPLE, x=1e-6 * step)).flags for step in range(steps + 5)]
     assert flags == [Flag.WARMING] * steps + [0] * 5
 
 
-def test_recovering_begins_with_the_first_sound_sample_and_lasts_as_long_as_it_says(stream: Streams) -> None:
+def test_recovering_begins_with_the_first_sound_sample_and_lasts_as_long_as_it_says(stream: RealTimeStream) -> None:
     stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     bad = [stream.step(float("nan"), *SAMPLE[1:]).flags for _ in range(3)]
     steps = stream.model.guard.recovery_samples
@@ -89,7 +86,7 @@ def test_recovering_begins_with_the_first_sound_sample_and_lasts_as_long_as_it_s
     assert after == [Flag.RECOVERING] * steps + [0] * 5
 
 
-def test_outside_the_training_range_the_estimate_goes_on(stream: Streams) -> None:
+def test_outside_the_training_range_the_estimate_goes_on(stream: RealTimeStream) -> None:
     stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     upper = stream.model.guard.trained_upper[0]
     assert stream.step(upper, SAMPLE[1], SAMPLE[2] + 1e-4).flags == 0
@@ -100,7 +97,7 @@ def test_outside_the_training_range_the_estimate_goes_on(stream: Streams) -> Non
 
 @pytest.mark.parametrize("channel", [0, 1])
 def test_a_pressure_that_stays_while_the_piston_travels_is_frozen_until_it_changes(
-    stream: Streams, channel: int
+    stream: RealTimeStream, channel: int
 ) -> None:
     stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     other = ("p2", "p1")[channel]
@@ -110,7 +107,7 @@ def test_a_pressure_that_stays_while_the_piston_travels_is_frozen_until_it_chang
     assert stream.step(*moved(SAMPLE, p1=1e3, p2=1e3)).flags == Flag.RECOVERING
 
 
-def test_a_held_pressure_is_not_a_frozen_one(stream: Streams) -> None:
+def test_a_held_pressure_is_not_a_frozen_one(stream: RealTimeStream) -> None:
     stream.warm_up(*SAMPLE, steps=stream.model.guard.warm_up_samples)
     for step in range(10):
         got = stream.step(float("nan"), SAMPLE[1] + step, SAMPLE[2] + 2e-3 * step)
@@ -127,10 +124,10 @@ def test_a_position_that_stays_under_more_than_friction_can_hold_is_frozen(
     area = float(small_model.base_taps[0].sum())
     pressure = (factor * guard.freeze_force_n - small_model.base_taps[1].sum() * SAMPLE[1]) / area
     guarded = replace(small_model, guard=guard)
-    for stream in (ReferenceStream(guarded), RealTimeStream(guarded)):
-        flags = [stream.step(pressure, *SAMPLE[1:]).flags for _ in range(40)]
-        assert flags == [0] * 30 + [Flag.FROZEN if factor > 1.0 else 0] * 10
-        assert stream.step(pressure, SAMPLE[1], SAMPLE[2] + 1e-4).flags == (Flag.RECOVERING if factor > 1.0 else 0)
+    stream = RealTimeStream(guarded)
+    flags = [stream.step(pressure, *SAMPLE[1:]).flags for _ in range(40)]
+    assert flags == [0] * 30 + [Flag.FROZEN if factor > 1.0 else 0] * 10
+    assert stream.step(pressure, SAMPLE[1], SAMPLE[2] + 1e-4).flags == (Flag.RECOVERING if factor > 1.0 else 0)
 
 
 def test_flags_have_names() -> None:

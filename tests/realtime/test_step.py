@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +14,13 @@ import pytest
 from cylinder_friction.estimators.base import NotFittedError
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.realtime.bounds import UNKNOWN_N
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace
+from golden_fixtures import GOLDEN
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -22,33 +28,49 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
 
 
-def test_on_valid_samples_reference_and_compiled_step_are_the_estimate_bit_for_bit(
+def test_on_valid_samples_the_step_is_the_estimate_bit_for_bit(
     designed: FrictionEstimator, labelled_recordings: list[Recording]
 ) -> None:
     model, recording = designed.step_model(), labelled_recordings[0]
     samples, expected = recording.samples(designed.inputs)[:800], designed.estimate(recording)[:800]
-    reference = ReferenceStream(model)
-    np.testing.assert_array_equal([reference.step(*sample).friction_n for sample in samples], expected)
     newtons, flags = RealTimeStream(model).run(samples)
     np.testing.assert_array_equal(newtons[:, 0], expected)
     assert set(flags) <= {0, Flag.WARMING, Flag.OFFSET_UNKNOWN, Flag.WARMING | Flag.OFFSET_UNKNOWN}
 
 
-def test_the_compiled_step_is_the_reference_bit_for_bit_whatever_comes(
-    designed: FrictionEstimator, labelled_recordings: list[Recording]
-) -> None:
-    model = designed.step_model()
-    samples = labelled_recordings[1].samples(designed.inputs)[:900].copy()
-    position, others = model.position, [place for place in range(len(model.inputs)) if place != model.position]
-    for place in others[:1]:
-        samples[300:360, place] = samples[300, place]
-        samples[400:500, place] = np.nan
-    samples[450:460, others[-1:]], samples[470] = np.inf, 1e9
-    samples[600:620, position] += 0.1
-    reference = ReferenceStream(model)
-    expected = [reference.step(*sample) for sample in samples]
-    compiled = RealTimeStream(model)
-    assert [compiled.step(*sample) for sample in samples] == expected
+INTERPRETED = """
+import sys
+from pathlib import Path
+import numpy as np
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.testing.golden import read_trajectories, trace
+folder = Path(sys.argv[1])
+model, golden = load_estimator(folder / "model").step_model(), read_trajectories(folder)["bad_samples"]
+rows = slice(640, 940)
+again = trace(model, golden.samples[rows])
+compiled = np.load(sys.argv[2])
+print(np.abs(again.newtons - compiled["newtons"]).max(), (again.flags != compiled["flags"]).sum())
+"""
+
+
+@pytest.mark.parametrize(
+    "folder", [GOLDEN, GOLDEN / "learns_offset", GOLDEN / "pressure_free"], ids=lambda each: each.name
+)
+def test_without_its_compiler_the_step_gives_the_same(folder: Path, tmp_path: Path) -> None:
+    """Plain Python checks every index and rounds as NumPy does."""
+    golden = read_trajectories(folder)["bad_samples"]
+    compiled = trace(load_estimator(folder / MODEL_FOLDER).step_model(), golden.samples[640:940])
+    np.savez(tmp_path / "compiled.npz", newtons=compiled.newtons, flags=compiled.flags)
+    done = subprocess.run(
+        [sys.executable, "-c", INTERPRETED, str(folder), str(tmp_path / "compiled.npz")],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    difference_n, other_flags = map(float, done.stdout.split())
+    assert difference_n < 1e-9
+    assert other_flags == 0
 
 
 def test_guard_and_bounds_are_the_estimators(small_hybrid: HybridEstimator) -> None:

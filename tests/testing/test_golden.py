@@ -69,4 +69,4 @@ def test_the_command_tells_a_changed_trajectory_from_a_kept_one(
     kept.flags[9] |= Flag.OUTSIDE
     write_trajectory(tmp_path, "end_stop", kept)
     assert cli.main(["golden", "check", "--folder", str(tmp_path)]) == 1
-    assert "end_stop: reference differs by 0.25 N and in 1 flags" in capsys.readouterr().out
+    assert "end_stop: python differs by 0.25 N and in 1 flags" in capsys.readouterr().out

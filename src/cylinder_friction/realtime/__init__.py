@@ -1,1 +1,1 @@
-"""One step of an estimator in real time: what it needs, how it is guarded, and the reference that runs it."""
+"""One step of an estimator in real time: what it needs, how it is guarded, and the step itself."""

@@ -1,4 +1,4 @@
-"""Golden trajectories: raw samples and the reference's outputs, recorded once and kept, which every runtime must meet.
+"""Golden trajectories: raw samples and the step's outputs, recorded once and kept, which every runtime must meet.
 
 They are cut from recordings, and some are then corrupted as sensors and loggers corrupt them. All figures below count
 rows of a recording at 200 Hz.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
@@ -42,14 +42,8 @@ class Trajectory:
 
 
 def trace(model: StepModel, samples: Array) -> Trajectory:
-    """Return the reference's outputs for samples, shape ``(n, inputs)``."""
-    stream = ReferenceStream(model)
-    outputs = [stream.step(*sample) for sample in samples]
-    return Trajectory(
-        samples,
-        np.array([output[:3] for output in outputs]).reshape(-1, 3),
-        np.array([output.flags for output in outputs], dtype=np.int64),
-    )
+    """Return the outputs of the compiled step for samples, shape ``(n, inputs)``."""
+    return Trajectory(samples, *RealTimeStream(model).run(samples))
 
 
 def write_trajectory(folder: Path, name: str, trajectory: Trajectory) -> None:

@@ -1,4 +1,4 @@
-"""The C gives the reference's numbers, whatever the model's shape and whatever comes in."""
+"""The C gives Python's numbers, whatever the model's shape and whatever comes in."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.reference import ReferenceStream
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from deployment.c_export.conftest import SHAPES
@@ -44,7 +43,7 @@ LINEAR: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
 
 @pytest.mark.parametrize("trajectory", ["bad_samples", "frozen", "stick_slip_reversals"])
 @pytest.mark.parametrize("shape", sorted(SHAPES))
-def test_double_is_the_reference(
+def test_double_is_python(
     shape: str,
     trajectory: str,
     compiled: Callable[..., CompiledEstimator],
@@ -52,8 +51,8 @@ def test_double_is_the_reference(
     trajectories: dict[str, np.ndarray],
 ) -> None:
     samples = trajectories[trajectory][:900]
-    reference = ReferenceStream(SHAPES[shape](golden_model))
-    expected = [reference.step(*sample) for sample in samples]
+    python = RealTimeStream(SHAPES[shape](golden_model))
+    expected = [python.step(*sample) for sample in samples]
     newtons, flags = compiled(shape).stream().run(samples)
     np.testing.assert_array_equal(flags, [estimate.flags for estimate in expected])
     np.testing.assert_allclose(newtons, [estimate[:3] for estimate in expected], rtol=0.0, atol=DOUBLE_N)
@@ -75,7 +74,7 @@ def test_float_stays_within_half_a_newton(
 
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(shape=st.sampled_from(["whole", "learning"]), seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.6))
-def test_whatever_comes_is_the_reference(
+def test_whatever_comes_is_python(
     shape: str,
     seed: int,
     share: float,
@@ -95,7 +94,7 @@ def test_whatever_comes_is_the_reference(
 
 
 @pytest.mark.parametrize(("precision", "allowed_n"), [("double", DOUBLE_N), ("float", FLOAT_N)])
-def test_the_offset_that_is_learned_is_the_references(
+def test_the_offset_that_is_learned_is_pythons(
     precision: str,
     allowed_n: float,
     compiled: Callable[..., CompiledEstimator],

@@ -1,4 +1,4 @@
-"""The FMU at work: the reference's numbers, saved states, several instances, and refusals with a reason."""
+"""The FMU at work: Python's numbers, saved states, several instances, and refusals with a reason."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fmpy.fmi1 import FMICallException
 
 from cylinder_friction.deployment.descriptions import flags_of
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.realtime.stream import RealTimeStream
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 NEWTONS = 0.01
 
 
-def test_steps_are_the_references(instance: FmuInstance, model: StepModel, samples: Samples) -> None:
-    reference = ReferenceStream(model)
+def test_steps_are_pythons(instance: FmuInstance, model: StepModel, samples: Samples) -> None:
+    python = RealTimeStream(model)
     instance.initialize()
     for row, sample in enumerate(samples):
         bad = (math.nan, sample[1], math.inf) if 450 <= row < 455 else sample
-        expected = reference.step(*bad)
+        expected = python.step(*bad)
         friction_n, lower_n, upper_n, flags = instance.step(bad)
         assert (friction_n, lower_n, upper_n) == pytest.approx(expected[:3], abs=NEWTONS)
         assert flags == expected.flags
@@ -49,14 +49,14 @@ def test_time_follows_the_steps(instance: FmuInstance, samples: Samples) -> None
     assert instance.get_real("time") == pytest.approx((3.02,))
 
 
-def test_warm_up_is_the_references(instance: FmuInstance, model: StepModel, samples: Samples) -> None:
-    reference = ReferenceStream(model)
+def test_warm_up_is_pythons(instance: FmuInstance, model: StepModel, samples: Samples) -> None:
+    python = RealTimeStream(model)
     steps = model.guard.warm_up_samples
-    reference.warm_up(*samples[0], steps=steps)
+    python.warm_up(*samples[0], steps=steps)
     instance.initialize(warm_up_steps=steps, sample=samples[0])
     assert instance.get_integer("warm_up_steps") == steps
     for sample in samples[:20]:
-        expected = reference.step(*sample)
+        expected = python.step(*sample)
         assert instance.step(sample) == pytest.approx(expected, abs=NEWTONS)
         assert not expected.flags & Flag.WARMING
 

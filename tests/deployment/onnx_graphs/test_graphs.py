@@ -1,4 +1,4 @@
-"""Step graph and sequence graph give what the reference gives, whatever the model's shape and the samples."""
+"""Step graph and sequence graph give what Python gives, whatever the model's shape and the samples."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import OnnxStepStream, open_sequence, open_session, open_step
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.reference import ReferenceStream
+from cylinder_friction.realtime.stream import RealTimeStream
 from learned_offset import learning
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 
-def rolled(stream: OnnxStepStream | ReferenceStream, samples: np.ndarray) -> np.ndarray:
+def rolled(stream: OnnxStepStream | RealTimeStream, samples: np.ndarray) -> np.ndarray:
     """Return friction, lower, upper and flags of samples stepped through, shape ``(n, 4)``."""
     return np.array([stream.step(*sample) for sample in samples]).reshape(-1, 4)
 
@@ -34,12 +34,12 @@ def at_once(model: StepModel, samples: np.ndarray) -> np.ndarray:
 
 
 def test_the_samples_have_every_flag(golden_model: StepModel, samples: np.ndarray) -> None:
-    flags = rolled(ReferenceStream(learning(golden_model)), samples)[:, 3].astype(int)
+    flags = rolled(RealTimeStream(learning(golden_model)), samples)[:, 3].astype(int)
     assert np.bitwise_or.reduce(flags) == sum(Flag) - Flag.INVALID_OTHER, "the model has no other input"
 
 
-def test_the_step_graph_meets_the_reference(model: StepModel, samples: np.ndarray) -> None:
-    expected = rolled(ReferenceStream(model), samples)
+def test_the_step_graph_meets_python(model: StepModel, samples: np.ndarray) -> None:
+    expected = rolled(RealTimeStream(model), samples)
     got = rolled(open_step(step_graph(model)), samples)
     np.testing.assert_array_equal(got[:, 3], expected[:, 3])
     np.testing.assert_allclose(got[:, :3], expected[:, :3], rtol=0.0, atol=TOLERANCES_N["onnx_step"])
@@ -56,7 +56,7 @@ def test_the_step_graph_rolled_is_the_sequence_graph(model: StepModel, samples: 
 @pytest.mark.parametrize("rows", [0, 1, 2, 5])
 def test_short_recordings(golden_model: StepModel, samples: np.ndarray, rows: int) -> None:
     few = samples[100 : 100 + rows]
-    np.testing.assert_allclose(at_once(golden_model, few), rolled(ReferenceStream(golden_model), few), atol=1e-3)
+    np.testing.assert_allclose(at_once(golden_model, few), rolled(RealTimeStream(golden_model), few), atol=1e-3)
 
 
 @pytest.mark.parametrize("rows", [1, 30])
@@ -70,11 +70,11 @@ def test_a_recording_without_a_sound_sample_is_never_ready(golden_model: StepMod
     bad=arrays(np.float64, (60, 3), elements=st.sampled_from([0.0, 0.0, 0.0, np.nan, np.inf, -np.inf, 1e308, 2e6])),
     start=st.integers(0, 2000),
 )
-def test_any_disturbance_gets_the_reference_s_flags(
+def test_any_disturbance_gets_pythons_flags(
     golden_model: StepModel, samples: np.ndarray, bad: np.ndarray, start: int
 ) -> None:
     disturbed = np.where(bad == 0.0, samples[start : start + 60], bad)
-    expected, got = rolled(ReferenceStream(golden_model), disturbed), at_once(golden_model, disturbed)
+    expected, got = rolled(RealTimeStream(golden_model), disturbed), at_once(golden_model, disturbed)
     np.testing.assert_array_equal(got[:, 3], expected[:, 3])
     assert np.isfinite(got).all()
 

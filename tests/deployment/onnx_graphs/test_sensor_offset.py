@@ -1,4 +1,4 @@
-"""Both graphs learn the offset of the sensors' zeros as the reference does, and start from one that is known."""
+"""Both graphs learn the offset of the sensors' zeros as Python does, and start from one that is known."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def smooth(learner: StepModel) -> tuple[StepModel, OnnxStepStream, OnnxSequence]
 
 
 def expected_of(model: StepModel, samples: np.ndarray, *start: float | None) -> Outputs:
-    """Return newtons, flags and offsets of the compiled step, which is the reference bit for bit."""
+    """Return newtons, flags and offsets of the compiled step."""
     stream = RealTimeStream(model)
     stream.reset(*start)
     newtons, offsets, flags = stream.run_with_offset(samples)
@@ -79,7 +79,7 @@ def assert_equal(got: Outputs, expected: Outputs) -> None:
 
 
 @pytest.mark.parametrize("start", STARTS)
-def test_over_strokes_and_bad_samples_both_graphs_learn_what_the_reference_does(
+def test_over_strokes_and_bad_samples_both_graphs_learn_what_python_does(
     smooth: tuple[StepModel, OnnxStepStream, OnnxSequence],
     offset_samples: np.ndarray,
     start: tuple[float, float | None],
@@ -109,7 +109,7 @@ def test_whatever_makes_a_block(learner: StepModel, offset_samples: np.ndarray, 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.05), start=st.integers(0, 7000))
-def test_whatever_comes_both_graphs_learn_what_the_reference_does(
+def test_whatever_comes_both_graphs_learn_what_python_does(
     smooth: tuple[StepModel, OnnxStepStream, OnnxSequence],
     offset_samples: np.ndarray,
     seed: int,
