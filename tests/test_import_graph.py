@@ -84,6 +84,6 @@ def test_a_key_covers_what_is_used_and_nothing_else() -> None:
     used = used_files("cylinder_friction.estimators.hybrid")
     assert SOURCE / "cylinder_friction/realtime/lstm.py" in used
     assert not [path for path in used if "deployment" in path.parts or "tracking" in path.parts]
-    assert SOURCE / "cylinder_friction/deployment/templates/forest.c.j2" in used_files(
+    assert SOURCE / "cylinder_friction/deployment/templates/estimator.h.j2" in used_files(
         "cylinder_friction.deployment.rendering"
     )

@@ -65,6 +65,14 @@ def test_a_bad_channel_is_held_at_its_last_valid_value(stream: RealTimeStream, c
     assert got.flags & ~Flag.WARMING == Flag.INVALID_PRESSURE_1 << channel
 
 
+def test_a_reading_at_the_end_of_the_accepted_range_is_valid_and_the_next_number_is_not(stream: RealTimeStream) -> None:
+    guard = stream.model.guard
+    stream.step(*SAMPLE)
+    for limit, beyond in ((guard.accept_lower[0], -np.inf), (guard.accept_upper[0], np.inf)):
+        assert not stream.step(limit, *SAMPLE[1:]).flags & Flag.INVALID_PRESSURE_1
+        assert stream.step(np.nextafter(limit, beyond), *SAMPLE[1:]).flags & Flag.INVALID_PRESSURE_1
+
+
 def test_before_the_first_sound_sample_nothing_is_said_and_nothing_remembered(stream: RealTimeStream) -> None:
     early = stream.step(float("nan"), SAMPLE[1], float("inf"))
     assert early == (0.0, 0.0, 0.0, Flag.NOT_READY | Flag.INVALID_PRESSURE_1 | Flag.INVALID_POSITION)

@@ -1,11 +1,14 @@
 """Meaning of inputs and flags of an exported estimator: one list for C, FMU and ONNX."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cylinder_friction.realtime.flags import Flag, invalid_flag
+from cylinder_friction.realtime.guard import UNKNOWN_FORCE_N
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.sensor_offset import BLOCK, DEVIATION, SLOWEST, WALK
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -15,6 +18,7 @@ from cylinder_friction.recordings.columns import (
     PRESSURE_2,
 )
 
+HOUR_S = 3600.0
 UNITS = {"pa": "Pa", "m_s2": "m/s2", "m_s": "m/s", "m": "m", "n": "N", "s": "s", "c": "degC"}
 """Unit by the end of a column's name."""
 MEANINGS = {
@@ -31,6 +35,22 @@ def flags_of(model: StepModel) -> list[Flag]:
     """Return the flags that a model can set."""
     depends = {Flag.OFFSET_UNKNOWN: model.offset is not None, Flag.UNMODELLED_FORCE: bool(model.guard.force_weights)}
     return [flag for flag in Flag if depends.get(flag, True)]
+
+
+def stated_uncertainty_n(model: StepModel) -> float:
+    """Return the standard uncertainty of the offset before anything is learned [N]; 0 where none ever is."""
+    return 0.0 if model.offset is None else float(model.offset.new_state()[DEVIATION])
+
+
+def offset_texts(model: StepModel) -> dict[str, str] | None:
+    """Return what is assumed of the sensors' offset, as short numbers by name; None for a model that learns none."""
+    if model.offset is None:
+        return None
+    settings = model.offset.settings.tolist()
+    drift_n = math.sqrt(settings[WALK] / model.sample_time_s * HOUR_S)
+    values = {"slowest": settings[SLOWEST], "stated_n": stated_uncertainty_n(model), "drift_n": drift_n}
+    values |= {"limit_n": UNKNOWN_FORCE_N, "block": math.ceil(settings[BLOCK])}
+    return {name: f"{value:.3g}" for name, value in values.items()}
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,13 @@
 """Text that is exported, from the templates in ``templates/``; every number in C reads back to the very same value."""
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from functools import partial
 from typing import Any, Literal
 
 import jinja2
 import numpy as np
-from numpy.typing import ArrayLike
 
 Type = Literal["float", "double"]
 
@@ -26,11 +25,6 @@ def number(value: float, kind: Type) -> str:
         raise ValueError(f"expected a finite {kind} for the C source, but got {value!r}")
     text = str(rounded) if "." in str(rounded) or "e" in str(rounded) else f"{rounded}.0"
     return f"{text}f" if kind == "float" else text
-
-
-def numbers(values: ArrayLike, kind: Type) -> str:
-    """Return the numbers of an array in C order, with commas, wrapped."""
-    return wrapped(number(value, kind) for value in np.asarray(values).ravel().tolist())
 
 
 def wrapped(items: Iterable[str]) -> str:
@@ -59,7 +53,7 @@ def render(template: str, real: Type = "double", **values: Any) -> str:
 
     Args:
         template: File name; values for XML and HTML are escaped.
-        real: Type that the filters ``real``, ``reals`` and ``row`` write numbers in; ``c`` names its functions.
+        real: Type that the filter ``real`` writes numbers in.
         values: What the template asks for.
     """
     environment = jinja2.Environment(
@@ -70,28 +64,8 @@ def render(template: str, real: Type = "double", **values: Any) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {
-        "real": partial(number, kind=real),
-        "reals": partial(numbers, kind=real),
-        "row": lambda values: f"{{{', '.join(number(value, real) for value in values)}}}",
-        "double": partial(number, kind="double"),
-        "float": partial(number, kind="float"),
-        "floats": partial(numbers, kind="float"),
-        "unsigned": lambda values: wrapped(f"{value}u" for value in values),
-        "wrapped": wrapped,
-        "horner": _horner,
-        "short": "{:.3g}".format,
-        "c": lambda function: function + ("f" if real == "float" else ""),
-    }
+    environment.filters |= {"real": partial(number, kind=real), "double": partial(number, kind="double")}
     return environment.get_template(template).render(real=real, **values)
-
-
-def _horner(coefficients: Sequence[np.float32]) -> str:
-    """Return a polynomial in ``square`` by Horner's scheme, lowest coefficient first in the argument."""
-    *lower, text = [number(float(value), "float") for value in coefficients]
-    for value in reversed(lower):
-        text = f"({text}) * square + {value}" if "*" in text else f"{text} * square + {value}"
-    return text
 
 
 def model_hash(model: Any) -> str:

@@ -1,4 +1,4 @@
-"""The compiled step: the definition that every runtime meets, in one function without allocation and of constant time."""
+"""The compiled step, which every runtime must meet: one function without allocation and of constant time."""
 
 from math import isfinite
 

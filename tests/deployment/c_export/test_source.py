@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
-from cylinder_friction.deployment.c_export.export import export_c, export_model, part_of
+from cylinder_friction.deployment.c_export.export import SOURCE, export_c, export_model, part_of
 from cylinder_friction.deployment.c_export.forest import ordered
 from cylinder_friction.deployment.rendering import model_hash, number, render
 from cylinder_friction.estimators.linear import RidgeEstimator
@@ -88,6 +88,14 @@ def test_it_compiles_without_a_warning(
     for level in ("-O0", "-O3"):
         said = run(compiler(name), *STRICT.split(), *STRICTER.split(), level, "-c", exported.source, "-o", "/dev/null")
         assert said == ""
+
+
+def test_the_source_is_the_same_for_every_model_and_reads_as_it_stands(golden_model: StepModel, tmp_path: Path) -> None:
+    for shape in ("whole", "base", "learning"):
+        exported = export_model(SHAPES[shape](golden_model), tmp_path / shape)
+        assert exported.source.read_bytes() == SOURCE.read_bytes()
+    said = run(find_compiler_or_skip(), *STRICT.split(), "-c", SOURCE, "-I", exported.header.parent, "-o", "/dev/null")
+    assert said == ""
 
 
 @pytest.mark.parametrize("shape", ["whole", "learning"])

@@ -5,35 +5,33 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cylinder_friction.deployment.c_export.filters import FilterBank
-from cylinder_friction.deployment.c_export.forest import SIDE_BY_SIDE, flatten
-from cylinder_friction.deployment.c_export.lugre import LugreModel, lugre_model, lugre_values
-from cylinder_friction.deployment.c_export.network import network_operations, network_values
-from cylinder_friction.deployment.c_export.sensor_offset import offset_operations, offset_values
-from cylinder_friction.deployment.descriptions import described_inputs, flags_of
-from cylinder_friction.deployment.rendering import Type, model_hash, number, render
+from cylinder_friction.deployment.c_export.forest import flatten
+from cylinder_friction.deployment.c_export.model_data import (
+    FilterBank,
+    LugreModel,
+    definitions,
+    lugre_model,
+    model_data,
+    operations,
+)
+from cylinder_friction.deployment.descriptions import described_inputs, flags_of, offset_texts
+from cylinder_friction.deployment.rendering import Type, model_hash, render
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.friction_models.lugre import LUGRE_STEP_MULTIPLY_ADDS
 from cylinder_friction.realtime.bounds import unknown_bounds
-from cylinder_friction.realtime.history import TOLERANCE_M, History
+from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OWN
-from cylinder_friction.realtime.unmodelled_force import force_limits
 from cylinder_friction.recordings.files import write_text
 
 Precision = Literal["double", "float"]
 Part = Literal["whole", "lstm", "base"]
 BYTES = {"float": 4, "double": 8, "uint32_t": 4, "int32_t": 4}
-GUARD_OPERATIONS = 40
-FORCE_OPERATIONS = 10
-LIMIT_OPERATIONS = 3
-HISTORY_OPERATIONS = 60
-LOAD_OPERATIONS = 10
+SOURCE = Path(__file__).with_name("friction.c")
 
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -152,86 +150,36 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         raise ValueError(f"name must be lower-case letters, digits and underscores, a letter first, but got {name!r}")
     if precision not in ("double", "float"):
         raise ValueError(f"precision must be 'double' or 'float', but got {precision!r}")
-    lugre = model if isinstance(model, LugreModel) else None
     step = model.step if isinstance(model, LugreModel) else model
-    bank, columns = FilterBank(step), step.inputs
-    learned = step.network is not None or step.forest is not None
-    history = step.history if learned else None
-    head = step.network is not None and (step.head_counts or step.forest_sees == "hidden_head_features")
     forest = None if step.forest is None else flatten(step.forest)
-    fields = state_fields(step, bank, lugre is not None, history, precision)
-    operations = GUARD_OPERATIONS + bank.operations()
-    if lugre is not None:
-        operations += LUGRE_STEP_MULTIPLY_ADDS
-    else:
-        operations += 4 + (_feature_operations(step, bank) if learned else 0)
-        operations += 0 if step.network is None else network_operations(step.network, head)
-        operations += 0 if forest is None else forest.operations()
-    forces = force_limits(step)
-    operations += 0 if step.position_load is None else LOAD_OPERATIONS
-    operations += 0 if not forces.size else FORCE_OPERATIONS + 2 * len(step.channels)
-    operations += 0 if step.offset is None else offset_operations(bank, len(step.channels))
-    smooth = None if history is None else bank.feature[history.position_feature]
-    begins = {} if smooth is None else {"backlash_centre_m": smooth, "moved_from_m": smooth}
-    inputs = described_inputs(columns)
-    values: dict[str, object] = {
+    fields = state_fields(model, precision)
+    inputs = described_inputs(step.inputs)
+    described: dict[str, Any] = {
         "name": name,
-        "NAME": name.upper(),
-        "title": f"Friction of a hydraulic cylinder, sample by sample: {kind}, {precision} precision.",
-        "version": version("cylinder-friction"),
-        "model_hash": model_hash(model),
-        "kind": kind,
-        "model": step,
-        "inputs": inputs,
-        "load": step.position_load,
-        "flags": flags_of(step),
-        "fields": fields,
+        "model": model_hash(model),
+        "inputs": step.inputs,
         "state_bytes": sum(field.bytes for field in fields),
-        "operations": operations,
-        "arguments": ", ".join(f"{precision} {each.name}" for each in inputs),
-        "names": ", ".join(each.name for each in inputs),
-        "bank": bank,
-        "features": len(bank.feature) + (0 if history is None else len(history.mean)),
-        "zero": number(0.0, precision),
-        "base": number(0.0, precision) if bank.base is None else f"filtered[{bank.base}]",
-        "standstill": number(step.bounds.standstill_m_s, precision),
-        "network": step.network,
-        **({"head": False} if step.network is None else network_values(step.network, head)),
-        "forest": forest,
-        "side": SIDE_BY_SIDE,
-        "history": history,
-        "tolerance_m": TOLERANCE_M,
-        "smooth": smooth,
-        "moves_steps": 0 if history is None else _steps_within(history.moves_s, step.sample_time_s),
-        "begins": {"backlash_centre_m": bank.feature[0]} if lugre is not None else begins,
-        "lugre": None if lugre is None else lugre_values(lugre),
-        "tracker": offset_values(step, bank),
-        "forces": forces,
+        "operations": operations(model, forest),
+        "real": precision,
     }
-    return GeneratedC(
-        header=render("estimator.h.j2", precision, **values),
-        source=render("estimator.c.j2", precision, **values),
-        name=name,
-        real=precision,
-        model=str(values["model_hash"]),
-        inputs=columns,
-        state_bytes=sum(field.bytes for field in fields),
-        operations=operations,
-        learns_offset=step.offset is not None,
+    header = render(
+        "estimator.h.j2",
+        **described,
+        NAME=name.upper(),
+        title=f"Friction of a hydraulic cylinder, sample by sample: {kind}, {precision} precision.",
+        version=version("cylinder-friction"),
+        kind=kind,
+        step=step,
+        described_inputs=inputs,
+        flags=flags_of(step),
+        fields=fields,
+        offset=offset_texts(step),
+        parameters=", ".join(f"{precision} {each.name}" for each in inputs),
+        names=", ".join(each.name for each in inputs),
+        data=definitions(model_data(model, forest, precision), precision),
     )
-
-
-def _feature_operations(model: StepModel, bank: FilterBank) -> int:
-    limited = LIMIT_OPERATIONS * int(np.count_nonzero(model.feature_limits > 0.0))
-    return 2 * len(bank.feature) + limited + (0 if model.history is None else HISTORY_OPERATIONS)
-
-
-def _steps_within(time_s: float, sample_time_s: float) -> int:
-    """Return after how many steps a time that is summed up step by step reaches ``time_s``, as Python sums it."""
-    steps, passed_s = 0, 0.0
-    while passed_s < time_s:
-        steps, passed_s = steps + 1, passed_s + sample_time_s
-    return steps
+    source = SOURCE.read_text(encoding="utf-8").replace('#include "friction.h"', f'#include "{name}.h"', 1)
+    return GeneratedC(**described, header=header, source=source, learns_offset=step.offset is not None)
 
 
 @dataclass(frozen=True)
@@ -252,15 +200,15 @@ class StateField:
         return self.name + "".join(f"[{extent}]" for extent in self.shape)
 
 
-def state_fields(
-    model: StepModel, bank: FilterBank, lugre: bool, history: History | None, real: Type
-) -> Sequence[StateField]:
+def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[StateField]:
     """Return all that an instance remembers, zero after a reset; widest types first, so that none needs padding."""
-    channels, pressures = len(model.channels), len(model.pressures)
+    lugre = isinstance(exported, LugreModel)
+    model = exported.step if isinstance(exported, LugreModel) else exported
+    channels, pressures, lags = len(model.channels), len(model.pressures), FilterBank(model).rows.shape[2]
+    learned = model.network is not None or model.forest is not None
+    history: History | None = model.history if learned else None
     fields = [
-        StateField(
-            real, "window", (channels, 2 * bank.lags), "last samples of each channel, newest at cursor, kept twice"
-        ),
+        StateField(real, "window", (channels, 2 * lags), "last samples of each channel, newest at cursor, kept twice"),
         StateField(real, "held", (channels,), "last valid value of each channel"),
         StateField(real, "constant_from_m", (pressures,), "position at which each pressure last changed"),
         StateField("uint32_t", "cursor", (), "where the newest sample is"),

@@ -16,7 +16,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from cylinder_friction.deployment.c_export.compiled import COMPILERS, NoCompilerError, compile_shared, find_compiler
 from cylinder_friction.deployment.c_export.export import Precision, c_model, generate_c
-from cylinder_friction.deployment.c_export.lugre import LugreModel
+from cylinder_friction.deployment.c_export.model_data import LugreModel
 from cylinder_friction.deployment.descriptions import flags_of
 from cylinder_friction.deployment.fmu.variables import UNITS, fmu_variables
 from cylinder_friction.deployment.rendering import render

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from cylinder_friction.deployment.c_export.sensor_offset import stated_uncertainty_n
-from cylinder_friction.deployment.descriptions import described_inputs, flags_of
+from cylinder_friction.deployment.descriptions import described_inputs, flags_of, stated_uncertainty_n
 from cylinder_friction.realtime.model import StepModel
 
 Kind = Literal["real", "integer", "boolean"]
