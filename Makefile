@@ -96,10 +96,10 @@ live: | $(BIN)/cylinder-friction ## friction of the rig's recordings as if they 
 track: | $(BIN)/cylinder-friction ## log every finished stage to MLflow, without duplicates
 	cylinder-friction track
 
-performance: install ## measure speeds against peers in the same run
-	python performance/rig_speed.py
-	python performance/lugre_best_possible.py
-	python performance/ingest_throughput.py --hours 2
+performance: install ## measure the step, HTTP and logs against peers in the same run, after reproduce
+	python performance/latency.py
+	python performance/serving_load.py
+	python performance/log_throughput.py --gigabytes 0.2
 
 seeds: install ## the comparison for three campaign seeds (about half an hour)
 	python performance/campaign_seeds.py $(or $(ARGS),1 2 3)

@@ -1,4 +1,4 @@
-"""What the exported estimators are measured against: code that a user would write from a paper, and bare arithmetic.
+"""What the exported estimators are measured against: code that a user would write from a paper.
 
 The windows filter in numpy, run the network over the last 40 samples, then the forest. No guard, no bounds, no flags:
 less work than a step of the others, network and forest excepted.
@@ -6,58 +6,44 @@ less work than a step of the others, network and forest excepted.
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import onnxruntime
 import torch
 from onnx import TensorProto
-from training_framework import TorchNetwork, scikit_learn_forest
+from sklearn.ensemble import RandomForestRegressor
 
-from cylinder_friction.deployment.c_export.compiled import compile_shared
 from cylinder_friction.deployment.latency.runtimes import PythonRuntime
 from cylinder_friction.deployment.onnx_graphs.estimated import tree_attributes
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
-from cylinder_friction.deployment.rendering import render
 from cylinder_friction.estimators.lugre import LugreEstimator
-from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import onnx
     from numpy.typing import NDArray
 
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, Runtime
+    from cylinder_friction.deployment.latency.runtimes import Runtime
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.forest import Forest
+    from cylinder_friction.realtime.lstm import LstmWeights
     from cylinder_friction.realtime.model import StepModel
 
-    Times = NDArray[np.int64]
-
-
-def peers_of(
-    estimator: FrictionEstimator, compiled: CompiledRuntime, samples: Array, folder: Path
-) -> tuple[Runtime, ...]:
-    """Return what an estimator is measured against, and the machine's own tail at the length of a step of its C."""
-    tail = MachineTail(compiled, samples, folder)
-    compiled.restart()
-    if isinstance(estimator, LugreEstimator):
-        numpy = LugreInNumpy(estimator)
-        return (PythonRuntime("numpy", "LuGre in numpy, as written from its equations", numpy.step), tail)
-    model = estimator.step_model()
-    if model.network is None:
-        return (tail,)
-    return (
-        PythonRuntime("torch_window", "PyTorch + scikit-learn, window of 40", TorchWindow(model).step, "window"),
-        PythonRuntime("onnx_window", "ONNX Runtime, the same converted", OnnxWindow(model).step, "window"),
-        tail,
-    )
-
+    Single = NDArray[np.float32]
 
 WINDOW = 40
 """Samples of the published estimator's window."""
+
+
+def peers_of(estimator: FrictionEstimator, *_: object) -> tuple[Runtime, ...]:
+    """Return what an estimator with a network is measured against; LuGre has no peers."""
+    if isinstance(estimator, LugreEstimator) or estimator.step_model().network is None:
+        return ()
+    model = estimator.step_model()
+    return (
+        PythonRuntime("torch_window", "PyTorch + scikit-learn, window of 40", TorchWindow(model).step, "window"),
+        PythonRuntime("onnx_window", "ONNX Runtime, the same converted", OnnxWindow(model).step, "window"),
+    )
 
 
 class WindowFeatures:
@@ -168,125 +154,67 @@ def _session(model: onnx.ModelProto) -> Any:
     return onnxruntime.InferenceSession(model.SerializeToString(), options, providers=["CPUExecutionProvider"])
 
 
-class LugreInNumpy:
-    """LuGre sample by sample, as one would write it from the equations.
-
-    Args:
-        estimator: A fitted LuGre, with or without pressure scaling.
-    """
-
-    def __init__(self, estimator: LugreEstimator) -> None:
-        assert estimator.parameters is not None
-        assert estimator.causal_velocity is not None
-        assert estimator.sample_time_s is not None
-        self._law, self._motion, self._time_s = estimator.parameters, estimator.causal_velocity, estimator.sample_time_s
-        self._scaled = estimator.pressure_scaled
-        window, order = self._motion.window, self._motion.order
-        rows = [one_sided_savitzky_golay_taps(window, order, derivative, self._time_s) for derivative in (0, 1)]
-        self._taps = np.stack(rows)
-        self._history: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
-        self._centre_m, self._push, self._pushed = 0.0, 0.0, 0
-        self._bristle_m = 0.0
-
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
-        """Return friction [N]."""
-        law = self._law
-        velocity = self._velocity(position_m)
-        if velocity == 0.0:
-            return law.bristle_stiffness_n_m * self._bristle_m
-        speed = np.abs(velocity)
-        falling = np.exp(-((speed / law.stribeck_velocity_m_s) ** law.stribeck_exponent))
-        dry = law.coulomb_n + (law.static_n - law.coulomb_n) * falling
-        if self._scaled:
-            dry *= 1.0 + law.pressure_slope_n_pa * np.maximum(pressure_1_pa + pressure_2_pa, 0.0) / law.coulomb_n
-        if velocity < 0.0:
-            dry *= law.retract_ratio
-        decay = law.bristle_stiffness_n_m * speed * self._time_s / dry
-        steady_m = np.sign(velocity) * dry / law.bristle_stiffness_n_m
-        after = self._bristle_m * np.exp(-decay) - np.expm1(-decay) * steady_m
-        rate = (after - self._bristle_m) / self._time_s
-        damping = law.bristle_damping_n_s_m * np.exp(-((velocity / law.damping_velocity_m_s) ** 2))
-        self._bristle_m = after
-        return float(law.bristle_stiffness_n_m * after + damping * rate + law.viscous_n_s_m * velocity)
-
-    def _velocity(self, position_m: float) -> float:
-        motion = self._motion
-        first = self._history is None
-        if self._history is None:
-            self._history = np.full(motion.window, position_m)
-        self._history[1:] = self._history[:-1]
-        self._history[0] = position_m
-        smooth, rate = self._taps @ self._history
-        if first:
-            self._centre_m = smooth
-        if smooth > self._centre_m + motion.backlash_m:
-            self._centre_m, self._push, self._pushed = smooth - motion.backlash_m, 1.0, motion.window
-        elif smooth < self._centre_m - motion.backlash_m:
-            self._centre_m, self._push, self._pushed = smooth + motion.backlash_m, -1.0, motion.window
-        elif self._pushed > 0:
-            self._pushed -= 1
-        lets_through = motion.backlash_m == 0.0 or (self._pushed > 0 and rate * self._push > 0.0)
-        return float(rate) if np.abs(rate) >= motion.dead_band_m_s and lets_through else 0.0
+TORCH_ORDER = (0, 2, 3, 1)
+"""Where PyTorch's gates i, f, g, o stand in ONNX's order i, o, f, c."""
 
 
-TRIAL_STEPS = 2000
-SOURCE = (
-    render("clock.h.j2")
-    + """
-void tail_run(int64_t rows, int64_t links, double *sink, int64_t *times_ns);
+class TorchNetwork(torch.nn.Module):
+    """LSTM layers and a linear head, batch first."""
 
-void tail_run(int64_t rows, int64_t links, double *sink, int64_t *times_ns)
-{
-    int64_t row, link;
-    for (row = 0; row < rows; ++row) {
-        const int64_t before = now_ns();
-        double value = *sink;
-        for (link = 0; link < links; ++link) {
-            value = value * 0.999 + 0.001;
-        }
-        *sink = value;
-        times_ns[row] = now_ns() - before;
+    def __init__(self, weights: LstmWeights) -> None:
+        super().__init__()
+        self.lstm = torch.nn.LSTM(weights.inputs, weights.nodes, weights.layers, batch_first=True)
+        self.head = torch.nn.Linear(weights.nodes, 1)
+        self.load_state_dict({name: torch.from_numpy(array) for name, array in _named(weights).items()})
+        self.eval()
+
+    def forward(self, window: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the last hidden state, shape ``(batch, nodes)``, and the head, for ``(batch, time, features)``."""
+        hidden, _ = self.lstm(window)
+        last = hidden[:, -1]
+        return last, self.head(last)
+
+
+def scikit_learn_forest(forest: Forest) -> RandomForestRegressor:
+    """Return a forest of the same trees, every node at the same place, for one job."""
+    inputs, trees = np.zeros((2, forest.inputs), dtype=np.float32), len(forest.roots)
+    result = RandomForestRegressor(n_estimators=trees, n_jobs=1).fit(inputs, np.zeros(2))
+    ends = [*forest.roots[1:].tolist(), len(forest.feature)]
+    for tree, begin, end in zip(result.estimators_, forest.roots.tolist(), ends, strict=True):
+        make, arguments, empty = tree.tree_.__reduce__()
+        tree.tree_ = make(*arguments)  # a fresh one: only that takes room for its nodes
+        tree.tree_.__setstate__(_tree_state(forest, begin, end, empty, trees))
+    return result
+
+
+def _named(weights: LstmWeights) -> dict[str, Single]:
+    named: dict[str, Single] = {
+        "head.weight": weights.head[None, :].copy(),
+        "head.bias": np.array([weights.head_bias], dtype=np.float32),
     }
-}
-"""
-)
+    for layer in range(weights.layers):
+        inputs = weights.inputs if layer == 0 else weights.nodes
+        named[f"lstm.weight_ih_l{layer}"] = _torch_rows(weights.input[layer, :inputs].T)
+        named[f"lstm.weight_hh_l{layer}"] = _torch_rows(weights.recurrent[layer].T)
+        named[f"lstm.bias_ih_l{layer}"] = _torch_rows(weights.bias[layer])
+        named[f"lstm.bias_hh_l{layer}"] = np.zeros_like(weights.bias[layer])
+    return named
 
 
-class MachineTail:
-    """The machine's own tail: a chain of multiplications as long as a step, which only interrupts can lengthen.
+def _torch_rows(rows: Single) -> Single:
+    gates = np.split(rows, 4)
+    return np.ascontiguousarray(np.concatenate([gates[place] for place in TORCH_ORDER]))
 
-    Args:
-        like: The runtime whose median step sets the length.
-        samples: For a trial of that runtime, shape ``(n, 3)``.
-        folder: For the compiled library.
 
-    Raises:
-        NoCompilerError: There is no compiler.
-    """
-
-    name, title, group = "tail", "bare arithmetic, as long as the C: the machine's own tail", "machine"
-
-    def __init__(self, like: Runtime, samples: Array, folder: Path) -> None:
-        source = folder / "tail.c"
-        source.write_text(SOURCE, encoding="utf-8")
-        compile_shared((source,), source.with_suffix(".so"), ("-std=c99", "-O2"))
-        self._run = ctypes.CDLL(str(source.with_suffix(".so"))).tail_run
-        self._run.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
-        self._run.restype = None
-        self._sink, self._links = np.full(1, 0.5), 0
-        self.timer_ns = self._median_ns(0)
-        wanted_ns = float(np.median(like.run(samples[:TRIAL_STEPS])[1])) - like.timer_ns
-        a_link_ns = (self._median_ns(1000) - self.timer_ns) / 1000.0
-        self._links = max(1, round(wanted_ns / a_link_ns))
-
-    def run(self, samples: Array) -> tuple[Array, Times]:
-        return np.zeros(len(samples)), self._times(len(samples))
-
-    def _times(self, rows: int) -> Times:
-        times = np.zeros(rows, dtype=np.int64)
-        self._run(rows, self._links, self._sink.ctypes.data, times.ctypes.data)
-        return times
-
-    def _median_ns(self, links: int) -> float:
-        self._links = links
-        return float(np.median(self._times(TRIAL_STEPS)))
+def _tree_state(forest: Forest, begin: int, end: int, empty: dict[str, Any], trees: int) -> dict[str, Any]:
+    """Return the state of one tree; scikit-learn marks with -1 for no child and -2 for no feature."""
+    part = slice(begin, end)
+    leaf = forest.feature[part] < 0
+    nodes = np.zeros(end - begin, dtype=empty["nodes"].dtype)
+    nodes["left_child"] = np.where(leaf, -1, forest.left[part] - begin)
+    nodes["right_child"] = np.where(leaf, -1, forest.right[part] - begin)
+    nodes["feature"] = np.where(leaf, -2, forest.feature[part])
+    nodes["threshold"] = np.where(leaf, -2.0, forest.threshold[part])
+    nodes["n_node_samples"] = nodes["weighted_n_node_samples"] = 1
+    values = forest.value[part].astype(np.float64).reshape(-1, 1, 1) * trees
+    return {**empty, "max_depth": forest.depth, "node_count": end - begin, "nodes": nodes, "values": values}

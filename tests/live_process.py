@@ -30,7 +30,6 @@ from cylinder_friction.live.app import create_app
 from cylinder_friction.live.frames import SampleBlock, pack_samples
 from cylinder_friction.live.server import LiveServer
 from cylinder_friction.network.ports import free_port
-from performance_scripts import performance_script
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
     from cylinder_friction.live.links import Link
     from cylinder_friction.live.service import LiveService
-
-running = performance_script("live_service").running
 
 
 @contextmanager

@@ -19,8 +19,8 @@ import pytest
 import yaml
 from mlflow.cli import server
 
+import team_servers as servers
 from cylinder_friction.commands.cli import parser
-from performance_scripts import performance_script
 
 ROOT = Path(__file__).parents[1]
 DEPLOY = ROOT / "deploy"
@@ -29,7 +29,6 @@ CONTAINERFILE = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
 UNITS = sorted((DEPLOY / "systemd").glob("*.service"))
 SERVICES: dict[str, dict[str, Any]] = yaml.safe_load((DEPLOY / "compose.yaml").read_text("utf-8"))["services"]
 OWN = [name for name, service in SERVICES.items() if "build" in service]
-servers = performance_script("team_servers")
 
 
 def stages() -> dict[str, tuple[str, list[tuple[str, str]]]]:

@@ -20,7 +20,7 @@ from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.serving.model_source import ServedModel, write_current
 from cylinder_friction.serving.settings import ServeSettings
 from cylinder_friction.tracking.model_folder import save_model_folder
-from performance_scripts import performance_script
+from malformed_requests import serving
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -168,7 +168,7 @@ def model(folder: Path) -> PyFuncModel:
 def layer(folder: Path) -> Iterator[Any]:
     """The same model behind ``cylinder-friction serve``."""
     write_current(folder.parent / "current.json", ServedModel(folder, "friction-estimator", "1"))
-    with performance_script("malformed_requests").serving(ServeSettings(), folder.parent / "current.json") as server:
+    with serving(ServeSettings(), folder.parent / "current.json") as server:
         yield server
 
 

@@ -17,6 +17,7 @@ import pytest
 from distributed import Client
 from distributed.comm import CommClosedError
 
+import loopback_cluster as loopback
 from cylinder_friction.execution import cluster as cluster_module
 from cylinder_friction.execution.cluster import common_environment, environment
 from cylinder_friction.execution.selection import workers_from_environment
@@ -24,10 +25,8 @@ from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, Work
 from cylinder_friction.extras import MissingExtraError
 from cylinder_friction.tuning.search import SearchPlan, run_search
 from cylinder_friction.tuning.space import SearchSpace
-from performance_scripts import FOLDER, performance_script
 from process_work import bowl, compiled, cost, die, die_once, fill_memory, place, twice
 
-loopback = performance_script("loopback_cluster")
 MODULES = (Path(__file__).parents[1],)
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
 CLIENT = """
@@ -255,7 +254,7 @@ def test_over_tls_pieces_are_done_and_whoever_has_no_certificate_is_refused(
 def test_processes_of_a_cluster_end_with_the_one_that_started_them(tmp_path: Path) -> None:
     if sys.platform != "linux":
         pytest.skip("the kernel ends them on Linux alone")
-    given = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (loopback.SOURCE, FOLDER)))}
+    given = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (loopback.SOURCE, *MODULES)))}
     parent = subprocess.Popen([sys.executable, "-c", PARENT, str(tmp_path)], env=given, stdout=subprocess.PIPE)
     assert parent.stdout is not None
     assert parent.stdout.readline() == b"started\n"

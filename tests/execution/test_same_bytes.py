@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+import loopback_cluster as loopback
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
@@ -23,10 +24,8 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label
 from logger_files import CHANNELS, write_log
-from performance_scripts import performance_script
 
 pytestmark = pytest.mark.slow
-loopback = performance_script("loopback_cluster")
 CONF = Path(__file__).parents[2] / "conf"
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 import pytest
+from live_service import running
 from websockets.sync.client import connect
 
 from cylinder_friction.commands.live import JOURNAL_FILE
@@ -26,7 +27,7 @@ from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.settings import LiveAccess
 from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.files import write_json
-from live_process import running, stalled_client
+from live_process import stalled_client
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from live_service import running
 
 from cylinder_friction.network.ports import free_port
-from live_process import running
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import yaml
+from live_service import running
 from websockets.sync.client import connect
 
 from cylinder_friction.live.client import Client
 from cylinder_friction.network.ports import free_port
-from live_process import running
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

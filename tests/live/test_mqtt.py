@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from live_service import running
 
 from cylinder_friction.live.client import Client
 from cylinder_friction.live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
@@ -19,7 +20,7 @@ from cylinder_friction.live.mqtt import MqttLink
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.live.settings import BrokerSettings, LiveLimits, LiveSettingsError, MqttSettings
 from cylinder_friction.network.ports import free_port
-from live_process import Mosquitto, Relay, by_hand, needs_broker, running, served
+from live_process import Mosquitto, Relay, by_hand, needs_broker, served
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -18,6 +18,7 @@ from asyncua import Client, ua
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from live_service import running
 
 from cylinder_friction.live import opcua_server
 from cylinder_friction.live.client import Client as LiveClient
@@ -33,7 +34,6 @@ from cylinder_friction.network.ports import free_port
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.params.live import load_live_params
 from cylinder_friction.realtime.flags import Flag
-from live_process import running
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import pytest
+from live_service import running
 
 from cylinder_friction.commands.cli import main
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
@@ -23,7 +24,6 @@ from cylinder_friction.live.journal import Journal
 from cylinder_friction.live.service import LiveService
 from cylinder_friction.network.ports import free_port
 from cylinder_friction.recordings.files import read_json, write_json
-from live_process import running
 
 if TYPE_CHECKING:
     from pathlib import Path

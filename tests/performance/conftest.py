@@ -1,11 +1,5 @@
-"""The scripts of performance/ as modules, and the golden model."""
+"""The golden model, for the peers of its step."""
 
-from __future__ import annotations
+from golden_fixtures import golden_model, hybrid, samples
 
-import sys
-from pathlib import Path
-
-from golden_fixtures import golden_model, hybrid, lugre, samples
-
-__all__ = ["golden_model", "hybrid", "lugre", "samples"]
-sys.path.append(str(Path(__file__).parents[2] / "performance"))
+__all__ = ["golden_model", "hybrid", "samples"]

@@ -7,19 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from latency_peers import WINDOW, LugreInNumpy, MachineTail, OnnxWindow, TorchWindow
-from training_framework import scikit_learn_forest
+from latency_peers import WINDOW, OnnxWindow, TorchWindow, scikit_learn_forest
 
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import forest_input
-from cylinder_friction.estimators.lugre import PressureLugreEstimator
 from cylinder_friction.realtime.lstm import Lstm
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.realtime.model import StepModel
 
 
@@ -78,48 +73,3 @@ def test_the_forest_is_the_same_tree_for_tree(golden_model: StepModel) -> None:
     forest = scikit_learn_forest(golden_model.forest)
     np.testing.assert_allclose(forest.predict(rows), golden_model.forest.predict(rows), rtol=1e-6, atol=1e-9)
     assert sum(tree.tree_.node_count for tree in forest.estimators_) == len(golden_model.forest.feature)
-
-
-def test_lugre_in_numpy_is_lugre(lugre: LugreEstimator, samples: np.ndarray) -> None:
-    stream = LugreInNumpy(lugre)
-    newtons = [stream.step(*sample) for sample in samples.tolist()]
-    assert np.ptp(newtons) > 1.0
-    np.testing.assert_allclose(newtons, lugre.advance(lugre.new_state(), samples), rtol=1e-9, atol=1e-9)
-
-
-def test_it_scales_with_pressure_where_the_model_does(lugre: LugreEstimator, samples: np.ndarray) -> None:
-    assert lugre.parameters is not None
-    assert lugre.causal_velocity is not None
-    scaled = PressureLugreEstimator(lugre.cylinder)
-    parameters = replace(lugre.parameters, pressure_slope_n_pa=1e-5, retract_ratio=1.2)
-    scaled.sample_time_s = lugre.sample_time_s
-    scaled._use(parameters, replace(lugre.causal_velocity, backlash_m=0.0, dead_band_m_s=1e-3))
-    stream = LugreInNumpy(scaled)
-    newtons = [stream.step(*sample) for sample in samples.tolist()]
-    np.testing.assert_allclose(newtons, scaled.advance(scaled.new_state(), samples), rtol=1e-9, atol=1e-9)
-
-
-class Steady:
-    """Reports the time it was given."""
-
-    name, title, group, timer_ns = "steady", "steady", "step", 0.0
-
-    def __init__(self, step_ns: int) -> None:
-        self.step_ns = step_ns
-
-    def run(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros(len(samples)), np.full(len(samples), self.step_ns)
-
-
-def test_the_machines_own_tail_is_measured_on_steps_of_the_length_asked_for(
-    samples: np.ndarray, tmp_path: Path
-) -> None:
-    folders = [tmp_path / "short", tmp_path / "long"]
-    for folder in folders:
-        folder.mkdir()
-    short, long = (
-        MachineTail(Steady(step_ns), samples, folder) for step_ns, folder in zip((1_000, 100_000), folders, strict=True)
-    )
-    friction, times = long.run(samples)
-    assert len(times) == len(friction) == len(samples)
-    assert long._links > 20 * short._links > 0

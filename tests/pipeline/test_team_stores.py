@@ -14,9 +14,9 @@ import pytest
 import yaml
 from sqlalchemy import make_url
 
+import team_servers as servers
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import STAGES
-from performance_scripts import performance_script
 from pipeline_workspace import PROJECT, copy_of, run
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.slow]
 
-servers = performance_script("team_servers")
 AGAIN = ("search", "register")
 """The stages that work with the stores themselves; what the others make does not depend on them."""
 PAGE = (PROJECT / "docs/team.md").read_text(encoding="utf-8")

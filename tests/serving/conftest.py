@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+import malformed_requests
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.serving.model_source import GRAPH_FILE, ServedModel, write_current
 from cylinder_friction.serving.settings import ServeSettings
-from performance_scripts import performance_script
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def script() -> Any:
-    """The command that sends malformed requests; it has what sends requests and what serves."""
-    return performance_script("malformed_requests")
+    """The module that sends malformed requests; it has what sends requests and what serves."""
+    return malformed_requests
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import pytest
 from candidates import registered_in
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.replay import replay
-from performance_scripts import performance_script
+from team_servers import server_on
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +25,7 @@ def server(pipeline: Path, tmp_path: Path, empty_store: Path, monkeypatch: pytes
     where = tmp_path / "server"
     where.mkdir()
     (where / "mlflow.db").write_bytes(empty_store.read_bytes())
-    with performance_script("team_servers").server_on("sqlite", where) as url:
+    with server_on("sqlite", where) as url:
         monkeypatch.setenv("MLFLOW_TRACKING_URI", url)
         yield url
 

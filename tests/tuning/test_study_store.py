@@ -9,9 +9,9 @@ import pytest
 from optuna.distributions import CategoricalDistribution, FloatDistribution
 from optuna.trial import TrialState
 
+import team_servers as servers
 from cylinder_friction.tuning.study_store import STUDY_STORE, StudyStoreError, study_storage
 from cylinder_friction.tuning.trials import TuningPlan, reason_of, run_trials
-from performance_scripts import performance_script
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 SPACE = {"nodes": CategoricalDistribution((16, 32, 64)), "learning_rate": FloatDistribution(1e-5, 1e-3, log=True)}
 PLAN = TuningPlan(trials=10, startup_trials=3, seed=3)
-servers = performance_script("team_servers")
 
 
 class KilledError(Exception):

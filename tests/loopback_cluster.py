@@ -1,9 +1,4 @@
-"""A Dask cluster of real processes on this machine's loopback, for measurements and tests.
-
-    python performance/loopback_cluster.py [WORKERS]
-
-Prints what to set ``CYLINDER_FRICTION_WORKERS`` to, and runs until Ctrl-C.
-"""
+"""A Dask cluster of real processes on this machine's loopback."""
 
 from __future__ import annotations
 
@@ -13,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -121,14 +115,3 @@ def loopback_cluster(
         yield cluster
     finally:
         cluster.stop()
-
-
-def main(workers: int = 2) -> None:
-    with tempfile.TemporaryDirectory() as folder, loopback_cluster(Path(folder), workers) as cluster:
-        print(f"export CYLINDER_FRICTION_WORKERS={cluster.address}", flush=True)
-        with suppress(KeyboardInterrupt):
-            signal.pause()
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]))

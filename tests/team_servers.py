@@ -25,7 +25,6 @@ from cylinder_friction.network.ports import free_port
 
 HOST = "127.0.0.1"
 ADMIN = "admin"
-WITHOUT_ADDRESSES = {"MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true"}  # of runs, which MLflow's client prints
 _PATIENCE_S = 60.0
 _DEBIAN = Path("/usr/lib/postgresql")  # keeps the programs of each version there, outside the PATH
 _SERVER_ACCOUNT = "postgres"  # PostgreSQL refuses to run as root; Debian's package makes this account
@@ -220,7 +219,7 @@ def _server(
 
 def _responds(url: str) -> bool:
     try:
-        urllib.request.urlopen(url, timeout=1.0).close()  # noqa: S310
+        urllib.request.urlopen(url, timeout=1.0).close()
     except urllib.error.HTTPError:
         return True  # it wants to know who asks
     except (urllib.error.URLError, OSError):
