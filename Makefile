@@ -7,10 +7,10 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
 NOT_SERVED_THERE := --follow-imports silent --exclude 'serving/(processes|worker)'
 FAST := $(addprefix tests/,recordings signals labelling evaluation realtime reporting tuning tracking/test_gate.py \
-	commands/test_cli.py pipeline/test_stage_dependencies.py test_configuration.py test_import_graph.py test_cylinder.py)
+	commands/test_cli.py pipeline/test_dvc_yaml.py test_configuration.py test_import_graph.py test_cylinder.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test-benchmark test test-fast lint format stages params ui serve track performance readme seeds release lock docs live
+.PHONY: help install install-dev reproduce benchmark test-benchmark test test-fast lint format params ui serve track performance readme seeds release lock docs live
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -63,7 +63,7 @@ test: install-dev ## run all tests: about ten minutes on two cores
 test-fast: install-dev ## run the tests of what is quick to test: about a minute on two cores
 	pytest -n 2 -m "not slow" --ignore=tests/recordings/formats/test_isolated.py $(FAST)
 
-lint: install-dev ## check style, types, imports, the stages' dependencies and the words
+lint: install-dev ## check style, types, imports and the words
 	ruff format --check src tests performance docs tools examples
 	ruff check src tests performance docs tools examples
 	mypy
@@ -71,15 +71,11 @@ lint: install-dev ## check style, types, imports, the stages' dependencies and t
 	mypy --platform darwin --cache-dir .mypy_cache/darwin src
 	lint-imports
 	python tools/import_cycles.py
-	python tools/stage_dependencies.py
 	python tools/words.py
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples
 	ruff check --fix src tests performance docs tools examples
-
-stages: install ## write into dvc.yaml the code that each stage depends on
-	python tools/stage_dependencies.py --write
 
 params: | $(BIN)/cylinder-friction ## compose conf/ into params.yaml, for example ARGS="experiment=smoke"
 	cylinder-friction params $(ARGS)

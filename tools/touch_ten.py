@@ -1,6 +1,7 @@
 """Print which stages one changed line makes stale: ``python tools/touch_ten.py [REPOSITORY] [MODULE ...]``.
 
-In a copy of a repository whose pipeline has run, a comment is added to one module at a time, and DVC is asked.
+In a copy of a repository whose pipeline has run, a comment is added to one module at a time, ``code.yaml`` is written
+anew, and DVC is asked.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 MODULES = (
@@ -29,9 +31,11 @@ MODULES = (
 
 def stale_stages(repository: Path) -> list[str]:
     """Return the stages that DVC would run because something that they depend on has changed."""
-    dvc = [sys.executable, "-m", "dvc", "status", "--json"]
-    done = subprocess.run(dvc, cwd=repository, capture_output=True, text=True, check=True)
-    return sorted(json.loads(done.stdout or "{}"))
+    environment = {**os.environ, "PYTHONPATH": str(repository / "src")}
+    run = partial(subprocess.run, cwd=repository, env=environment, capture_output=True, text=True, check=True)
+    run([sys.executable, "-c", "from cylinder_friction.commands.cli import main; main(['code'])"])
+    done = run([sys.executable, "-m", "dvc", "status", "--json"])
+    return sorted(set(json.loads(done.stdout or "{}")) - {"code"})
 
 
 def _link(source: str, target: str) -> None:

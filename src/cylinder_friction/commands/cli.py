@@ -13,7 +13,7 @@ from cylinder_friction.extras import MissingExtraError, explained
 COMMANDS = {
     "init": "make a project's folder: configuration, pipeline and an example log",
     "stage": "run one stage of the pipeline (dvc.yaml calls this)",
-    "code": "write code.yaml, the hashes of the code that the stages run (dvc.yaml of a project calls this)",
+    "code": "write code.yaml, the hashes of the code that the stages run (dvc.yaml calls this)",
     "params": "compose conf/ into params.yaml, with Hydra overrides",
     "check": "check params.yaml",
     "ingest": "ingest init FILE: write a first mapping for a logger's file",

@@ -1,4 +1,4 @@
-"""The command ``code``: write down which code the installed package runs, for DVC in a project that holds no source."""
+"""The command ``code``: write the hash of the code behind each stage into ``code.yaml``, which the stages depend on."""
 
 import argparse
 from importlib.metadata import version
@@ -11,11 +11,13 @@ from cylinder_friction.recordings.files import write_text
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import CODE_FILE
 
-HEADER = "# The installed package and the hash of the code that each stage runs in it; `dvc repro` writes it anew.\n"
+HEADER = (
+    "# The version of the package and the hash of the code that each stage runs; `dvc repro` writes this file anew.\n"
+)
 
 
 def write_code(folder: Path) -> None:
-    """Write ``code.yaml``: after an upgrade the stages run again whose code is another one, and only those."""
+    """Write ``code.yaml`` into a folder: after a change of code DVC runs exactly the stages whose entry has changed."""
     codes = {"cylinder-friction": version("cylinder-friction")}
     codes |= {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in STAGES}
     write_text(folder / CODE_FILE, HEADER + yaml.safe_dump(codes, sort_keys=False))

@@ -1,7 +1,6 @@
 """The command ``init``: make a project's folder, in which the pipeline runs on the installed package."""
 
 import argparse
-import re
 import shutil
 import tomllib
 from pathlib import Path
@@ -28,24 +27,8 @@ Parameters are in `conf/`, composed by `cylinder-friction params` into `params.y
 - `{CODE_FILE}` holds the hash of each stage's code: after an upgrade of the package `dvc repro` runs what changed.
   Commit it with everything else, so that `cylinder-friction lineage` finds the way back from a model.
 """
-CODE_STAGE = f"""
-  code:
-    desc: Hash of the code that each stage runs in the installed package, so that an upgrade runs again what changed.
-    cmd: cylinder-friction code
-    always_changed: true
-    outs:
-      - {CODE_FILE}: {{cache: false}}
-"""
-
-
-def project_pipeline(text: str) -> str:
-    """Return a project's ``dvc.yaml`` from the repository's: its stages depend on ``code.yaml``, not on sources."""
-    text = re.sub(r"^# `make stages` .*\n", "", text, flags=re.MULTILINE)
-    text = re.sub(r"^      - src/.*\n", "", text, flags=re.MULTILINE)
-    text = re.sub(r"^    deps:\n(?! {6}-)", "", text, flags=re.MULTILINE)
-    stage = r"^  (\w+):\n(?: {4}.*\n)*?    params: \[.*(?=\]$)"  # to the end of its parameters
-    text = re.sub(stage, rf"\g<0>, {{{CODE_FILE}: [\1]}}", text, flags=re.MULTILINE)
-    return text.replace("stages:\n", f"stages:{CODE_STAGE}\n", 1)
+IGNORED_IN_A_CHECKOUT = f"/{CODE_FILE}\n"
+"""In a checkout git holds the code itself. A project commits the hashes instead."""
 
 
 def make_project(folder: Path) -> None:
@@ -59,8 +42,8 @@ def make_project(folder: Path) -> None:
     for target, source in _shipped().items():
         (folder / target).parent.mkdir(parents=True, exist_ok=True)
         (shutil.copytree if source.is_dir() else shutil.copyfile)(source, folder / target)
-    pipeline = folder / "dvc.yaml"
-    write_text(pipeline, project_pipeline(pipeline.read_text(encoding="utf-8")))
+    ignored = folder / ".gitignore"
+    write_text(ignored, ignored.read_text(encoding="utf-8").replace(IGNORED_IN_A_CHECKOUT, ""))
     write_text(folder / "README.md", README)
     write_code(folder)
     params = load_params(folder / "params.yaml")
