@@ -116,13 +116,6 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
     return result
 
 
-def convert_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Recording | Quarantined]:
-    """Yield the recordings of each file in turn, each read whole, and for what is unusable the reason."""
-    for outcome in convert_in_parts(files, recipe):
-        assert not isinstance(outcome, LongRecording)
-        yield outcome
-
-
 def convert_in_parts(
     files: Mapping[str, Path],
     recipe: Recipe,

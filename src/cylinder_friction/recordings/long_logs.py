@@ -69,13 +69,9 @@ class Part:
 
 
 def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator[Part]:
-    """Yield the parts of a long log in order; what was repaired stands in their pieces.
+    """Yield the parts of a long log in order, of about so many rows; what was repaired stands in their pieces.
 
-    Args:
-        table: The log.
-        recipe: How it becomes a recording.
-        rows: Of a part, about.
-        name: Of the file, for the progress bar.
+    The progress bar shows the file's ``name``.
 
     Raises:
         RecordingError: As for a file that is read whole, for single bad samples in the end; or it cannot be cut.
@@ -190,7 +186,12 @@ def _sections(chunks: Iterator[dict[str, Signal]], rows: int, longest_bridge: in
         while len(time_s) >= first + rows + 2 * context:
             cut = _undisturbed(time_s, first, rows, context, longest_bridge)
             if cut is None:
-                _refuse_uncut(len(time_s) - first, 4 * (rows + context), before + first)
+                if len(time_s) - first > 4 * (rows + context):
+                    raise IndivisibleError(
+                        f"in {len(time_s) - first} rows from row {before + first + 1} on, time increases nowhere "
+                        f"without a gap over {2 * UNDISTURBED_ROWS} rows, far from any restart; log time with a finer "
+                        "resolution"
+                    )
                 break
             yield _Section(_rows_of(held, 0, cut + context), slice(first, cut), before, before + first == 0, False)
             dropped = max(cut - context, 0)
@@ -202,16 +203,13 @@ def _sections(chunks: Iterator[dict[str, Signal]], rows: int, longest_bridge: in
 
 
 def _joined(one: dict[str, Signal], other: dict[str, Signal]) -> dict[str, Signal]:
-    clocks = {id(each.time_s): np.concatenate([each.time_s, other[column].time_s]) for column, each in one.items()}
-    return {
-        column: Signal(clocks[id(each.time_s)], np.concatenate([each.values, other[column].values]))
-        for column, each in one.items()
-    }
+    time_s = np.concatenate([next(iter(each.values())).time_s for each in (one, other)])
+    return {column: Signal(time_s, np.concatenate([each.values, other[column].values])) for column, each in one.items()}
 
 
 def _rows_of(signals: dict[str, Signal], first: int, end: int) -> dict[str, Signal]:
-    clocks = {id(each.time_s): each.time_s[first:end] for each in signals.values()}
-    return {column: Signal(clocks[id(each.time_s)], each.values[first:end]) for column, each in signals.items()}
+    time_s = next(iter(signals.values())).time_s[first:end]
+    return {column: Signal(time_s, each.values[first:end]) for column, each in signals.items()}
 
 
 def _context_rows(time_s: Array) -> int:
@@ -240,14 +238,6 @@ def _undisturbed(time_s: Array, first: int, rows: int, context: int, longest_bri
     good[: first + rows // 2], good[len(good) - context :] = False, False
     possible = np.flatnonzero(good)
     return int(possible[np.argmin(np.abs(possible - first - rows))]) if len(possible) else None
-
-
-def _refuse_uncut(held: int, most: int, row: int) -> None:
-    if held > most:
-        raise IndivisibleError(
-            f"in {held} rows from row {row + 1} on, time increases nowhere without a gap over {2 * UNDISTURBED_ROWS} "
-            "rows, far from any restart; log time with a finer resolution"
-        )
 
 
 def _own_rows(pieces: Sequence[Piece], section: _Section) -> Iterator[tuple[Piece, slice]]:

@@ -16,7 +16,7 @@ from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.formats.logged_table import LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
-from cylinder_friction.recordings.ingesting import Quarantined, convert_files, none_usable, other_rates
+from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
@@ -64,9 +64,9 @@ def read_logs(
         >>> recordings = read_logs("data/raw/rig/*.csv", "conf/ingest/rig.yaml", cylinder)  # doctest: +SKIP
     """
     logs = find_logs(files, channels, cylinder, names=names, load=load)
-    outcomes = list(convert_files(logs.files, logs.recipe))
+    outcomes = list(convert_in_parts(logs.files, logs.recipe))
     refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
-    recordings = [outcome for outcome in outcomes if not isinstance(outcome, Quarantined)]
+    recordings = [outcome for outcome in outcomes if isinstance(outcome, Recording)]
     others = other_rates([recording.metadata for recording in recordings])
     if not recordings:
         raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])

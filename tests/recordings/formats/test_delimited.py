@@ -118,20 +118,6 @@ def test_options_take_the_place_of_guesses(read) -> None:  # type: ignore[no-unt
     assert read("T [°C]\r\n40.5\r\n".encode("cp437"), encoding="cp437").channels.to_dict("list") == {"T [°C]": [40.5]}
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"delimiter": "ab"}, "delimiter: expected one character, 'whitespace' or 'auto', but got 'ab'"),
-        ({"decimal": "'"}, "decimal: expected '.', ',' or 'auto', but got"),
-        ({"encoding": "klingon"}, "encoding: expected one that Python knows.*but got 'klingon'"),
-        ({"header": "two"}, "header: expected one of auto, none, names, names_units, but got 'two'"),
-    ],
-)
-def test_options_are_checked(options: dict[str, str], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        CsvOptions(**options)
-
-
 def test_older_encodings_are_recognised(read) -> None:  # type: ignore[no-untyped-def]
     assert read("T [°C],F [µN]\n40.5,1\n".encode("cp1252")).units == {"T [°C]": "°C", "F [µN]": "µN"}
     # The first character beyond ASCII comes far down, in a remark.

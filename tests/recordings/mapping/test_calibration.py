@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -190,21 +189,6 @@ def test_recording_without_pressures_has_no_zero() -> None:
     reading = find_zero(session().drop(columns=["pressure_1_pa", "pressure_2_pa"]), FOUND, MAPPING)
     assert not reading.offsets
     assert "there is no pressure" in reading.reason
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"method": "standstill"}, "method must be one of .* but got 'standstill'"),
-        ({"method": "window"}, "window_s goes with method window and with no other, but got None"),
-        ({"method": "found", "window_s": (0.0, 1.0)}, "window_s goes with method window"),
-        ({"method": "window", "window_s": (3.0, 1.0)}, r"window_s must be two times, .* but got \(3.0, 1.0\)"),
-        ({"band_pa": 0.0}, "band_pa must be a positive number, but got 0.0"),
-    ],
-)
-def test_impossible_rules_are_refused(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(RecordingError, match=message):
-        ZeroRules(**change)
 
 
 def test_noise_of_the_position_sensor_is_no_motion() -> None:

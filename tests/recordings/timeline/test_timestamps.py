@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.timestamps import (
-    TimeRules,
     even_rate,
     printed_resolution,
     stamps_to_seconds,
@@ -134,19 +133,3 @@ UNEVEN = {
 @pytest.mark.parametrize("name", UNEVEN)
 def test_uneven_stamps(name: str) -> None:
     assert even_rate(UNEVEN[name], 0.02) is None
-
-
-@pytest.mark.parametrize(
-    ("rules", "message"),
-    [
-        ({"rate_hz": 0.0}, r"expected rate_hz to be positive or None, but got 0\.0"),
-        ({"rate_hz": float("nan")}, "expected rate_hz to be positive or None, but got nan"),
-        ({"longest_bridge_samples": -1}, "expected longest_bridge_samples to be 0 or more, but got -1"),
-        ({"jitter_share": 0.5}, r"expected jitter_share to be in \[0, 0\.25\], but got 0\.5"),
-        ({"damaged_share": -0.1}, r"expected damaged_share to be in \[0, 0\.5\], but got -0\.1"),
-        ({"shortest_piece_samples": 1}, "expected shortest_piece_samples to be 3 or more, but got 1"),
-    ],
-)
-def test_rules_out_of_range_are_refused(rules: dict[str, float], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        TimeRules(**rules)  # type: ignore[arg-type]

@@ -9,7 +9,6 @@ The delay is the one that leaves the least residual over all such rows, to a fra
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,34 +25,10 @@ SURE = 3.0  # A delay is one if it is this many standard errors long,
 SHORTEST_S = 5e-3  # and so long
 
 
-class LoadDelay(NamedTuple):
-    """How much later the load was logged than the pressures."""
-
-    delay_s: float
-    error_s: float  # Its standard error; rows within a window count as one
-
-
-def check_load_delay(delay: LoadDelay | None) -> Finding:
-    """Return the finding ``load_delay``: noted where the load cell is clearly late or early."""
-    if delay is None:
-        text = "whether the load cell is late cannot be decided: the load changes too little while the piston slides"
-        return Finding("load_delay", "ok", text)
-    late_ms, error_ms = 1e3 * delay.delay_s, 1e3 * delay.error_s
-    if abs(late_ms) < max(1e3 * SHORTEST_S, SURE * error_ms):
-        return Finding("load_delay", "ok", f"the load cell has no clear delay ({late_ms:.1f} ± {error_ms:.1f} ms)")
-    which = "the load cell" if late_ms > 0.0 else "both pressure sensors"
-    text = (
-        f"load_force_n comes {abs(late_ms):.1f} ± {error_ms:.1f} ms {'after' if late_ms > 0.0 else 'before'} the "
-        "pressures; expected both at once, or friction is off while the load changes; state sensor.delay_s of "
-        f"{which} in the mapping, {abs(delay.delay_s):.3f} s more than it is now"
-    )
-    return Finding("load_delay", "noted", text)
-
-
-def load_delay(
+def check_load_delay(
     drive_n: Array, load_n: Array, rows: NDArray[np.int64], direction: Array, sample_time_s: float
-) -> LoadDelay | None:
-    """Return how late the load is; None where it changes too little, or explains too little, to show it.
+) -> Finding:
+    """Return the finding ``load_delay``: noted if the load cell is clearly late or early.
 
     Args:
         drive_n: What drives the piston, shape ``(n,)`` [N].
@@ -61,6 +36,29 @@ def load_delay(
         rows: Indices of rows, evenly chosen, in which the piston clearly moves, shape ``(m,)``.
         direction: 1 extending, -1 retracting, of each of these rows, shape ``(m,)``.
         sample_time_s: Between two samples [s].
+    """
+    delay = _delay(drive_n, load_n, rows, direction, sample_time_s)
+    if delay is None:
+        text = "whether the load cell is late cannot be decided: the load changes too little while the piston slides"
+        return Finding("load_delay", "ok", text)
+    late_ms, error_ms = (1e3 * value for value in delay)
+    if abs(late_ms) < max(1e3 * SHORTEST_S, SURE * error_ms):
+        return Finding("load_delay", "ok", f"the load cell has no clear delay ({late_ms:.1f} ± {error_ms:.1f} ms)")
+    which = "the load cell" if late_ms > 0.0 else "both pressure sensors"
+    text = (
+        f"load_force_n comes {abs(late_ms):.1f} ± {error_ms:.1f} ms {'after' if late_ms > 0.0 else 'before'} the "
+        "pressures; expected both at once, or friction is off while the load changes; state sensor.delay_s of "
+        f"{which} in the mapping, {abs(delay[0]):.3f} s more than it is now"
+    )
+    return Finding("load_delay", "noted", text)
+
+
+def _delay(
+    drive_n: Array, load_n: Array, rows: NDArray[np.int64], direction: Array, sample_time_s: float
+) -> tuple[float, float] | None:
+    """Return how much later the load was logged than the pressures, and its standard error [s].
+
+    Rows within a window count as one. None if the load changes too little, or explains too little, to show a delay.
     """
     window, most = (max(1, round(time_s / sample_time_s)) for time_s in (WINDOW_S, LONGEST_S))
     rows = _sliding_on(rows, direction, window)
@@ -80,7 +78,7 @@ def load_delay(
     before, here, after = residual[best - 1 : best + 2]
     bend = before - 2.0 * here + after  # of residual = here + bend/2·(lag - best)²
     independent = len(driven_n) * _stride(rows) / window
-    return LoadDelay(
+    return (
         float(lags[best] + 0.5 * (before - after) / bend) * sample_time_s,
         math.sqrt(2.0 * here / (bend * independent)) * sample_time_s,
     )

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.checks.load_delay import check_load_delay, load_delay
+from cylinder_friction.recordings.checks.load_delay import check_load_delay
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES
 
 HALF_WINDOW_S = 0.05  # velocity is the difference over twice this time
@@ -114,8 +114,8 @@ def check_friction(
     findings = [direction, _size(as_is, areas_m2)]
     if load == "measured":
         p1, p2, load_n = (table[name].to_numpy(dtype=np.float64) for name in (*PRESSURES, LOAD_FORCE))
-        delay = load_delay(p1 * a1 - p2 * a2, load_n, motion.rows, motion.direction, sample_time_s)
-        findings.append(check_load_delay(delay))
+        drive = p1 * a1 - p2 * a2
+        findings.append(check_load_delay(drive, load_n, motion.rows, motion.direction, sample_time_s))
     return findings
 
 

@@ -1,7 +1,16 @@
-"""What a single cell of a text table is: a number, a date, missing, or words."""
+"""What the cells of a table are: numbers, dates as loggers write them, missing, or words; one by one and by column."""
 
 import csv
 import re
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.recording import RecordingError
 
 MISSING = (
     "", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "Null", "None", "-", "--", "---",
@@ -55,3 +64,148 @@ def split_cells(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     except csv.Error:
         return [cell.strip() for cell in line.split(delimiter)]
+
+
+_CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:](?P<f>\d{1,9}))?)?"
+_REST = rf"(?:[T ,]+{_CLOCK_PARTS}\s*(?P<half>[AaPp][Mm])?)?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"
+_YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
+_DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
+_EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
+_NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4})" + _REST
+_MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
+_HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
+
+
+def plain_values(column: Any) -> NDArray[Any] | None:
+    """Return a column of a simple type; a null is NaN (or NaT), a date is ``datetime64[ns]`` (UTC if it has a zone).
+
+    None for text and for types that are no single value per row, such as lists.
+    """
+    kind = column.type
+    if pa.types.is_null(kind):
+        return np.full(len(column), np.nan)
+    if pa.types.is_time(kind) or pa.types.is_duration(kind):
+        nanoseconds = column.cast(pa.duration("ns") if pa.types.is_duration(kind) else pa.time64("ns"))
+        return pc.divide(nanoseconds.cast(pa.int64()).cast(pa.float64()), 1e9).to_numpy()
+    if pa.types.is_temporal(kind):
+        column = column.cast(pa.timestamp("ns"))
+    elif pa.types.is_boolean(kind):
+        column = column.cast(pa.uint8())
+    elif pa.types.is_decimal(kind):
+        column = column.cast(pa.float64())
+    elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+        return None
+    return np.asarray(column.to_numpy())
+
+
+def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], bool]:
+    """Return a column of text as numbers, dates or times of day; if neither, its cells as they are, numbers as such.
+
+    Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
+
+    Returns:
+        The values, and whether they are seconds since midnight.
+    """
+    text = pc.utf8_trim_whitespace(column.cast(pa.string()))
+    text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
+    number = pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$")
+    if text.null_count == len(text):
+        return np.full(len(text), np.nan), False
+    if not pc.any(number).as_py():
+        if (seconds := _clock_seconds(text)) is not None:
+            return seconds, True
+        stamps = _date_stamps(text, name)
+        return text_objects(text) if stamps is None else stamps, False
+    plain = pc.if_else(number, text, None)
+    plain = pc.replace_substring(plain, ",", ".") if decimal == "," else plain
+    numbers = pc.utf8_ltrim(plain, characters="+").cast(pa.float64()).to_numpy()
+    words = pc.fill_null(pc.invert(number), False).to_numpy()
+    if not words.any():
+        return numbers, False
+    mixed = numbers.astype(object)
+    mixed[words] = text.filter(pa.array(words)).to_pylist()
+    return mixed, False
+
+
+def holds_decimal_commas(column: Any) -> bool:
+    """Return whether every cell of a column of text is a number under a decimal comma."""
+    text = pc.utf8_trim_whitespace(column)
+    return bool(pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py())
+
+
+def text_objects(text: Any) -> NDArray[Any]:
+    """Return a column of text as Python strings; a null is NaN."""
+    cells = np.array(text.to_pylist(), dtype=object)
+    cells[~text.is_valid().to_numpy()] = np.nan
+    return cells
+
+
+def _clock_seconds(text: Any) -> Array | None:
+    """Return times of day (08:15:00,125) as seconds since midnight, or None if a cell is none; null is NaN."""
+    parts = pc.extract_regex(text, pattern=f"^{_CLOCK_PARTS}$")
+    if parts.null_count > text.null_count:
+        return None
+    stamps = _stamps({"Y": "1970", "m": "1", "d": "1", **_fields(parts)})
+    return None if stamps is None else stamps.cast(pa.int64()).to_numpy() / 1e9
+
+
+def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
+    """Return dates with or without a time of day as ``datetime64[ns]``, or None if a cell is none; null is NaT.
+
+    With dots the day comes first. With strokes the first row that can only be read one way settles it for the column.
+    A time zone is taken off: the stamps are then in UTC.
+    """
+    for pattern in (_YEAR_FIRST, _DOTS, _EITHER, _NAMED_MONTH):
+        parts = pc.extract_regex(text, pattern=pattern)
+        if parts.null_count > text.null_count:
+            continue
+        fields = _fields(parts)
+        if pattern == _EITHER and _month_first(fields, text, name):
+            fields["d"], fields["m"] = fields["m"], fields["d"]
+        elif pattern == _NAMED_MONTH:
+            fields["m"] = pc.add(pc.index_in(pc.utf8_lower(fields["m"]), _MONTHS), 1).cast(pa.string())
+        stamps = _stamps(fields)
+        return None if stamps is None else stamps.cast(pa.timestamp("ns")).to_numpy()
+    return None
+
+
+def _fields(parts: Any) -> dict[str, Any]:
+    return {field.name: pc.struct_field(parts, field.name) for field in parts.type}
+
+
+def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
+    """Return whether dates such as 01/02/2026 have their month in the place of the day."""
+    first, second = (fields[key].cast(pa.int64()) for key in ("d", "m"))
+    if pc.any(pc.greater(second, 12)).as_py():
+        return True
+    unsettled = pc.index(pc.not_equal(first, second), True).as_py()
+    if unsettled < 0 or pc.any(pc.greater(first, 12)).as_py():
+        return False
+    raise RecordingError(
+        f"channel {name!r}: {text[unsettled].as_py()!r} may have the day or the month first, and no row settles it; "
+        "expected dates with one reading: let the logger write ISO 8601 (2026-12-31 08:15:00), or rewrite the channel "
+        "so"
+    )
+
+
+def _stamps(fields: dict[str, Any]) -> Any | None:
+    """Return instants in UTC by way of ISO 8601, or None if a cell is no date or time of day."""
+    hour, fraction = pc.utf8_lpad(fields["H"], 2, "0"), pc.utf8_rpad(fields["f"], 9, "0")
+    if "half" in fields:
+        half = pc.utf8_lower(fields["half"])
+        on_clock = pc.index_in(pc.binary_join_element_wise(hour, half, ""), _HALF_DAYS).cast(pa.string())
+        hour = pc.utf8_lpad(pc.if_else(pc.equal(half, ""), hour, on_clock), 2, "0")
+    year, month, day, minute, second = (
+        pc.utf8_lpad(field, 2, "0") for field in (fields["Y"], fields["m"], fields["d"], fields["M"], fields["S"])
+    )
+    date = pc.binary_join_element_wise(year, month, day, "-")
+    clock = pc.binary_join_element_wise(hour, minute, pc.binary_join_element_wise(second, fraction, "."), ":")
+    zone = fields.get("zone", "Z")
+    zone = pc.if_else(pc.equal(zone, ""), "Z", zone)
+    iso = pc.binary_join_element_wise(pc.binary_join_element_wise(date, clock, "T"), zone, "")
+    if iso.null_count > fields["H"].null_count:
+        return None
+    try:
+        return iso.cast(pa.timestamp("ns", "UTC"))
+    except pa.ArrowInvalid:
+        return None

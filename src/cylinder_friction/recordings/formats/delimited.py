@@ -13,8 +13,13 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.cells import MISSING, split_cells
-from cylinder_friction.recordings.formats.columns import holds_decimal_commas, plain_values, text_values
+from cylinder_friction.recordings.formats.cells import (
+    MISSING,
+    holds_decimal_commas,
+    plain_values,
+    split_cells,
+    text_values,
+)
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
 from cylinder_friction.recordings.formats.layout import Layout, find_layout

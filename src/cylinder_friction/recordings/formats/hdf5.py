@@ -72,20 +72,21 @@ def _add(path: str, node: Any, found: Found, source: FileSource) -> None:
         return
     refuse_absurd_size(node, source)
     unit, sample_time_s = _unit(node.attrs), _sample_time_s(node)
-    read = partial(_text, node) if text else partial(_numbers, node)
+
+    def read(at: Any) -> NDArray[Any]:
+        if text:
+            return np.asarray(node.asstr(errors="replace")[at]).reshape(-1)
+        return numeric(np.ascontiguousarray(node[at].reshape(-1)))
+
     found.channels += [Channel(name, length, partial(read, at), unit, sample_time_s) for name, length, at in arrays]
-
-
-def _text(node: Any, at: Any) -> NDArray[Any]:
-    return np.asarray(node.asstr(errors="replace")[at]).reshape(-1)
-
-
-def _numbers(node: Any, at: Any) -> NDArray[Any]:
-    return numeric(np.ascontiguousarray(node[at].reshape(-1)))
 
 
 def _fields(node: Any) -> list[Channel]:
     """Return the columns of a compound dataset; a field that is itself an array is one channel an entry."""
+
+    def read(name: str, at: Any) -> NDArray[Any]:
+        return numeric(np.ascontiguousarray(node.fields(name)[()][at]))
+
     channels = []
     for name in node.dtype.names:
         dtype = node.dtype[name]
@@ -94,13 +95,9 @@ def _fields(node: Any) -> list[Channel]:
             continue
         for index in range(shape[0] if shape else 1):
             path = f"{name}_{index + 1}" if shape else name
-            read = partial(_field, node, name, (slice(None), index) if shape else ())
-            channels.append(Channel(path, node.shape[0], read))
+            at = (slice(None), index) if shape else ()
+            channels.append(Channel(path, node.shape[0], partial(read, name, at)))
     return channels
-
-
-def _field(node: Any, name: str, at: Any) -> NDArray[Any]:
-    return numeric(np.ascontiguousarray(node.fields(name)[()][at]))
 
 
 def _unit(attributes: Any) -> str:

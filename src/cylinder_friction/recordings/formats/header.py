@@ -1,7 +1,6 @@
 """What stands above a text table's rows: names and units (``P1 [bar]``, ``P1 / bar``, or a line of their own)."""
 
 import re
-from dataclasses import dataclass
 
 from cylinder_friction.recordings.formats.cells import is_number, split_cells
 from cylinder_friction.recordings.mapping.units import ELECTRICAL, OTHER_QUANTITIES, USUAL
@@ -67,17 +66,14 @@ _SCOPE_KEY = re.compile(
 )
 _COMMENT = ("#", "%", "//", ";", "'")
 
-
-@dataclass(frozen=True)
-class Header:
-    """Names of the columns, '' for a last one that only a delimiter at the end of each row makes; units by channel."""
-
-    names: list[str]
-    units: dict[str, str]
+Named = tuple[list[str], dict[str, str]]
+"""Names of the columns, and units by name."""
 
 
-def read_header(above: list[str], delimiter: str, width: int, trailing: bool, mode: str) -> Header:
-    """Return the header that the lines above the first row make, which has ``width`` cells.
+def read_header(above: list[str], delimiter: str, width: int, trailing: bool, mode: str) -> Named:
+    """Return what the lines above the first row, which has ``width`` cells, name: channels and their units.
+
+    The name of a last column that only a delimiter at the end of each row makes is ''.
 
     Args:
         trailing: Every row ends in a delimiter, so that its last cell is no channel, unless it has a name.
@@ -169,7 +165,7 @@ def _scope_units(found: dict[str, list[str]], above: list[str]) -> list[str] | N
     return ["ms" if name == SCOPE_TIME else unit for name, unit in zip(names, stated, strict=True)]
 
 
-def _named(cells: list[str], units: list[str] | None, width: int, trailing: bool) -> Header:
+def _named(cells: list[str], units: list[str] | None, width: int, trailing: bool) -> Named:
     padded = [*cells, *[""] * width][:width]
     names = [name or f"column_{index}" for index, name in enumerate(padded, start=1)]
     if trailing and not padded[-1]:
@@ -177,4 +173,4 @@ def _named(cells: list[str], units: list[str] | None, width: int, trailing: bool
     found = {name: unit for name in names if (unit := unit_in_name(name)) is not None}
     if units is not None:
         found |= {name: unit for name, unit in zip(names, units, strict=False) if name and unit}
-    return Header(names, found)
+    return names, found

@@ -21,9 +21,8 @@ class Layout:
 
     delimiter: str  # One character or ``whitespace``
     decimal: str | None  # ``.`` or ``,``; None where the rows looked at hold whole numbers only
-    # names, units: As in ``Header``
-    names: list[str]
-    units: dict[str, str]
+    names: list[str]  # '' for a last column that only a delimiter at the end of each row makes
+    units: dict[str, str]  # By name
     first_row: int  # Lines above the first row
 
 
@@ -63,9 +62,9 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content, options.header)
     trailing = grid.width > 1 and not any(row[-1] for row in grid.rows if len(row) == grid.width)
-    header = read_header(lines[:first], grid.delimiter, grid.width, trailing, options.header)
+    names, units = read_header(lines[:first], grid.delimiter, grid.width, trailing, options.header)
     settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:_LOOKED_AT]], grid)
-    return Layout(grid.delimiter, settled, header.names, header.units, first)
+    return Layout(grid.delimiter, settled, names, units, first)
 
 
 def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | None) -> _Grid | None:

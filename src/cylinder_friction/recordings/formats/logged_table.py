@@ -46,6 +46,7 @@ def named_columns(columns: Sequence[tuple[str, NDArray[Any]]], kind: Any = None)
     return table
 
 
+RISING_SHARE = 0.99  # time may have a few repeated or backward stamps and still be time
 TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value", "name")
 """Whole names of time channels, in small letters: LabVIEW calls them X_Value, the TwinCAT Scope Name."""
 

@@ -44,7 +44,10 @@ def walk(name: str, value: Any, found: Found, unit: str = "", depth: int = 0) ->
     if depth > _DEEPEST:
         found.others.append(name)
     elif isinstance(value, Leaf):
-        _walk_leaf(name, value, found, unit)
+        arrays = column_arrays(name, value.shape) if value.kind in "biuf" else []
+        if not arrays:
+            found.others.append(name)
+        found.channels += [Channel(path, length, partial(_values, value, at), unit) for path, length, at in arrays]
     elif isinstance(value, dict):
         walk_struct(name, value, found, unit, depth)
     elif isinstance(value, list):
@@ -86,21 +89,14 @@ def _walk_simulink(name: str, struct: Mapping[str, Any], found: Found, depth: in
         label = label.strip() if isinstance(label, str) else ""
         values = signal["values"]
         if isinstance(values, Leaf) and len(values.shape) == 3:
-            values = _samples_last(values)
+            # Matrices, one per sample along the last axis, become one row per sample.
+            size, samples, read = values.shape[0] * values.shape[1], values.shape[2], values.read
+            values = Leaf((samples, size), values.kind, partial(_samples_first, read, size, samples))
         walk(f"{prefix}{label or f'signals_{index}'}", values, found, "", depth + 1)
 
 
-def _samples_last(leaf: Leaf) -> Leaf:
-    """Return a signal of matrices, one per sample along the last axis, as one row per sample."""
-    rows, columns, samples = leaf.shape
-    return Leaf((samples, rows * columns), leaf.kind, lambda: leaf.read().reshape(rows * columns, samples).T)
-
-
-def _walk_leaf(name: str, leaf: Leaf, found: Found, unit: str) -> None:
-    arrays = column_arrays(name, leaf.shape) if leaf.kind in "biuf" else []
-    if not arrays:
-        found.others.append(name)
-    found.channels += [Channel(path, length, partial(_values, leaf, at), unit) for path, length, at in arrays]
+def _samples_first(read: Callable[[], NDArray[Any]], size: int, samples: int) -> NDArray[Any]:
+    return read().reshape(size, samples).T
 
 
 def _values(leaf: Leaf, at: Any) -> NDArray[Any]:

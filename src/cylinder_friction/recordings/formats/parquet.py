@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.recordings.formats.columns import plain_values, text_objects
+from cylinder_friction.recordings.formats.cells import plain_values, text_objects
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.logged_table import (
     PLACES,

@@ -46,27 +46,23 @@ def _cut_off(file: Any) -> list[str]:
 
 
 def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None, size: int) -> list[LoggedTable]:
+    named = [(channel.name.strip(), channel) for channel in group.channels()]
+    valid = [(name, channel) for name, channel in named if len(channel) and channel.dtype.kind in "biufMOU"]
+    others = [name for name, channel in named if not len(channel) or channel.dtype.kind not in "biufMOU"]
+    # A group that has a time channel goes by length alone.
+    timed = any(name.casefold() == "time" for name, _ in valid)
     alike: dict[tuple[int, float | None, float], list[Channel]] = {}
-    others: list[str] = []
-    for channel in group.channels():
-        name = channel.name.strip()
-        if len(channel) == 0 or channel.dtype.kind not in "biufMOU":
-            others.append(name)
-            continue
+    for name, channel in valid:
         claimed = len(channel) * (1 if channel.dtype.kind in "OU" else channel.data_type.size or 1)
         if claimed > size:
             raise RecordingError(
                 f"channel {name!r} claims {claimed} bytes in a file of {size}; it is damaged or cut off; copy it again"
             )
         unit = str(channel.properties.get("unit_string", "") or channel.properties.get("Unit", "")).strip()
-        key = (len(channel), *_clock(channel, first))
-        alike.setdefault(key, []).append(Channel(name, len(channel), partial(_values, channel), unit))
-    if any(channel.name.casefold() == "time" for channels in alike.values() for channel in channels):
-        # A group that has a time channel goes by length alone.
-        merged: dict[tuple[int, float | None, float], list[Channel]] = {}
-        for (length, _, _), channels in alike.items():
-            merged.setdefault((length, None, 0.0), []).extend(channels)
-        alike = merged
+        step, offset = (None, 0.0) if timed else _clock(channel, first)
+        alike.setdefault((len(channel), step, offset), []).append(
+            Channel(name, len(channel), partial(_values, channel), unit)
+        )
     tables: list[LoggedTable] = []
     for (length, step, offset), channels in alike.items():
         if step is not None:

@@ -14,9 +14,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import is_value, split_cells
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns
+from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, LoggedTable, named_columns
 
-CLOCK_SHARE = 0.99  # a time column may have a few backward stamps and still be one
 _FILETIME = (1.16e17, 1.7e17)
 """Ticks of 100 ns since 1601 that stand for the years 1969 to 2139: Windows' FILETIME."""
 _FILETIME_1970 = 116_444_736_000_000_000
@@ -108,4 +107,4 @@ def _rises(values: NDArray[Any]) -> bool | None:
     if not len(stamps):
         return None
     steps = np.diff(stamps)
-    return bool((steps > 0).any() and (steps >= 0).mean() >= CLOCK_SHARE)
+    return bool((steps > 0).any() and (steps >= 0).mean() >= RISING_SHARE)

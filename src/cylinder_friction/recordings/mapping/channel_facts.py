@@ -13,10 +13,8 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.formats.header import unit_in_name
-from cylinder_friction.recordings.formats.logged_table import TIME_NAMES, LoggedTable
+from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, TIME_NAMES, LoggedTable
 from cylinder_friction.recordings.mapping.units import electrical, quantity_of
-
-MOSTLY = 0.99  # time may have a few repeated or backward stamps and still be time
 
 
 @dataclass(frozen=True)
@@ -211,7 +209,7 @@ def _facts(index: int, table: LoggedTable, name: str, raw: pd.Series[Any]) -> Ch
         dates=bool(dates),
         low=float(finite.min()) if len(finite) else math.nan,
         high=float(finite.max()) if len(finite) else math.nan,
-        rising=len(steps) > 2 and float(np.mean(steps > 0.0)) >= MOSTLY,
+        rising=len(steps) > 2 and float(np.mean(steps > 0.0)) >= RISING_SHARE,
         step=float(np.median(steps)) if len(steps) else math.nan,
     )
 

@@ -1,0 +1,77 @@
+"""What a configuration may not state: each rule is refused by its name, with what was expected and what it got."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.screening import ScreenRules
+from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.mapping.calibration import ZeroRules
+from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
+from cylinder_friction.recordings.timeline.timestamps import TimeRules
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+NAN = float("nan")
+
+
+def limits(**values: Any) -> CheckLimits:
+    return CheckLimits(**{"stroke_m": 0.25, **values})
+
+
+def sensor(**values: Any) -> SensorScale:
+    return SensorScale.from_dict({"range": [0.0, 250.0], "unit": "bar", **values})
+
+
+@pytest.mark.parametrize(
+    ("rules", "values", "message"),
+    [
+        (TimeRules, {"rate_hz": 0.0}, "expected rate_hz to be positive or None, but got 0.0"),
+        (TimeRules, {"rate_hz": NAN}, "expected rate_hz to be positive or None, but got nan"),
+        (TimeRules, {"longest_bridge_samples": -1}, "expected longest_bridge_samples to be 0 or more, but got -1"),
+        (TimeRules, {"jitter_share": 0.5}, "expected jitter_share to be in [0, 0.25], but got 0.5"),
+        (TimeRules, {"damaged_share": -0.1}, "expected damaged_share to be in [0, 0.5], but got -0.1"),
+        (TimeRules, {"shortest_piece_samples": 1}, "expected shortest_piece_samples to be 3 or more, but got 1"),
+        (ScreenRules, {"most_bad": -1.0}, "most_bad: expected a number of at least 0, but got -1.0"),
+        (ScreenRules, {"spike_noise": 0.0}, "spike_noise: expected a positive number, but got 0.0"),
+        (ScreenRules, {"overrange": NAN}, "overrange: expected a number of at least 0, but got nan"),
+        (limits, {"minimum_rate_hz": 0.0}, "minimum_rate_hz: expected a positive number, but got 0.0"),
+        (limits, {"stuck_travel": 1.0}, "stuck_travel: expected at least 0 and less than 1, but got 1.0"),
+        (limits, {"least_force_span_n": NAN}, "least_force_span_n: expected zero or a positive number, but got nan"),
+        (limits, {"lowest_pressure_pa": math.inf}, "lowest_pressure_pa: expected a finite number, but got inf"),
+        (limits, {"stroke_m": 0.0}, "stroke_m: expected a positive number, but got 0.0"),
+        (limits, {"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
+        (limits, {"piston_area_m2": 1e-3}, "piston_area_m2 and annulus_area_m2: expected both or neither, but got one"),
+        (
+            limits,
+            {"piston_area_m2": 1e-3, "annulus_area_m2": 2e-3},
+            "expected more than 0 and less than piston_area_m2",
+        ),
+        (ZeroRules, {"method": "standstill"}, "but got 'standstill'"),
+        (ZeroRules, {"method": "window"}, "window_s goes with method window and with no other, but got None"),
+        (ZeroRules, {"method": "found", "window_s": (0.0, 1.0)}, "window_s goes with method window"),
+        (ZeroRules, {"method": "window", "window_s": (3.0, 1.0)}, "window_s must be two times, the first earlier, but"),
+        (ZeroRules, {"band_pa": 0.0}, "band_pa must be a positive number, but got 0.0"),
+        (sensor, {"range": (5.0, 5.0)}, "range must be two different finite numbers, but got (5.0, 5.0)"),
+        (sensor, {"range": (0.0, math.inf)}, "range must be two different finite numbers"),
+        (sensor, {"signal": (4.0,)}, "signal must be two different finite numbers, but got (4.0,)"),
+        (sensor, {"bits": 0}, "bits must be 1 to 32, but got 0"),
+        (sensor, {"accuracy_percent": -0.5}, "accuracy_percent must be 0 to 100 (of full scale), but got -0.5"),
+        (sensor, {"accuracy_percent": 0.5, "zero_uncertainty": -1.0}, "zero_uncertainty must not be negative, but got"),
+        (sensor, {"zero_uncertainty": 0.1}, "zero_uncertainty needs accuracy_percent"),
+        (sensor, {"delay_s": -0.02}, "delay_s must not be negative, but got -0.02"),
+        (CsvOptions, {"delimiter": "ab"}, "delimiter: expected one character, 'whitespace' or 'auto', but got 'ab'"),
+        (CsvOptions, {"decimal": "'"}, "decimal: expected '.', ',' or 'auto', but got"),
+        (CsvOptions, {"encoding": "klingon"}, "encoding: expected one that Python knows"),
+        (CsvOptions, {"header": "two"}, "header: expected one of auto, none, names, names_units, but got 'two'"),
+    ],
+)
+def test_an_impossible_rule_is_refused(rules: Callable[..., object], values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(message)):
+        rules(**values)
