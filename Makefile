@@ -6,11 +6,9 @@ export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
 NOT_SERVED_THERE := --follow-imports silent --exclude 'serving/(processes|worker)'
-FAST := $(addprefix tests/,recordings signals labelling evaluation realtime reporting tuning tracking/test_gate.py \
-	commands/test_cli.py pipeline/test_dvc_yaml.py test_configuration.py test_import_graph.py test_cylinder.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test-benchmark test test-fast lint format params ui serve track performance readme seeds release lock docs live
+.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -57,11 +55,11 @@ benchmark: install ## run the comparison of the literature, then print where its
 test-benchmark: install-dev ## check and test the comparison of the literature: about two minutes on two cores
 	@$(MAKE) --no-print-directory -C benchmark test VENV=$(abspath $(VENV))
 
-test: install-dev ## run all tests: about ten minutes on two cores
-	pytest -n 2
+test: install-dev ## run the tests that a change must pass: about seven minutes on two cores
+	pytest -n 2 -m "not extended"
 
-test-fast: install-dev ## run the tests of what is quick to test: about a minute on two cores
-	pytest -n 2 -m "not slow" --ignore=tests/recordings/formats/test_isolated.py $(FAST)
+test-all: test ## run those and then the extended ones: kills, hangs, clusters, OPC UA, browsers, further pipelines
+	pytest -n 2 -m extended
 
 lint: install-dev ## check style, types, imports and the words
 	ruff format --check src tests performance docs tools examples

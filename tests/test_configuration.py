@@ -43,22 +43,18 @@ def test_params_yaml_is_what_conf_composes(composed: dict[str, Any]) -> None:
     assert written == composed, "run `make params` and commit params.yaml"
 
 
-@pytest.mark.parametrize("recipe", RECIPES)
-def test_every_recipe_composes_and_is_accepted(recipe: str, composed: dict[str, Any]) -> None:
-    assert compose_params(CONF, [f"experiment={recipe}"]) != composed
-
-
 def test_recipes_and_cylinders_register_under_names_of_their_own(content: dict[str, Any]) -> None:
     recipes = [compose_params(CONF, [f"experiment={recipe}"]) for recipe in RECIPES]
+    assert content not in recipes
     content["cylinder"]["name"] = "Parker 80x45 / left"
     names = [check_params(each, "conf").registered_name for each in (compose_params(CONF), *recipes, content)]
     suffixes = ["", *(f"-{recipe}" for recipe in RECIPES), "-parker_80x45_left"]
     assert names == [f"friction-estimator{suffix}" for suffix in suffixes]
 
 
-@pytest.mark.parametrize("choice", CHOICES)
-def test_every_choice_of_every_group_is_accepted(choice: str) -> None:
-    compose_params(CONF, [choice])
+def test_every_choice_of_every_group_is_accepted() -> None:
+    for choice in CHOICES:
+        compose_params(CONF, [choice])
 
 
 def test_the_paper_recipe_searches_table_1_as_published() -> None:
@@ -120,7 +116,9 @@ def test_what_is_wrong_is_refused_by_its_key(content: dict[str, Any], path: str,
 
 def test_a_missing_key_is_named(content: dict[str, Any]) -> None:
     del content["lugre"]["generations"]
-    with pytest.raises(ParamsError, match=r"lugre\.generations: missing; run `cylinder-friction params`.*from conf/"):
+    with pytest.raises(
+        ParamsError, match=r"lugre\.generations: missing; run the command `params` to compose it from conf/"
+    ):
         check_params(content, "params.yaml")
 
 

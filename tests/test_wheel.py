@@ -20,7 +20,7 @@ from pipeline_workspace import PROJECT, commit, environment, run
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 BUILD = "from hatchling.build import build_{kind}; import sys; print(build_{kind}(sys.argv[1]))"
 
 

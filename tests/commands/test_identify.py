@@ -31,7 +31,6 @@ def arguments(tmp_path: Path, cylinder: Cylinder, speeds_m_s: list[float]) -> li
     return ["identify", str(log), *(str(word) for pair in options.items() for word in pair)]
 
 
-@pytest.mark.slow
 def test_parameters_are_printed_with_intervals_and_reasons(
     tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]
 ) -> None:

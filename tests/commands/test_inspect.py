@@ -142,7 +142,6 @@ def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> No
     assert report.endswith("1 file: 1 repaired")
 
 
-@pytest.mark.slow
 def test_every_recording_of_a_folder_has_figures_and_a_verdict(tmp_path: Path, log: pd.DataFrame) -> None:
     random = np.random.default_rng(7)
     for session in range(1, 15):

@@ -23,7 +23,6 @@ def difference(one: HybridEstimator, other: HybridEstimator, recordings: list[Re
     return float(np.mean([np.abs(one.estimate(each) - other.estimate(each)).mean() for each in recordings]))
 
 
-@pytest.mark.slow
 def test_a_student_imitates_the_original(
     small_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path: Path
 ) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 
 
 def comes_true(condition: Callable[[], bool], within_s: float) -> bool:

@@ -160,7 +160,6 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rows", [2_000, 7_777, 20_000])
 @pytest.mark.parametrize("file_format", ["parquet", "csv"])
 def test_a_log_in_parts_has_the_friction_of_the_whole(
@@ -181,7 +180,6 @@ def test_a_log_in_parts_has_the_friction_of_the_whole(
     assert replace(entry, friction_n=None) == replace(whole_entry, friction_n=None)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rows", [2_000, 20_000])
 @pytest.mark.parametrize("lag_s", [0.0, 0.1])
 def test_a_model_runs_over_parts_as_over_the_whole(
@@ -199,7 +197,6 @@ def test_a_model_runs_over_parts_as_over_the_whole(
     pd.testing.assert_frame_equal(parts.drop(columns="label_n"), whole.drop(columns="label_n"), check_exact=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("load", ["none", "position"])
 def test_what_a_long_recording_shows_is_found_from_an_excerpt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long_log: Path, cylinder: Cylinder, load: LoadMode

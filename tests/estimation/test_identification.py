@@ -45,7 +45,6 @@ def model_of(result: FrictionModels, name: str) -> IdentifiedModel:
     return next(model for model in result.models if model.name == name)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["coulomb_n", *SLOW, "viscous_n_s_m", "retract_ratio", "pressure_slope_n_pa"])
 def test_a_known_parameter_lies_in_its_interval(result: FrictionModels, name: str) -> None:
     parameter = next(each for each in model_of(result, "pressure_lugre").parameters if each.name == name)
@@ -54,7 +53,6 @@ def test_a_known_parameter_lies_in_its_interval(result: FrictionModels, name: st
     assert parameter.interval[1] < 1.5 * parameter.interval[0]
 
 
-@pytest.mark.slow
 def test_the_model_follows_the_label(result: FrictionModels) -> None:
     found = model_of(result, "pressure_lugre").found
     assert found is not None
@@ -62,7 +60,6 @@ def test_the_model_follows_the_label(result: FrictionModels) -> None:
     assert found.parameters.value("bristle_stiffness_n_m") == pytest.approx(2e6, rel=0.2)
 
 
-@pytest.mark.slow
 def test_every_point_and_the_reason_of_a_refusal_are_in_the_file(result: FrictionModels, folder: Path) -> None:
     content = json.loads((folder / "friction_models.json").read_text())
     points = content["stribeck"]["1"]["points"]
@@ -76,14 +73,12 @@ def test_every_point_and_the_reason_of_a_refusal_are_in_the_file(result: Frictio
     assert "damping ratio of 0.5, which is assumed" in damping["note"]
 
 
-@pytest.mark.slow
 def test_the_page_shows_curve_parameters_and_time(result: FrictionModels, folder: Path) -> None:
     page = (folder / "friction_models.html").read_text(encoding="utf-8")
     for words in ("Stribeck curve", "LuGre, pressure-scaled", "viscous coefficient", 'id="recording-2"', "broken.csv"):
         assert words in page
 
 
-@pytest.mark.slow
 def test_the_files_hold_what_was_identified(result: FrictionModels, folder: Path) -> None:
     for model in result.models:
         record = (folder / f"{model.name}.mo").read_text(encoding="utf-8")
@@ -99,7 +94,6 @@ def test_the_files_hold_what_was_identified(result: FrictionModels, folder: Path
                 assert float(in_record[1]) == float(in_script[1]) == pytest.approx(each.value, rel=1e-8)
 
 
-@pytest.mark.slow
 def test_without_slow_sliding_and_other_loads_the_rest_is_stated(tmp_path: Path, cylinder: Cylinder) -> None:
     """Strokes from 20 mm/s on under one great load: no static friction, no law of pressure."""
     speeds = [*np.geomspace(0.02, 0.2, 9)] * 2

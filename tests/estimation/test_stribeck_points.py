@@ -30,7 +30,7 @@ def extending(points: tuple[StribeckPoint, ...]) -> StribeckPoint:
     return next(point for point in points if point.velocity_m_s > 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     generator, held, repeats = np.random.default_rng(0), 0, 200
     for _ in range(repeats):

@@ -21,7 +21,6 @@ def wide(hybrid: HybridEstimator, half_width_n: float) -> HybridEstimator:
     return other
 
 
-@pytest.mark.slow
 def test_shares_are_counted_by_condition_and_session(
     small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
 ) -> None:
@@ -49,7 +48,6 @@ def test_shares_are_counted_by_condition_and_session(
     assert metrics["held_by_bounds_percent/condition_all"] == found["truth", "all"].held_percent
 
 
-@pytest.mark.slow
 def test_without_bounds_there_is_nothing_to_count(
     small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
 ) -> None:

@@ -49,7 +49,7 @@ with loopback_cluster(Path(sys.argv[1]), 1) as started, Cluster(started.address)
     time.sleep(600.0)
 """
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 
 
 @pytest.fixture(scope="module")

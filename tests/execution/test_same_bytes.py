@@ -25,7 +25,7 @@ from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label
 from logger_files import CHANNELS, write_log
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 CONF = Path(__file__).parents[2] / "conf"
 
 

@@ -25,14 +25,12 @@ def test_one_worker_does_all_in_order() -> None:
     assert list(Workers().do_all([partial(twice, n) for n in range(3)])) == [(0, 0), (1, 2), (2, 4)]
 
 
-@pytest.mark.slow
 def test_two_workers_do_the_same() -> None:
     with Processes(2) as workers:
         for _ in range(2):
             assert sorted(workers.do_all([partial(twice, n) for n in range(5)])) == [(n, 2 * n) for n in range(5)]
 
 
-@pytest.mark.slow
 def test_a_process_that_dies_costs_its_own_piece() -> None:
     pieces = [partial(die if n == 1 else slow_if_first, n) for n in range(4)]
     with Processes(2) as workers:
@@ -41,7 +39,6 @@ def test_a_process_that_dies_costs_its_own_piece() -> None:
     assert done == {0: 0, 2: 2, 3: 3}
 
 
-@pytest.mark.slow
 def test_an_interrupt_ends_what_is_running() -> None:
     started_s = time.monotonic()
 
@@ -56,7 +53,6 @@ def test_an_interrupt_ends_what_is_running() -> None:
     assert not multiprocessing.active_children()
 
 
-@pytest.mark.slow
 def test_every_process_has_one_thread_and_this_one_its_own_settings(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(ONE_THREAD[0], "4")
     monkeypatch.delenv(ONE_THREAD[1], raising=False)

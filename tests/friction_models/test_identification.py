@@ -162,7 +162,7 @@ def test_the_same_seed_finds_the_same_bits(cylinder: Cylinder, plain_recordings:
     assert first == second
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_intervals_hold_the_truth_about_as_often_as_they_say(cylinder: Cylinder) -> None:
     """Where the model is right, 80 % intervals of Coulomb friction, viscosity and ratio hold it most of the time."""
     truth = lugre_to_find(cylinder.moving_mass_kg)

@@ -33,7 +33,7 @@ def test_load_and_friction_of_a_boom_are_found() -> None:
     assert min(found.strokes_extend, found.strokes_retract) >= 7
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_scatter_covers_the_error_as_often_as_it_says() -> None:
     """Without asymmetry the error of the load is what strokes scatter: about 95 % within two standard deviations."""
     inside = []
@@ -179,7 +179,6 @@ def rig_sessions(cylinder: Cylinder) -> dict[str, list[RigRecording]]:
     return sessions
 
 
-@pytest.mark.slow
 def test_a_rig_that_carries_a_boom_tells_its_load(
     cylinder: Cylinder, rig_sessions: dict[str, list[RigRecording]]
 ) -> None:

@@ -134,7 +134,7 @@ def test_rest_after_a_stroke_shows_nothing(tracker: OffsetTracker, offset_record
     assert state[MEANS] == pytest.approx(before, abs=0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_zeros_that_drift_are_followed_faster(cylinder: Cylinder, offset_recordings: list[Recording]) -> None:
     drifting = []
     for number, recording in enumerate(offset_recordings):

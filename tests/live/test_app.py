@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
     from cylinder_friction.estimators.hybrid import HybridEstimator
 
-pytestmark = pytest.mark.slow
 KILLED_AFTER_S = {1: 0.0, 2: 0.9, 3: 1.4}
 """After which turns the service is killed, and how long after: before samples are kept, while they are, later."""
 OPEN = {"session": "by hand", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}

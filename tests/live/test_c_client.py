@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SOURCE = Path(__file__).parents[2] / "examples" / "c" / "live_client.c"
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.extended,
     pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed"),
 ]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.extended,
     pytest.mark.skipif(shutil.which("prometheus") is None, reason="prometheus is not installed"),
 ]
 NOWHERE = {"opcua_client": {"url": "opc.tcp://127.0.0.1:1", "sources": [{"session": "nobody", "samples": "i=1"}]}}

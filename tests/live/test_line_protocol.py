@@ -146,7 +146,7 @@ def test_without_a_database_the_oldest_rows_are_dropped_and_counted(
     assert link.counts["rows"] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.skipif(shutil.which("influxd") is None, reason="influxdb is not installed")
 def test_influxdb_takes_the_lines(
     engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path

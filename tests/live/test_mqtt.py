@@ -103,7 +103,7 @@ def test_a_cut_between_service_and_broker_needs_no_second_opening(
 
 
 @needs_broker
-@pytest.mark.slow
+@pytest.mark.extended
 def test_a_service_that_is_killed_loses_nothing(
     small_hybrid: HybridEstimator, samples: Array, model: Path, tmp_path: Path, broker: Mosquitto
 ) -> None:

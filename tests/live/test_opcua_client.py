@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from cylinder_friction.live.frames import EstimateBlock
     from cylinder_friction.live.service import LiveSession
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 FIRST = 340_000_000_000
 """Index of a sample of the year 2023, by its time."""
 INPUTS = {name: f"ns=2;s={name}" for name in ("pressure_1_pa", "pressure_2_pa", "position_m")}

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.live.engine import Engine
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 BEGAN_S = 1.7e9
 PATIENCE_S = 120.0
 """Its process gives way to whatever else runs: on a busy machine it takes long to start."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.live.engine import Engine
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow]
+pytestmark = [pytest.mark.extended]
 
 RESULTS = {
     "search": ("models/search",),

@@ -23,7 +23,7 @@ MODEL = "friction-estimator-smoke"
 PATIENCE_MS = 30_000
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.extended,
     pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package"),
 ]
 

@@ -20,8 +20,6 @@ from pipeline_workspace import MAKE, PROJECT, copy_of, environment, run, run_her
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow]
-
 RUN_IN_A_FINISHED_PIPELINE = {
     "make readme": "",
     "cylinder-friction estimate data/raw/rig/condition1_session01_recording01.csv": "friction/friction.html",

@@ -17,8 +17,6 @@ from pipeline_workspace import MAKE, PROJECT, commit, copy_of, run, run_here
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow]
-
 MODEL = "friction-estimator-smoke"
 TIMED = {"reports/timings.json", "reports/report.html", "reports/runs/compare.json"}
 
@@ -43,6 +41,7 @@ def test_a_second_repro_runs_nothing(finished_pipeline: Path) -> None:
     assert "up to date" in done.stdout
 
 
+@pytest.mark.extended
 def test_the_campaign_of_the_same_seed_gives_the_same_bit_for_bit(finished_pipeline: Path, tmp_path: Path) -> None:
     stages = yaml.safe_load((finished_pipeline / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     seed = yaml.safe_load((finished_pipeline / "params.yaml").read_text(encoding="utf-8"))["record"]["seed"]

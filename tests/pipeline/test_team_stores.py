@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from subprocess import CompletedProcess
 
-pytestmark = [pytest.mark.slow]
+pytestmark = [pytest.mark.extended]
 
 AGAIN = ("search", "register")
 """The stages that work with the stores themselves; what the others make does not depend on them."""

@@ -95,7 +95,7 @@ def written(path: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> Path:
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("change", "more", "tolerance"),
     [

@@ -66,7 +66,6 @@ def bare_page(bare):
     return report_html(bare, ReportInputs({}, {}, {}, {}, None, [], [], []))
 
 
-@pytest.mark.slow
 def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
     figures = all_figures(analysis)
     assert set(figures) == {
@@ -90,21 +89,18 @@ def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
         assert b"Software" not in content
 
 
-@pytest.mark.slow
 def test_without_truth_there_is_no_truth_figure_and_the_report_says_so(bare, bare_page):
     assert "errors_by_condition_truth" not in all_figures(bare)
     assert "True friction is not known for these recordings." in bare_page
     assert "Label audit" not in bare_page
 
 
-@pytest.mark.slow
 def test_the_report_states_what_the_bounds_hold(page, bare_page):
     assert "Worst session" in page
     assert all(number in page for number in ("90.2", "86.5", "81.8", "s-t1_2", "42.5"))
     assert "Worst session" not in bare_page
 
 
-@pytest.mark.slow
 def test_the_report_shows_the_sensors_offsets_and_what_knowing_them_is_worth(page, bare_page):
     assert all(
         words in page for words in ("Sensor offsets", "20 / 30", "7.2", "Cold [% of mean |true friction|]", "1.25")
@@ -151,7 +147,7 @@ def test_the_report_holds_its_tables_figures_and_words(page, analysis):
     assert f"{percent:.2f} %" in page
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package")
 def test_a_browser_draws_it_wide_and_narrow(tmp_path, page):
     from playwright.sync_api import sync_playwright
@@ -176,7 +172,6 @@ def test_a_browser_draws_it_wide_and_narrow(tmp_path, page):
         browser.close()
 
 
-@pytest.mark.slow
 def test_text_from_recordings_cannot_break_the_page(bare_page):
     assert "&lt;/script&gt;&lt;b&gt;" in bare_page
     assert "</script><b>" not in bare_page.replace(PLOTLY, "")
@@ -188,7 +183,6 @@ def test_the_audit_shows_all_conditions_at_once_first_and_each_in_a_fold(page):
     assert audit.index("9.00") < audit.index("<details>") < audit.index("77.25")
 
 
-@pytest.mark.slow
 def test_where_an_estimator_equals_the_label_the_report_warns_and_shows_none_of_its_residuals(compared, curves, page):
     comparison = compared(force_balance_paper=0.0, paper_hybrid=3.0, hybrid=1.0, lugre=40.0)
     shown = report_html(

@@ -78,7 +78,7 @@ def test_eight_seeds_are_eight_clearly_different_rigs(drawn: list[RigParameters]
     assert apart.min() > 0.4, "some parameter differs by half between any two of them"
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_fifty_of_them_work(cylinder: Cylinder) -> None:
     mean_n, speeds = [], []
     for seed in range(50):

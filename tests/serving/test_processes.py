@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["champion_root", "golden_model"]
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 ROW = {"columns": ["pressure_1_pa", "pressure_2_pa", "position_m"], "data": [[1.2e6, 9.1e5, 0.12]]}
 PATIENCE_S = 60.0
 JSON = {"Content-Type": "application/json"}

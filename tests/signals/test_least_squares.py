@@ -48,7 +48,7 @@ def test_savitzky_golay_taps_are_those_of_the_fit(window: int, order: int, deriv
     np.testing.assert_allclose(taps, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_digits_do_not_depend_on_the_kernel_that_blas_chooses() -> None:
     digits = []
     for kernel in ("Haswell", "Sandybridge", "Nehalem"):

@@ -184,7 +184,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory, written_pipeline: Path) -> 
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.parametrize("at", KILLED_AT)
 def test_a_kill_ends_in_the_same_file_and_nothing_twice(
     killed: Path, at: str, uninterrupted: str, monkeypatch: pytest.MonkeyPatch

@@ -296,7 +296,6 @@ def test_an_origin_that_dvc_does_not_know_is_refused(pipeline: Path) -> None:
         origin_of(pipeline, "data/raw/rig", PROCESSED)
 
 
-@pytest.mark.slow
 def test_hashes_are_those_of_dvc(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     for name, text in {"b.csv": "2", "a/z.csv": "1", "a-b.csv": "3", "a/é.csv": "4", "a.csv": "5"}.items():

@@ -16,7 +16,7 @@ from team_servers import server_on
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.extended
 
 
 @pytest.mark.parametrize("roles", [("better", "worse"), ("worse", "better")])

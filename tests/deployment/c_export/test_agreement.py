@@ -158,7 +158,6 @@ def test_a_forest_streams_what_it_estimates(
     np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[1]), rtol=0.0, atol=DOUBLE_N)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", [LugreEstimator, PressureLugreEstimator])
 @pytest.mark.parametrize(
     "inputs",
@@ -179,7 +178,7 @@ def test_lugre_streams_what_it_estimates(
     np.testing.assert_allclose(newtons[:, 0], estimator.estimate(warm[0]), rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_an_hour_agrees(
     compiled: Callable[..., CompiledEstimator], golden_model: StepModel, trajectories: dict[str, np.ndarray]
 ) -> None:

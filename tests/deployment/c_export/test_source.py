@@ -156,7 +156,7 @@ def test_nothing_is_kept_outside_the_state_and_nothing_is_needed_but_libm(
     } | functions
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.parametrize("name", COMPILERS)
 @pytest.mark.parametrize("precision", ["double", "float"])
 @pytest.mark.parametrize("shape", ["whole", "hidden_only", "forest_alone", "learning"])
@@ -186,7 +186,7 @@ def test_it_is_clean_under_sanitizers(
     assert "nan" not in printed
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.parametrize(("name", "report"), [("gcc", "-fopt-info-vec"), ("clang", "-Rpass=loop-vectorize")])
 def test_it_vectorises(name: str, report: str, golden_model: StepModel, tmp_path: Path) -> None:
     exported = export_model(golden_model, tmp_path)

@@ -175,7 +175,7 @@ def test_sanitizers_find_nothing(exported: ExportedFmu, opened: ExtractedFmu, tm
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 def test_fmpy_builds_the_binary_from_the_sources(
     exported: ExportedFmu, opened: ExtractedFmu, tmp_path: Path, samples: list[tuple[float, float, float]]

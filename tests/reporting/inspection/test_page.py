@@ -75,7 +75,7 @@ def test_equal_input_makes_equal_bytes(
     assert (tmp_path / "page.html").read_bytes() == written.read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_thirty_files_of_a_minute_have_all_figures_in_less_than_5_megabytes(
     tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
@@ -198,7 +198,7 @@ def test_an_unknown_filter_is_refused(labeller: Labeller, filters: Filters) -> N
         Panes(labeller, filters, "median")
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 @pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package")
 def test_a_browser_draws_every_figure_without_an_error_and_filters_the_table(tmp_path: Path, written: Path) -> None:
     from playwright.sync_api import sync_playwright
