@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cylinder_friction.commands.params import CONF, composed
+from cylinder_friction.evaluation.inspection.files import inspect_files
+from cylinder_friction.labelling.known_offset import known_offsets
 from cylinder_friction.labelling.sensor_offset import LOADED
 from cylinder_friction.params.checking import Params, ParamsError, check_params, load_params
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.reporting.inspection.files import inspect_files
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Panes
-from cylinder_friction.reporting.inspection.sensor_offsets import known_offsets
 from cylinder_friction.reporting.inspection.text import text_report
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages.ingest import recipe_from

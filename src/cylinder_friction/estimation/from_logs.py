@@ -15,10 +15,18 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.execution.workers import Died, Work, Workers
+from cylinder_friction.labelling.known_offset import (
+    STROKES,
+    KnownOffset,
+    OffsetEvidence,
+    known_offsets,
+    offset_evidence,
+)
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan
 from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
@@ -30,14 +38,6 @@ from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.recordings.storage import write_parts, write_recording
 from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
-from cylinder_friction.reporting.inspection.friction_view import holds_load, up_and_down
-from cylinder_friction.reporting.inspection.sensor_offsets import (
-    STROKES,
-    KnownOffset,
-    OffsetEvidence,
-    known_offsets,
-    offset_evidence,
-)
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.noise import noise_deviation

@@ -23,16 +23,16 @@ from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identi
 from cylinder_friction.estimation.velocity_choice import FITS_ALIKE, LEAST_SHARE, widened_intervals
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
+from cylinder_friction.friction_models.identification.known_curve import undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.files import write_json, write_text
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import ResultFolder
-from cylinder_friction.reporting.inspection.known_curve import undetermined
-from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset
 from cylinder_friction.signals.motion import STEADY_DURATION_S
 from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures

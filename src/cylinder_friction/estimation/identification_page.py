@@ -12,13 +12,15 @@ from cylinder_friction.estimation.identified_model import IdentifiedModel, Ident
 from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve
 from cylinder_friction.friction_models.identification.steady_points import StribeckPoint
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
+from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
-from cylinder_friction.reporting.page import PLOTTED, Cell, Table, four_digits, page_html
+from cylinder_friction.reporting.offset_table import offset_table
+from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES, interactive
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
+from cylinder_friction.wording import four_digits
 
 MM_PER_M = 1e3
 CURVE_POINTS = 200

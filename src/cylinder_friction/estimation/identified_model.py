@@ -12,7 +12,7 @@ from cylinder_friction.friction_models.identification.procedure import Identific
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.friction_models.parameters import ParameterSpec
-from cylinder_friction.reporting.page import four_digits
+from cylinder_friction.wording import four_digits
 
 SYMBOLS = {
     "coulomb_n": "Fc",

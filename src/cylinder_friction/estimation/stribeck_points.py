@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cylinder_friction.friction_models.identification.known_curve import is_breakaway_known, known_curve
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
     StribeckPoint,
@@ -14,7 +15,6 @@ from cylinder_friction.friction_models.identification.steady_points import (
 from cylinder_friction.friction_models.parameters import STRIBECK_EXPONENT
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.known_curve import is_breakaway_known, known_curve
 from cylinder_friction.signals.motion import steady_rows
 
 SLOW_PARAMETERS = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")

@@ -8,17 +8,18 @@ import numpy as np
 import plotly.graph_objects as go
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.friction_figures import against_velocity, compared
-from cylinder_friction.reporting.inspection.friction_view import view_of_labelled
 from cylinder_friction.reporting.inspection.recording_pane import (
     calculated_panels,
     measured_panels,
     stribeck_table,
 )
-from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_table
+from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import Cell, Table, page_html
 from cylinder_friction.reporting.style import GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time

@@ -17,6 +17,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from cylinder_friction.reporting.style import svg_text
+from cylinder_friction.wording import four_digits
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -86,11 +87,6 @@ class Table:
 
         rule = "|---|" + "---:|" * (len(self.head) - 1)
         return "\n".join([line(self.head_cells), rule, *(line(row) for row in self.cells)]) + "\n"
-
-
-def four_digits(value: float) -> str:
-    """Return a number with four digits and no power of ten in between."""
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
 
 
 def page_html(template: str, package: str = __package__, **context: Any) -> str:

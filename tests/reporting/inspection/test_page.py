@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.evaluation.inspection.subject import Inspected
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.recording_pane import Panes
-from cylinder_friction.reporting.inspection.subject import Inspected
+from inspected_recordings import made_panes, made_strokes, stated, write_page_of
 from packed_pages import unpacked
-
-from .conftest import made_panes, made_strokes, stated, write_page_of
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from cylinder_friction.evaluation.inspection.subject import Inspected
 from cylinder_friction.recordings.checks.finding import Finding
-from cylinder_friction.reporting.inspection.subject import Inspected
 from cylinder_friction.reporting.inspection.text import text_report
 
 RATE = Finding("rate", "ok", "200 Hz throughout")

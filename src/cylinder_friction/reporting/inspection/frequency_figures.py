@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.evaluation.inspection.filter_costs import FilterCost
+from cylinder_friction.evaluation.inspection.friction_view import FrictionView
+from cylinder_friction.evaluation.inspection.spectra import spectrum
 from cylinder_friction.recordings.columns import DRIVE_FORCE
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.filter_costs import FilterCost
-from cylinder_friction.reporting.inspection.friction_view import FrictionView
-from cylinder_friction.reporting.inspection.spectra import spectrum
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES, interactive
 from cylinder_friction.signals.smooth_signals import has_pressures
 

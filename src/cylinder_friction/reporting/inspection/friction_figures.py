@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.evaluation.inspection.friction_view import FrictionView
+from cylinder_friction.evaluation.inspection.sliding_friction import WAYS, MeanFriction
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, StribeckPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-from cylinder_friction.reporting.inspection.friction_view import FrictionView
-from cylinder_friction.reporting.inspection.sliding_friction import WAYS, MeanFriction
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, SERIES, interactive
 from cylinder_friction.reporting.time_figure import compact, spread_evenly
 

@@ -8,24 +8,25 @@ from typing import Any
 
 import numpy as np
 
+from cylinder_friction.evaluation.inspection.filter_costs import FilterCost, filter_costs
+from cylinder_friction.evaluation.inspection.friction_view import FrictionView, friction_view
+from cylinder_friction.evaluation.inspection.sliding_friction import MeanFriction, friction_finding, sliding_friction
+from cylinder_friction.evaluation.inspection.subject import Inspected, worst_first
+from cylinder_friction.friction_models.identification.known_curve import is_breakaway_known
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sensor_offset import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.reporting.inspection.filter_costs import FilterCost, filter_costs
 from cylinder_friction.reporting.inspection.frequency_figures import spectra
 from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
-from cylinder_friction.reporting.inspection.friction_view import FrictionView, friction_view
-from cylinder_friction.reporting.inspection.known_curve import is_breakaway_known
-from cylinder_friction.reporting.inspection.sensor_offsets import OffsetEvidence, offset_evidence
-from cylinder_friction.reporting.inspection.sliding_friction import MeanFriction, friction_finding, sliding_friction
-from cylinder_friction.reporting.inspection.subject import Inspected, worst_first
-from cylinder_friction.reporting.page import Cell, Table, four_digits, packed, page_html
+from cylinder_friction.reporting.page import Cell, Table, packed, page_html
 from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 from cylinder_friction.signals.methods import windows_at
 from cylinder_friction.signals.smooth_signals import SignalFilter
+from cylinder_friction.wording import four_digits
 
 FULL_DETAIL, LEAST_DETAIL = 6, 0.05
 """So many files are drawn with all points; of more, each gets fewer, but no less than this share."""

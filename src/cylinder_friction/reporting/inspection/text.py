@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
-from cylinder_friction.reporting.inspection.sensor_offsets import KnownOffset, offset_lines
-from cylinder_friction.reporting.inspection.subject import OUTCOMES, Inspected, count_outcomes
+from cylinder_friction.evaluation.inspection.subject import OUTCOMES, Inspected, count_outcomes
+from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.reporting.offset_table import offset_lines
 
 
 def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.evaluation.inspection.spectra import spectrum
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.spectra import spectrum
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.motion import LEAST_STANDSTILL_S, noise_rms, standstill_rows
 from cylinder_friction.signals.rts import RtsSmoother

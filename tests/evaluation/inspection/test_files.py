@@ -10,14 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
-from cylinder_friction.reporting.inspection.files import inspect_files
-
-from .conftest import made_panes, made_strokes
+from inspected_recordings import made_panes, made_strokes
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.evaluation.inspection.friction_view import friction_view
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.reporting.inspection.friction_view import friction_view
-
-from .conftest import made_strokes
+from inspected_recordings import made_strokes
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

@@ -7,14 +7,15 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.evaluation.inspection.filter_costs import pulse_responses
+from cylinder_friction.friction_models.identification.known_curve import known_curve
 from cylinder_friction.friction_models.identification.steady_points import StribeckPoint, steady_sliding_by_speed
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.filter_costs import pulse_responses
-from cylinder_friction.reporting.inspection.known_curve import known_curve
 from cylinder_friction.signals.motion import direction_of_motion, noise_rms, standstill_rows
 from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import (
@@ -28,12 +29,6 @@ from cylinder_friction.signals.smooth_signals import (
 
 NOISE_MULTIPLE = 4.0
 """Slower than so many standard deviations of the velocity's noise is standstill."""
-
-POSITION_BINS = 30
-LEAST_ROWS_A_BIN = 10
-
-LOAD_SHARE = 0.5
-"""A force that does not turn with the direction and is above this share of the one that does is a load."""
 
 PRESSURE_FORCE = "P1·A1 - P2·A2"
 MEASURED_FORCE = "drive force"
@@ -144,35 +139,6 @@ def view_of_labelled(
 def _noise_of_sensor(position_m: Array, sample_time_s: float, method: SignalFilter) -> float:
     """Return what the position sensor's noise leaves in the velocity [m/s]."""
     return sensor_noise(position_m) * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
-
-
-def holds_load(load_n: float, half_difference_n: float) -> bool:
-    """Return whether a force holds a load, from what ``up_and_down`` gives; False where that is not known."""
-    return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
-
-
-def up_and_down(
-    position_m: Array, velocity_m_s: Array, friction_n: Array, usable: NDArray[np.bool_], slowest_m_s: float
-) -> tuple[float, float]:
-    """Return half the sum and half the difference of the force up and down at equal positions, medians [N].
-
-    A force that depends on position alone, such as a load's weight, is in the sum and not in the difference.
-    """
-    up, down = usable & (velocity_m_s > slowest_m_s), usable & (velocity_m_s < -slowest_m_s)
-    if not up.any() or not down.any():
-        return float("nan"), float("nan")
-    edges = np.linspace(float(position_m[usable].min()), float(position_m[usable].max()), POSITION_BINS + 1)
-    numbers = np.clip(np.digitize(position_m, edges) - 1, 0, POSITION_BINS - 1)
-    halves = []
-    for number in range(POSITION_BINS):
-        here = numbers == number
-        if min((here & up).sum(), (here & down).sum()) >= LEAST_ROWS_A_BIN:
-            extending, retracting = np.median(friction_n[here & up]), np.median(friction_n[here & down])
-            halves.append((0.5 * (extending + retracting), 0.5 * (extending - retracting)))
-    if not halves:
-        return float("nan"), float("nan")
-    load_n, half_difference_n = np.median(np.array(halves), axis=0)
-    return float(load_n), float(half_difference_n)
 
 
 def _assumed(recording: Recording, labeller: Labeller, load: str) -> tuple[str, ...]:

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.labelling.sensor_offset import OffsetPlan, zero_uncertainty_n
-from cylinder_friction.reporting.inspection.friction_view import friction_view
-from cylinder_friction.reporting.inspection.sliding_friction import (
+from cylinder_friction.evaluation.inspection.friction_view import friction_view
+from cylinder_friction.evaluation.inspection.sliding_friction import (
     friction_finding,
     sliding_friction,
     stroke_half_width,
 )
-
-from .conftest import made_strokes, stated
+from cylinder_friction.labelling.sensor_offset import OffsetPlan, zero_uncertainty_n
+from inspected_recordings import made_strokes, stated
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder

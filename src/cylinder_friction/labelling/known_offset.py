@@ -1,4 +1,4 @@
-"""The offset of the sensors' zeros in each session that is inspected, and what it was identified from.
+"""The offset of the sensors' zeros in each session of logger files, and what it was identified from.
 
 Nothing is stated beyond what the recordings determine: sensors zeroed on a vented interval, strokes in both directions
 (``labelling.sensor_offset``), or the stated uncertainty alone, with the reason why it is no less.
@@ -21,7 +21,7 @@ from cylinder_friction.labelling.sensor_offset import (
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.reporting.page import Cell, Table, four_digits
+from cylinder_friction.wording import four_digits
 
 VENTED, STROKES, STATED, NOTHING = "vented interval", "strokes in both directions", "stated uncertainty", "nothing"
 """What an offset, or its uncertainty, is known from."""
@@ -153,28 +153,3 @@ def _undetermined(found: SessionOffset) -> str:
         "strokes in both directions narrow it no further, as friction may be as asymmetric as it is large; inspect "
         "several sessions of the cylinder together"
     )
-
-
-def offset_lines(offsets: Sequence[KnownOffset]) -> list[str]:
-    """Return the lines of the printed report, one per session below a head."""
-    width, space = (max(len(getattr(each, name)) for each in offsets) for name in ("session", "value"))
-    lines = [f"  {each.session:<{width}}  {each.value:<{space}}  {each.source}: {each.words}" for each in offsets]
-    return ["offset of the sensors' zeros by session, as friction (k = 2)", *lines]
-
-
-def offset_table(offsets: Sequence[KnownOffset]) -> Table:
-    """Return one row per session."""
-    rows: list[list[str | Cell]] = [
-        [
-            each.session,
-            *(
-                Cell(f"{number:.1f}", value=number) if math.isfinite(number) else Cell("–", style="none")
-                for number in (each.offset_n, each.uncertainty_n, each.stated_n)
-            ),
-            each.source,
-            Cell(each.words, style="words"),
-        ]
-        for each in offsets
-    ]
-    head = ("session", "offset [N]", "± [N]", "stated ± [N]", "known from", "how")
-    return Table(head, rows, words=(4, 5), style="stacked")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.reporting.inspection.spectra import spectrum
+from cylinder_friction.evaluation.inspection.spectra import spectrum
 
 
 def test_the_floor_of_white_noise_is_its_density() -> None:

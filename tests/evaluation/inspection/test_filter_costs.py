@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.evaluation.inspection.filter_costs import filter_costs, pulse_responses
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.filter_costs import filter_costs, pulse_responses
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def test_every_twin_for_real_time_is_there_and_is_called_causal(strokes: Recordi
 
 
 def test_what_is_called_causal_never_answers_before_the_pulse(strokes: Recording, filters: Filters) -> None:
-    from cylinder_friction.reporting.inspection.filter_costs import with_causal_twins
+    from cylinder_friction.evaluation.inspection.filter_costs import with_causal_twins
 
     linear = {name: method for name, method in filters.items() if method.linear}
     for method, causal in with_causal_twins(linear).values():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, window_hashes
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
@@ -17,7 +18,6 @@ from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import PathNames, name_of
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.timeline.aligning import align
-from cylinder_friction.reporting.inspection.subject import Inspected, worst
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:

@@ -1,0 +1,41 @@
+"""Friction extending and retracting at equal positions: half the difference is friction, half the sum a load."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array
+
+POSITION_BINS = 30
+LEAST_ROWS_A_BIN = 10
+
+LOAD_SHARE = 0.5
+"""A force that does not turn with the direction and is above this share of the one that does is a load."""
+
+
+def holds_load(load_n: float, half_difference_n: float) -> bool:
+    """Return whether a force holds a load, from what ``up_and_down`` gives; False where that is not known."""
+    return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
+
+
+def up_and_down(
+    position_m: Array, velocity_m_s: Array, friction_n: Array, usable: NDArray[np.bool_], slowest_m_s: float
+) -> tuple[float, float]:
+    """Return half the sum and half the difference of the force up and down at equal positions, medians [N].
+
+    A force that depends on position alone, such as a load's weight, is in the sum and not in the difference.
+    """
+    up, down = usable & (velocity_m_s > slowest_m_s), usable & (velocity_m_s < -slowest_m_s)
+    if not up.any() or not down.any():
+        return float("nan"), float("nan")
+    edges = np.linspace(float(position_m[usable].min()), float(position_m[usable].max()), POSITION_BINS + 1)
+    numbers = np.clip(np.digitize(position_m, edges) - 1, 0, POSITION_BINS - 1)
+    halves = []
+    for number in range(POSITION_BINS):
+        here = numbers == number
+        if min((here & up).sum(), (here & down).sum()) >= LEAST_ROWS_A_BIN:
+            extending, retracting = np.median(friction_n[here & up]), np.median(friction_n[here & down])
+            halves.append((0.5 * (extending + retracting), 0.5 * (extending - retracting)))
+    if not halves:
+        return float("nan"), float("nan")
+    load_n, half_difference_n = np.median(np.array(halves), axis=0)
+    return float(load_n), float(half_difference_n)
