@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-START_S = 60.0
+START_S = 300.0
 
 
 @contextmanager
@@ -37,7 +37,7 @@ def running(
         poll_s: How often it is looked whether it is ready [s].
 
     Raises:
-        RuntimeError: It ended while it started, or is not ready after a minute.
+        RuntimeError: It ended while it started, or is not ready after five minutes.
     """
     folder.mkdir(parents=True, exist_ok=True)
     config = folder / "live.yaml"

@@ -26,7 +26,10 @@ from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.versions import dvc_hash
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
     from pathlib import Path
+
+    from playwright.sync_api import Page
 
     from cylinder_friction.realtime.model import StepModel
 
@@ -151,6 +154,27 @@ def small_hybrid(cylinder: Cylinder, labelled_recordings: list[Recording]) -> Hy
 @pytest.fixture(scope="session")
 def small_model(small_hybrid: HybridEstimator) -> StepModel:
     return small_hybrid.step_model()
+
+
+@pytest.fixture
+def new_page() -> Iterator[Callable[..., Page]]:
+    """Return what opens a page of the system's Chromium, of a width and a height; a page waits two minutes."""
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.skip("chromium is not installed")
+    from playwright.sync_api import sync_playwright
+
+    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=arguments)
+
+        def open_page(width: int = 1400, height: int = 900) -> Page:
+            page = browser.new_page(viewport={"width": width, "height": height})
+            page.set_default_timeout(120_000)
+            return page
+
+        yield open_page
+        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -149,7 +149,7 @@ def by_hand(broker: Mosquitto, *topics: str) -> Iterator[tuple[PahoClient, queue
     client.subscribe([(topic, 1) for topic in topics])
     client.loop_start()
     try:
-        assert ready.wait(10.0)
+        assert ready.wait(60.0)
         yield client, got
     finally:
         client.disconnect()

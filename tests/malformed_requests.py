@@ -73,7 +73,7 @@ class Server:
         headers: Mapping[str, str] | None = None,
     ) -> Reply:
         """Send one request; what is neither bytes nor an iterator of them goes as JSON."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30.0)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120.0)
         if body is not None and not isinstance(body, bytes) and not hasattr(body, "__next__"):
             body = json.dumps(body).encode()
         named = {"Content-Type": content_type} if content_type is not None else {}
@@ -88,7 +88,7 @@ class Server:
 
     def send(self, text: bytes) -> Reply:
         """Send bytes as they are; no further ones follow."""
-        with socket.create_connection(("127.0.0.1", self.port), 30.0) as connection:
+        with socket.create_connection(("127.0.0.1", self.port), 120.0) as connection:
             connection.sendall(text)
             response = http.client.HTTPResponse(connection)
             response.begin()

@@ -25,7 +25,7 @@ from cylinder_friction.network.ports import free_port
 
 HOST = "127.0.0.1"
 ADMIN = "admin"
-_PATIENCE_S = 60.0
+_PATIENCE_S = 300.0
 _DEBIAN = Path("/usr/lib/postgresql")  # keeps the programs of each version there, outside the PATH
 _SERVER_ACCOUNT = "postgres"  # PostgreSQL refuses to run as root; Debian's package makes this account
 

@@ -47,7 +47,7 @@ def url(champion_root: Path) -> Iterator[str]:
 
 
 def ready(url: str, server: subprocess.Popen[bytes]) -> str:
-    deadline = time.monotonic() + 120.0
+    deadline = time.monotonic() + 300.0
     while server.poll() is None and time.monotonic() < deadline:
         try:
             urllib.request.urlopen(f"{url}/ping", timeout=5.0).close()
@@ -62,7 +62,7 @@ def ask(url: str, body: Any, content_type: str = JSON) -> tuple[int, Any]:
     data = body if isinstance(body, bytes) else json.dumps(body).encode()
     request = urllib.request.Request(f"{url}/invocations", data, {"Content-Type": content_type})
     try:
-        with urllib.request.urlopen(request, timeout=30.0) as answer:
+        with urllib.request.urlopen(request, timeout=120.0) as answer:
             return answer.status, json.loads(answer.read())
     except urllib.error.HTTPError as error:
         with error:

@@ -92,7 +92,7 @@ def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
     yield start
     for server, thread, journal in running:
         server.should_exit = True
-        thread.join(10.0)
+        thread.join(60.0)
         journal.close()
 
 

@@ -64,7 +64,7 @@ def test_estimates_that_were_lost_on_their_way_are_asked_for_again(
         with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
             for begin in range(0, 500, 50):
                 client.send(samples[begin : begin + 50])
-                parts.append(client.estimates(5.0))
+                parts.append(client.estimates(60.0))
             while len((part := client.estimates(0.5))[2]):
                 parts.append(part)
         assert [index for index, _, _ in parts] == np.cumsum([0, *(len(each) for _, each, _ in parts[:-1])]).tolist()
@@ -96,7 +96,7 @@ def test_after_samples_that_were_left_out_a_client_stays_connected(
             for _ in range(3):
                 client.send(samples[:50])
                 client.skip(12_000)
-                begun.append(client.estimates(5.0)[0])
+                begun.append(client.estimates(60.0)[0])
             client.wait_until_kept()
         return begun
 

@@ -63,7 +63,7 @@ def prometheus(folder: Path, target: int) -> Iterator[str]:
 
 def values(address: str, expression: str) -> list[float]:
     query = urllib.parse.urlencode({"query": expression})
-    with urllib.request.urlopen(f"{address}/api/v1/query?{query}", timeout=5.0) as reply:
+    with urllib.request.urlopen(f"{address}/api/v1/query?{query}", timeout=60.0) as reply:
         found: list[dict[str, Any]] = json.load(reply)["data"]["result"]
     return [float(each["value"][1]) for each in found]
 
@@ -93,7 +93,7 @@ def test_every_panel_has_data(samples: Array, model: Path, tmp_path: Path) -> No
                 continue  # not there yet
             if not missing:
                 break
-        rules = json.load(urllib.request.urlopen(f"{address}/api/v1/rules", timeout=5.0))["data"]["groups"][0]["rules"]
+        rules = json.load(urllib.request.urlopen(f"{address}/api/v1/rules", timeout=60.0))["data"]["groups"][0]["rules"]
         estimates = values(address, "sum(cylinder_friction_live_estimates_total)")
     assert missing == set()
     assert [rule for rule in rules if rule["health"] == "err"] == []

@@ -101,7 +101,7 @@ def test_a_role_may_do_what_it_is_for_and_no_more(address: str) -> None:
                 continue
             with connect(f"ws://{address}{path}", additional_headers=headers) as socket:
                 socket.send("{")
-                assert ("stribeck" if needs == "read" else "expected {") in socket.recv(timeout=5.0)
+                assert ("stribeck" if needs == "read" else "expected {") in socket.recv(timeout=60.0)
         assert got(address, "/metrics", headers)[0] == 200
 
 
@@ -176,7 +176,7 @@ def closed(socket: ClientConnection) -> tuple[int | None, str | None]:
     """Code and reason with which a WebSocket is closed, when all before that is read."""
     with suppress(ConnectionClosed):
         for _ in range(100):
-            socket.recv(timeout=10.0)
+            socket.recv(timeout=60.0)
     return socket.close_code, socket.close_reason
 
 
@@ -192,15 +192,15 @@ def test_what_a_token_let_in_is_closed_when_the_file_no_longer_does(
         )
         tokens.write_text("nothing that holds tokens", encoding="ascii")  # refused as a whole: all stay
         stays.send(json.dumps({"open": OPEN}))
-        assert "opened" in stays.recv(timeout=5.0)
+        assert "opened" in stays.recv(timeout=60.0)
         time.sleep(1.5)
         tokens.write_text(f"{write.replace(' write', ' read')}\n{admin}", encoding="ascii")
         assert closed(page) == (4401, "this token was taken out of the service's file")
         assert closed(writer) == (4403, "the role of this token is read; expected write or admin")
         stays.send(json.dumps({"samples": {"session": "press", "index": 0, "rows": samples[:2].tolist()}}))
-        assert "friction_n" in stays.recv(timeout=5.0)
+        assert "friction_n" in stays.recv(timeout=60.0)
         for _ in range(20):  # more than waited to be read
-            left.recv(timeout=5.0)
+            left.recv(timeout=60.0)
         assert 'refused_total{kind="revoked"} 2.0' in got(address, "/metrics", bearer("the admin token"))[1]
     events = [json.loads(line) for line in (tmp_path / "log").read_text(encoding="utf-8").splitlines()]
     why = [each["why"] for each in events if each["event"] == "connection closed" and each["client"]]
@@ -219,7 +219,7 @@ def test_a_client_that_is_to_leave_and_reads_nothing_is_left_behind(
         gone.register(stalled, 0)  # reset, although nothing was read
         assert gone.poll(0.0) == []
         tokens.write_text(f"{sha256(b'another').hexdigest()} admin", encoding="ascii")
-        assert gone.poll(10_000) != []
+        assert gone.poll(60_000) != []
 
 
 def test_tokens_without_a_role_are_refused_at_the_start(engine: Engine, tokens: Path, tmp_path: Path) -> None:

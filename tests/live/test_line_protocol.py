@@ -171,7 +171,7 @@ def test_influxdb_takes_the_lines(
     try:
         for _ in range(200):
             try:
-                urllib.request.urlopen(f"http://127.0.0.1:{port}/ping", timeout=1.0).close()
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/ping", timeout=10.0).close()
                 break
             except OSError:
                 time.sleep(0.1)

@@ -77,9 +77,9 @@ def test_a_cut_between_service_and_broker_needs_no_second_opening(
 
     def use() -> bytes:
         with by_hand(broker, "cylinder-friction/c/out", "cylinder-friction/state") as (client, got):
-            assert b"true" in got.get(timeout=10.0)[1]
+            assert b"true" in got.get(timeout=60.0)[1]
             client.publish("cylinder-friction/c/in", json.dumps({"open": OPEN}), qos=1)
-            handle = json.loads(got.get(timeout=10.0)[1])["opened"]["handle"]
+            handle = json.loads(got.get(timeout=60.0)[1])["opened"]["handle"]
             for index in range(0, 1000, 50):
                 block = SampleBlock(handle, index, 0.0, samples[index : index + 50])
                 client.publish("cylinder-friction/c/in", pack_samples(block), qos=1)
@@ -87,7 +87,7 @@ def test_a_cut_between_service_and_broker_needs_no_second_opening(
                     relay.cut()
             rows: dict[int, bytes] = {}
             while len(rows) < 1000:
-                topic, payload = got.get(timeout=10.0)
+                topic, payload = got.get(timeout=60.0)
                 is_frames = topic.endswith("/out") and not payload.startswith(b"{")  # QoS 1 may bring `opened` twice
                 for each in unpack(payload) if is_frames else ():
                     if isinstance(each, EstimateBlock):
@@ -134,7 +134,7 @@ def test_no_message_ends_the_link_and_each_refusal_is_counted(
 
     def use() -> None:
         with by_hand(broker, "plant/+/out", "plant/state") as (client, got):
-            topic, payload = got.get(timeout=10.0)
+            topic, payload = got.get(timeout=60.0)
             assert (topic, json.loads(payload)["online"]) == ("plant/state", True)
             for name, payload, retain, words in (
                 ("a", b"\x01garbage", False, "got frames without an open session; open it first"),
@@ -147,15 +147,15 @@ def test_no_message_ends_the_link_and_each_refusal_is_counted(
                 ("c", b"{}", False, "got a client more than 2; try later"),
             ):
                 client.publish(f"plant/{name}/in", payload, qos=1, retain=retain)
-                topic, reply = got.get(timeout=10.0)
+                topic, reply = got.get(timeout=60.0)
                 assert topic == f"plant/{name}/out"
                 assert words in reply.decode()
             client.publish("plant/a/in", bytes(50_000), qos=1)  # the broker keeps it to itself
             client.publish("plant/a/other", b"{}", qos=1)
             client.publish("plant/a/in", json.dumps({"open": OPEN}), qos=1)
-            handle = json.loads(got.get(timeout=10.0)[1])["opened"]["handle"]
+            handle = json.loads(got.get(timeout=60.0)[1])["opened"]["handle"]
             client.publish("plant/a/in", pack_samples(SampleBlock(handle, 0, 10.0, samples[:50])), qos=1)
-            assert small_hybrid.real_time().run(samples[:50])[0].tobytes() in got.get(timeout=10.0)[1]
+            assert small_hybrid.real_time().run(samples[:50])[0].tobytes() in got.get(timeout=60.0)[1]
 
     served([link], service, tmp_path, use)
     assert link.counts == {"connected": 1, "not open": 2, "too large": 1, "too many clients": 1}
@@ -171,20 +171,20 @@ def test_a_client_that_sends_too_fast_opens_anew_and_loses_nothing(
 
     def use() -> tuple[list[str], int]:
         with by_hand(broker, "cylinder-friction/fast/out", "cylinder-friction/state") as (client, got):
-            assert b"true" in got.get(timeout=10.0)[1]
+            assert b"true" in got.get(timeout=60.0)[1]
             told: list[str] = []
             client.publish("cylinder-friction/fast/in", json.dumps({"open": OPEN}), qos=1)
-            handle = json.loads(got.get(timeout=10.0)[1])["opened"]["handle"]
+            handle = json.loads(got.get(timeout=60.0)[1])["opened"]["handle"]
             for index in range(0, 1000, 50):
                 block = SampleBlock(handle, index, 0.0, samples[index : index + 50])
                 client.publish("cylinder-friction/fast/in", pack_samples(block), qos=1)
             while "closed" not in (told[-1] if told else ""):
-                payload = got.get(timeout=10.0)[1]
+                payload = got.get(timeout=60.0)[1]
                 told += [payload.decode()] if payload.startswith(b"{") else []
             client.publish("cylinder-friction/fast/in", json.dumps({"open": OPEN}), qos=1)
             opened = ""
             while "opened" not in opened:
-                payload = got.get(timeout=10.0)[1]
+                payload = got.get(timeout=60.0)[1]
                 opened = payload.decode() if payload.startswith(b"{") else ""
             return told, int(json.loads(opened)["opened"]["next_index"])
 
@@ -207,7 +207,7 @@ def test_results_are_retained_json_and_the_state_is_known(
             client.wait_until_kept()
             time.sleep(0.3)
         with by_hand(broker, "cylinder-friction/results/#") as (_, got):
-            topic, payload = got.get(timeout=10.0)
+            topic, payload = got.get(timeout=60.0)
             assert topic == "cylinder-friction/results/hall 3/press"
             return dict(json.loads(payload))
 
@@ -216,7 +216,7 @@ def test_results_are_retained_json_and_the_state_is_known(
     assert result["index"] == 299
     assert [result[name] for name in ("friction_n", "lower_n", "upper_n")] == newtons[299].tolist()
     with by_hand(broker, "cylinder-friction/state") as (_, got):
-        assert json.loads(got.get(timeout=10.0)[1])["online"] is False
+        assert json.loads(got.get(timeout=60.0)[1])["online"] is False
 
 
 @needs_broker
@@ -257,7 +257,7 @@ def test_a_broker_that_refuses_is_tried_again(engine: Engine, tmp_path: Path) ->
             refusing.kill()
             refusing.configure("allow_anonymous true")
             refusing.start()
-            deadline = time.monotonic() + 20.0
+            deadline = time.monotonic() + 60.0
             while not link.counts["connected"] and time.monotonic() < deadline:
                 time.sleep(0.05)
 

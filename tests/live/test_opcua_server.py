@@ -188,10 +188,10 @@ def test_a_subscription_gives_what_changes(engine: Engine, samples: Array, tmp_p
             await subscription.subscribe_data_change(client.get_node(ua.NodeId("press/SampleIndex", number)))
             got = []
             for begin in range(10, 40, 10):
-                event = await subscription.next_event(5.0)
+                event = await subscription.next_event(60.0)
                 got.append(event.value)
                 service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 10])])
-            return [*got, (await subscription.next_event(5.0)).value]
+            return [*got, (await subscription.next_event(60.0)).value]
 
     assert asyncio.run(follow()) == [9, 19, 29, 39]
 
@@ -229,7 +229,7 @@ def test_a_killed_process_comes_back_with_the_values_that_were_shown(
                 await values_at(client, "press", 2)
             first = server_process(os.getpid())
             first.kill()
-            psutil.wait_procs([first], 10.0)
+            psutil.wait_procs([first], 60.0)
             async with connected(link.address) as client:
                 await values_at(client, "press", 2)
                 service.receive([SampleBlock(session.handle, 3, BEGAN_S, samples[3:9])])
@@ -296,8 +296,8 @@ def test_the_process_ends_with_the_service(number: int, model: Path, samples: Ar
         process = server_process(service.pid)
         assert os.getpgid(process.pid) != os.getpgid(service.pid)
         service.send_signal(number)
-        service.wait(10.0)
-        assert psutil.wait_procs([process], 10.0)[1] == []
+        service.wait(60.0)
+        assert psutil.wait_procs([process], 60.0)[1] == []
 
 
 def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine: Engine, tmp_path: Path) -> None:

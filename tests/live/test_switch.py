@@ -74,7 +74,7 @@ def test_a_model_takes_over_at_its_sample_and_goes_back(
         assert main(["switch", "--end", *address]) == 0
         client.wait_until_kept()
         process.terminate()
-        process.wait(timeout=10.0)
+        process.wait(timeout=60.0)
     one, other = small_hybrid.real_time().run(samples[:1400])[0], other_estimator.real_time().run(samples[300:1400])[0]
     expected = np.concatenate([one[:700], other[400:900], one[1200:]])
     np.testing.assert_array_equal(np.concatenate([first, second, third]), expected)

@@ -14,18 +14,13 @@ from cylinder_friction.deployment.mlflow_ui import runs_page, served_ui
 from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
-CHROMIUM = Path("/usr/bin/chromium")
 MODEL = "friction-estimator-smoke"
-PATIENCE_MS = 30_000
 
-pytestmark = [
-    pytest.mark.extended,
-    pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package"),
-]
+pytestmark = pytest.mark.extended
 
 
 @pytest.fixture(scope="module")
@@ -36,25 +31,12 @@ def ui(finished_pipeline: Path) -> Iterator[str]:
             yield url
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    from playwright.sync_api import sync_playwright
-
-    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=str(CHROMIUM), args=arguments)
-        yield opened
-        opened.close()
-
-
 @pytest.fixture
-def page(browser: Browser, tmp_path: Path) -> Iterator[Page]:
+def page(new_page: Callable[..., Page], tmp_path: Path) -> Iterator[Page]:
     """A fresh page; what it showed last is kept as a picture beside the test's other files."""
-    opened = browser.new_page(viewport={"width": 1500, "height": 1100})
-    opened.set_default_timeout(PATIENCE_MS)
+    opened = new_page(1500, 1100)
     yield opened
     opened.screenshot(path=str(tmp_path / "last_seen.png"))
-    opened.close()
 
 
 @contextmanager

@@ -85,7 +85,7 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
     try:
         assert process.stdout is not None
         printed = ""
-        deadline = time.monotonic() + 90.0
+        deadline = time.monotonic() + 300.0
         while sign not in printed:
             assert time.monotonic() < deadline, printed
             line = process.stdout.readline()
@@ -99,7 +99,7 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
             while "}'" not in printed:
                 printed += process.stdout.readline()
             curl = printed[printed.index("curl") : printed.index("}'") + 2]
-            answer = subprocess.run(["bash", "-c", curl], capture_output=True, text=True, check=True, timeout=30)
+            answer = subprocess.run(["bash", "-c", curl], capture_output=True, text=True, check=True, timeout=120)
             assert '"friction_n"' in answer.stdout
         if target == "live":
             address = printed.split("live at ")[1].split()[0]
@@ -108,7 +108,7 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
                 time.sleep(0.1)
     finally:
         os.killpg(process.pid, signal.SIGTERM)
-        process.wait(timeout=20)
+        process.wait(timeout=60)
         if process.stdout is not None:
             process.stdout.close()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -16,7 +15,6 @@ from cylinder_friction.reporting.page import static
 from cylinder_friction.reporting.report import ReportInputs, report_html
 from cylinder_friction.reporting.style import png_bytes
 
-CHROMIUM = Path("/usr/bin/chromium")
 PLOTLY = static("plotly-basic.min.js")
 AUDIT = {
     "rts": {"all": {"steady": {"mae_n": 6.5}, "events": {"mae_n": 24.0}}, "1": {"steady": {"mae_n": 77.25}}},
@@ -148,28 +146,21 @@ def test_the_report_holds_its_tables_figures_and_words(page, analysis):
 
 
 @pytest.mark.extended
-@pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package")
-def test_a_browser_draws_it_wide_and_narrow(tmp_path, page):
-    from playwright.sync_api import sync_playwright
-
+def test_a_browser_draws_it_wide_and_narrow(tmp_path, page, new_page):
     path = tmp_path / "report.html"
     path.write_text(page, encoding="utf-8")
-    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=arguments)
-        for width in (1400, 400):
-            shown = browser.new_page(viewport={"width": width, "height": 900})
-            errors: list[str] = []
-            shown.on("pageerror", lambda error, found=errors: found.append(str(error)))
-            shown.goto(path.as_uri())
-            plot = shown.locator(".plot").first
-            plot.scroll_into_view_if_needed()
-            plot.locator(".main-svg").first.wait_for()
-            assert shown.evaluate("document.documentElement.scrollWidth") == width
-            widths = "Array.from(document.querySelectorAll('main figure'), figure => figure.clientWidth)"
-            assert min(shown.evaluate(widths)) > 300
-            assert errors == []
-        browser.close()
+    for width in (1400, 400):
+        shown = new_page(width)
+        errors: list[str] = []
+        shown.on("pageerror", lambda error, found=errors: found.append(str(error)))
+        shown.goto(path.as_uri())
+        plot = shown.locator(".plot").first
+        plot.scroll_into_view_if_needed()
+        plot.locator(".main-svg").first.wait_for()
+        assert shown.evaluate("document.documentElement.scrollWidth") == width
+        widths = "Array.from(document.querySelectorAll('main figure'), figure => figure.clientWidth)"
+        assert min(shown.evaluate(widths)) > 300
+        assert errors == []
 
 
 def test_text_from_recordings_cannot_break_the_page(bare_page):

@@ -170,7 +170,7 @@ def test_tokens_are_needed_where_there_are_some(serve: Serve, tmp_path: Path) ->
         assert server.ask(GOOD, headers={"Authorization": "Bearer abc"}).status == 200
         assert server.get("/livez").status == server.get("/readyz").status == 200
         tokens.write_text(hashlib.sha256(b"other").hexdigest())
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + 60.0
         while server.ask(GOOD, headers={"Authorization": "Bearer other"}).status != 200:
             assert time.monotonic() < deadline, "the tokens were not read again"
             time.sleep(0.05)

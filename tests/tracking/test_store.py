@@ -157,7 +157,7 @@ def test_another_experiment_is_made_when_it_is_first_asked_for(root: Path) -> No
 @pytest.mark.extended
 def test_many_processes_share_a_store_that_none_has_made_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    assert subprocess.run([sys.executable, "-c", WRITERS, str(tmp_path)], timeout=240, check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-c", WRITERS, str(tmp_path)], timeout=600, check=False).returncode == 0
     with open_store(tmp_path) as store:
         for what in ("label", "pipeline"):
             runs = store.client.search_runs([store.experiment_id], f"tags.stage = '{what}'")

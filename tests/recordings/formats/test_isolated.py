@@ -144,7 +144,7 @@ def test_a_process_that_was_ended_between_two_files_is_replaced(tmp_path: Path) 
     read_logged_file(good)
     process = psutil.Process(worker())
     process.kill()
-    psutil.wait_procs([process], timeout=10.0)
+    psutil.wait_procs([process], timeout=60.0)
     assert len(read_logged_file(good)[0].channels) == 6
 
 
@@ -195,7 +195,7 @@ def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending:
     assert done.stderr == ""
     assert done.returncode == (-signal.SIGKILL if ending else 0)
     for process in processes(int(done.stdout)):
-        process.wait(timeout=30.0)
+        process.wait(timeout=60.0)
 
 
 def processes(pid: int) -> list[psutil.Process]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,12 +17,16 @@ from inspected_recordings import made_panes, made_strokes, stated, write_page_of
 from packed_pages import unpacked
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from playwright.sync_api import Page
+
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.labelling.label import Labeller
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
-CHROMIUM = Path("/usr/bin/chromium")
 OK = Finding("rate", "ok", "200 Hz")
 REFUSED = Inspected("<b>.csv", [Finding("unit", "refused", "position_m is 251 m & more")])
 FIGURES = 4
@@ -198,35 +201,30 @@ def test_an_unknown_filter_is_refused(labeller: Labeller, filters: Filters) -> N
 
 
 @pytest.mark.extended
-@pytest.mark.skipif(not CHROMIUM.is_file(), reason=f"no Chromium at {CHROMIUM}; install the system's package")
-def test_a_browser_draws_every_figure_without_an_error_and_filters_the_table(tmp_path: Path, written: Path) -> None:
-    from playwright.sync_api import sync_playwright
-
-    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=arguments)
-        page = browser.new_page(viewport={"width": 1500, "height": 1000})
-        errors: list[str] = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(written.as_uri())
-        page.get_by_role("button", name=re.compile("refused")).click()
-        assert page.locator("#files tbody tr:visible").count() == 1
-        page.get_by_role("link", name="a.csv").first.click()
-        page.locator("#recording-1 .plot").first.wait_for()
-        assert page.locator("#recording-1 .plot").count() == FIGURES
-        for number in range(FIGURES):
-            page.locator("#recording-1 .plot").nth(number).scroll_into_view_if_needed()
-            page.locator("#recording-1 .plot").nth(number).locator(".main-svg").first.wait_for()
-        page.set_viewport_size({"width": 400, "height": 900})
-        assert page.evaluate("document.documentElement.scrollWidth") == 400
-        assert page.locator("#files").is_hidden()
-        page.screenshot(path=str(tmp_path / "page.png"), full_page=True)
-        page.get_by_role("link", name="Files").click()
-        page.get_by_role("button", name=re.compile("refused")).click()
-        assert page.evaluate("document.documentElement.scrollWidth") == 400
-        for verdict in ("usable for labelling", "not usable: position_m is 251 m & more"):
-            box = page.get_by_role("cell", name=verdict, exact=True).bounding_box()
-            assert box is not None
-            assert box["x"] + box["width"] <= 400
-        browser.close()
+def test_a_browser_draws_every_figure_without_an_error_and_filters_the_table(
+    tmp_path: Path, written: Path, new_page: Callable[..., Page]
+) -> None:
+    page = new_page(1500, 1000)
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(written.as_uri())
+    page.get_by_role("button", name=re.compile("refused")).click()
+    assert page.locator("#files tbody tr:visible").count() == 1
+    page.get_by_role("link", name="a.csv").first.click()
+    page.locator("#recording-1 .plot").first.wait_for()
+    assert page.locator("#recording-1 .plot").count() == FIGURES
+    for number in range(FIGURES):
+        page.locator("#recording-1 .plot").nth(number).scroll_into_view_if_needed()
+        page.locator("#recording-1 .plot").nth(number).locator(".main-svg").first.wait_for()
+    page.set_viewport_size({"width": 400, "height": 900})
+    assert page.evaluate("document.documentElement.scrollWidth") == 400
+    assert page.locator("#files").is_hidden()
+    page.screenshot(path=str(tmp_path / "page.png"), full_page=True)
+    page.get_by_role("link", name="Files").click()
+    page.get_by_role("button", name=re.compile("refused")).click()
+    assert page.evaluate("document.documentElement.scrollWidth") == 400
+    for verdict in ("usable for labelling", "not usable: position_m is 251 m & more"):
+        box = page.get_by_role("cell", name=verdict, exact=True).bounding_box()
+        assert box is not None
+        assert box["x"] + box["width"] <= 400
     assert errors == []
