@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gzip
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -21,17 +21,16 @@ from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
 from format_writers import SAMPLES, synthetic, write_sample
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 _, UNITS = synthetic()
 KINDS = pytest.mark.parametrize("kind", SAMPLES)
 # Damage that hangs a library costs its time limit: examples stay the same ones.
 calm = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
-def test_every_format_has_a_sample() -> None:
+def test_every_format_has_a_sample_and_a_row_in_the_guide() -> None:
     assert {sample.format for sample in SAMPLES.values()} == set(FORMATS)
+    guide = (Path(__file__).parents[3] / "docs/logger-files.md").read_text(encoding="utf-8")
+    assert [name for name in SETTINGS if f"| `{name}` |" not in guide] == []
 
 
 @KINDS
