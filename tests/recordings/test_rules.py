@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.screening import ScreenRules
-from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules

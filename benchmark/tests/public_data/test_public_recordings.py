@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.evaluation.inspection.files import inspect_files
+from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.reporting.inspection.recording_pane import Panes
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from pydantic import field_validator, model_validator
 from cylinder_friction.params.section import Section
 from cylinder_friction.recordings.checks.limits import CheckRules, LoadMode
 from cylinder_friction.recordings.checks.screening import ScreenRules
-from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
 from cylinder_friction.recordings.path_names import compile_name_pattern

@@ -13,8 +13,8 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import check_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_facts import words_of

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
 

@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.formats import isolated
+from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.formats.registry import FORMATS, SETTINGS, format_of
 from cylinder_friction.recordings.formats.source import open_source

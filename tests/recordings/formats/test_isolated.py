@@ -183,6 +183,7 @@ def script(text: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("ending", ["", "os.kill(os.getpid(), signal.SIGKILL)"])
 @ON_LINUX
 def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending: str) -> None:
@@ -207,6 +208,7 @@ def processes(pid: int) -> list[psutil.Process]:
         return []
 
 
+@pytest.mark.extended
 @ON_LINUX
 def test_a_fork_starts_a_process_of_its_own(tmp_path: Path) -> None:
     text = (
@@ -223,6 +225,7 @@ def test_a_fork_starts_a_process_of_its_own(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.extended
 def test_a_process_that_does_not_start_is_no_fault_of_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.recordings.formats.options import CsvOptions
+from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -87,26 +88,6 @@ def test_two_time_channels_in_one_table() -> None:
     np.testing.assert_allclose(signals["position_m"].time_s, [0.001, 0.011])
 
 
-def test_table_without_time_is_not_guessed() -> None:
-    slow = table("slow", t2=[0.0, 1.0, 2.0], x=np.zeros(3))
-    message = r"'x' \(for 'position_m'\) has no time channel 't' in its table 'slow', which holds besides 't2'; name"
-    with pytest.raises(RecordingError, match=message):
-        map_signals([table("fast", **FAST), slow], MAPPING)
-
-
-def test_time_channel_of_another_length_is_refused() -> None:
-    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t")}
-    slow = table("slow", x=np.zeros(3))
-    with pytest.raises(RecordingError, match=r"'x' \(for 'position_m'\) has 3 rows, but its time channel 't' has 6"):
-        map_signals([table("fast", **FAST), slow], mapping)
-
-
-def test_missing_time_channel_lists_what_there_is() -> None:
-    mapping = MAPPING | {"time_s": ChannelMapping("Time", "s")}
-    with pytest.raises(RecordingError, match=r"channel 'Time' \(for 'time_s'\) is missing; got channels 't', 'a'"):
-        map_signals([logged()], mapping)
-
-
 def test_rate_makes_time_where_none_is_logged() -> None:
     mapping = MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)}
     signals = map_signals([logged()], mapping).signals
@@ -189,14 +170,6 @@ def test_dates_of_two_tables_count_from_the_earliest(zone: str | None) -> None:
     np.testing.assert_allclose(signals["pressure_1_pa"].time_s, 0.002 + np.arange(6) * 0.005)
 
 
-def test_dates_beside_numbers_are_refused() -> None:
-    fast = FAST | {"t": pd.Timestamp("2026-03-14") + pd.to_timedelta(np.arange(6) * 5, unit="ms")}
-    with pytest.raises(
-        RecordingError, match="time channel 't' holds dates, but 't' does not; expected one kind of time"
-    ):
-        map_signals([table("fast", **fast), table("slow", **SLOW)], MAPPING)
-
-
 def test_time_without_a_unit_is_refused_unless_the_file_states_it() -> None:
     mapping = MAPPING | {"time_s": ChannelMapping("t")}
     with pytest.raises(RecordingError, match=r"'t' .* holds int64 and states no unit; expected dates, or numbers with"):
@@ -211,27 +184,58 @@ def test_durations_are_time() -> None:
     np.testing.assert_allclose(signals["position_m"].time_s, [0.0, 0.005])
 
 
-def test_missing_channel_names_what_there_is_and_the_nearest() -> None:
-    there = LoggedTable(logged().channels.rename(columns={"b": "P b [psi]"}), unread=("P_c",))
-    mapping = MAPPING | {"pressure_2_pa": ChannelMapping("p_B [psi]", "psi")}
-    message = (
-        r"'p_B \[psi\]' \(for 'pressure_2_pa'\) is missing; got channels 't', 'a', 'P b \[psi\]', 'x', 'spare', "
-        r"'P_c' \(nearest: 'P b \[psi\]'\); correct the file or ingest.channels.pressure_2_pa.channel"
-    )
-    with pytest.raises(RecordingError, match=message):
-        map_signals([there], mapping)
+DATED = FAST | {"t": pd.Timestamp("2026-03-14") + pd.to_timedelta(np.arange(6) * 5, unit="ms")}
+SLOW_TIME = table("slow", t2=[0.0, 1.0, 2.0], x=np.zeros(3))
+RENAMED = LoggedTable(logged().channels.rename(columns={"b": "P b [psi]"}), unread=("P_c",))
+TWICE = LoggedTable(pd.concat([logged().channels, logged().channels[["a"]]], axis=1))
 
 
-def test_long_list_of_channels_is_cut() -> None:
-    many = table("", **{f"c{index}": [0.0] for index in range(50)})
-    with pytest.raises(RecordingError, match=r"'c39' and 10 more; correct"):
-        map_signals([many], MAPPING)
-
-
-def test_channel_that_occurs_twice_is_refused() -> None:
-    doubled = LoggedTable(pd.concat([logged().channels, logged().channels[["a"]]], axis=1))
-    with pytest.raises(RecordingError, match=r"'a' \(for 'pressure_1_pa'\) occurs 2 times"):
-        map_signals([doubled], MAPPING)
+@pytest.mark.parametrize(
+    ("tables", "change", "message"),
+    [
+        (
+            [table("fast", **FAST), SLOW_TIME],
+            {},
+            "'x' (for 'position_m') has no time channel 't' in its table 'slow', which holds besides 't2'; name",
+        ),
+        (
+            [table("fast", **FAST), table("slow", x=np.zeros(3))],
+            {"position_m": ChannelMapping("x", "mm", time="t")},
+            "'x' (for 'position_m') has 3 rows, but its time channel 't' has 6",
+        ),
+        (
+            [logged()],
+            {"time_s": ChannelMapping("Time", "s")},
+            "channel 'Time' (for 'time_s') is missing; got channels 't', 'a'",
+        ),
+        (
+            [table("fast", **DATED), table("slow", **SLOW)],
+            {},
+            "time channel 't' holds dates, but 't' does not; expected one kind of time",
+        ),
+        (
+            [RENAMED],
+            {"pressure_2_pa": ChannelMapping("p_B [psi]", "psi")},
+            "'p_B [psi]' (for 'pressure_2_pa') is missing; got channels 't', 'a', 'P b [psi]', 'x', 'spare', 'P_c' "
+            "(nearest: 'P b [psi]'); correct the file or ingest.channels.pressure_2_pa.channel",
+        ),
+        ([table("", **{f"c{index}": [0.0] for index in range(50)})], {}, "'c39' and 10 more; correct"),
+        ([TWICE], {}, "'a' (for 'pressure_1_pa') occurs 2 times"),
+        (
+            [logged(a=["1.0", "open"])],
+            {},
+            "'a' (for 'pressure_1_pa') holds 'open' in row 2 (1 such rows in all); expected numbers in bar",
+        ),
+        ([logged(t=["12:30", "12:31"])], {}, "'t' (for 'time_s') holds '12:30' in row 1"),
+        ([logged(a=pd.to_datetime(["2026-01-01", "2026-01-02"]))], {}, "'a' (for 'pressure_1_pa') holds dates"),
+        ([logged(a=np.array([1j, 2j]))], {}, "'a' (for 'pressure_1_pa') holds complex numbers"),
+    ],
+)
+def test_what_cannot_be_mapped_is_refused(
+    tables: list[LoggedTable], change: dict[str, ChannelMapping], message: str
+) -> None:
+    with pytest.raises(RecordingError, match=re.escape(message)):
+        map_signals(tables, MAPPING | change)
 
 
 def test_channel_in_two_tables_needs_its_table() -> None:
@@ -246,20 +250,6 @@ def test_channel_in_two_tables_needs_its_table() -> None:
     wrong = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}
     with pytest.raises(RecordingError, match=r"table 'run 3' .* is missing; got tables 'run 1', 'run 2'"):
         map_signals(tables, wrong)
-
-
-def test_text_is_refused_with_its_row() -> None:
-    message = r"'a' \(for 'pressure_1_pa'\) holds 'open' in row 2 \(1 such rows in all\); expected numbers in bar"
-    with pytest.raises(RecordingError, match=message):
-        map_signals([logged(a=["1.0", "open"])], MAPPING)
-    with pytest.raises(RecordingError, match=r"'t' \(for 'time_s'\) holds '12:30' in row 1"):
-        map_signals([logged(t=["12:30", "12:31"])], MAPPING)
-
-
-@pytest.mark.parametrize("cells", [pd.to_datetime(["2026-01-01", "2026-01-02"]), np.array([1j, 2j])])
-def test_dates_and_complex_numbers_are_no_pressures(cells: Any) -> None:
-    with pytest.raises(RecordingError, match=r"'a' .* holds (dates|complex numbers).*; expected numbers in bar"):
-        map_signals([logged(a=cells)], MAPPING)
 
 
 @settings(deadline=None)

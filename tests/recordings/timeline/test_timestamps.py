@@ -24,25 +24,21 @@ def test_numbers_pass_as_they_are() -> None:
     np.testing.assert_array_equal(stamps_to_seconds(pd.Series([1, 2, 3])), [1.0, 2.0, 3.0])
 
 
-def test_dates_become_seconds_from_the_first_stamp() -> None:
-    texts = ["NaT", "2024-05-01 12:00:00", "2024-05-01 12:00:00.005", "2024-05-02 12:00:00"]
-    dates = pd.Series(pd.to_datetime(texts, format="ISO8601"))
-    np.testing.assert_array_equal(stamps_to_seconds(dates), [np.nan, 0.0, 0.005, 86400.0])
-
-
-def test_tables_share_an_origin() -> None:
-    origin = np.datetime64("2024-05-01T12:00:00", "s")
-    dates = np.array(["2024-05-01T11:59:59.5", "2024-05-01T12:00:01"], dtype="datetime64[ns]")
-    np.testing.assert_array_equal(stamps_to_seconds(dates, origin), [-0.5, 1.0])
-
-
-def test_time_zones_are_taken_off() -> None:
-    local = pd.Series(pd.to_datetime(["2024-05-01 14:00:00+02:00", "2024-05-01 14:00:01+02:00"]))
-    np.testing.assert_array_equal(stamps_to_seconds(local, np.datetime64("2024-05-01T12:00:00")), [0.0, 1.0])
-
-
-def test_only_missing_dates_are_missing() -> None:
-    assert np.isnan(stamps_to_seconds(np.array(["NaT", "NaT"], dtype="datetime64[ns]"))).all()
+@pytest.mark.parametrize(
+    ("stamps", "origin", "expected"),
+    [
+        (["NaT", "2024-05-01 12:00:00", "2024-05-01 12:00:00.005", "2024-05-02"], None, [np.nan, 0.0, 0.005, 43200.0]),
+        (["2024-05-01 11:59:59.5", "2024-05-01 12:00:01"], "2024-05-01T12:00:00", [-0.5, 1.0]),
+        (["2024-05-01 14:00:00+02:00", "2024-05-01 14:00:01+02:00"], "2024-05-01T12:00:00", [0.0, 1.0]),
+        (["NaT", "NaT"], None, [np.nan, np.nan]),
+    ],
+)
+def test_dates_become_seconds_from_the_first_stamp_or_the_origin(
+    stamps: list[str], origin: str | None, expected: list[float]
+) -> None:
+    dates = pd.Series(pd.to_datetime(stamps, format="ISO8601"))
+    seconds = stamps_to_seconds(dates, None if origin is None else np.datetime64(origin))
+    np.testing.assert_array_equal(seconds, expected)
 
 
 @given(st.integers(0, 200 * 365 * 86400 * 10**6))

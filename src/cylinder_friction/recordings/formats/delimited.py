@@ -22,7 +22,7 @@ from cylinder_friction.recordings.formats.cells import (
 )
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
-from cylinder_friction.recordings.formats.layout import Layout, find_layout
+from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions, Layout, find_layout
 from cylinder_friction.recordings.formats.logged_table import (
     MOST_INDIVISIBLE,
     PLACES,
@@ -30,7 +30,6 @@ from cylinder_friction.recordings.formats.logged_table import (
     LoggedTable,
     LongTable,
 )
-from cylinder_friction.recordings.formats.options import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
 from cylinder_friction.recordings.formats.time_groups import dated, repeated_names, split_groups

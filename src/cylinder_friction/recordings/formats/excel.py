@@ -7,8 +7,8 @@ from typing import Any
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.format import Format, Library
+from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.formats.options import CsvOptions
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.recording import RecordingError
 

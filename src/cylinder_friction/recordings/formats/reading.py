@@ -7,8 +7,8 @@ from pathlib import Path
 
 from cylinder_friction.recordings.formats.format import guarded
 from cylinder_friction.recordings.formats.isolated import read_isolated
+from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
-from cylinder_friction.recordings.formats.options import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.registry import format_of
 from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
