@@ -5,7 +5,7 @@ BIN := $(abspath $(VENV))/bin
 export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
-NOT_SERVED_THERE := --follow-imports silent --exclude 'serving/(processes|worker)'
+NOT_SERVED_THERE := --follow-imports silent --exclude 'service/(processes|scoring/worker)'
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live

@@ -30,9 +30,9 @@ from live_service import running
 from websockets.sync.client import connect
 
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.live.client import Client
-from cylinder_friction.network.ports import free_port
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.service.client import Client
 
 PORT, BLOCK_S, POLL_S = free_port(), 0.05, 0.005
 

@@ -23,9 +23,9 @@ from live_service import running
 from websockets.asyncio.client import ClientConnection, connect
 
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
-from cylinder_friction.network.ports import free_port
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.service.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
 
 PORT = free_port()
 

@@ -36,7 +36,7 @@ import psutil
 import pyarrow as pa
 from serving_peers import ECHO
 
-from cylinder_friction.network.ports import free_port
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.tracking.model_folder import artifact_path, download_model, version_of

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
 
-from cylinder_friction.serving.decoding import ARROW, CSV, JSON, PARQUET
+from cylinder_friction.service.scoring.decoding import ARROW, CSV, JSON, PARQUET
 from malformed_requests import LARGEST_REFUSAL_BYTES, Server
 
 Request = tuple[bytes, str]

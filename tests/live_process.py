@@ -26,18 +26,18 @@ from paho.mqtt.enums import CallbackAPIVersion
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from cylinder_friction.live.app import create_app
-from cylinder_friction.live.frames import SampleBlock, pack_samples
-from cylinder_friction.live.server import LiveServer
-from cylinder_friction.network.ports import free_port
+from cylinder_friction.execution.ports import free_port
+from cylinder_friction.service.live.app import create_app
+from cylinder_friction.service.live.frames import SampleBlock, pack_samples
+from cylinder_friction.service.server import LiveServer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from cylinder_friction.arrays import Array
-    from cylinder_friction.live.links import Link
-    from cylinder_friction.live.service import LiveService
+    from cylinder_friction.service.links.link import Link
+    from cylinder_friction.service.live.service import LiveService
 
 
 @contextmanager

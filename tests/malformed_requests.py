@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.serving.app import create_app
-from cylinder_friction.serving.decoding import ARROW, CSV, JSON, PARQUET
-from cylinder_friction.serving.settings import ServeSettings
+from cylinder_friction.service.scoring.app import create_app
+from cylinder_friction.service.scoring.decoding import ARROW, CSV, JSON, PARQUET
+from cylinder_friction.service.scoring.settings import ServeSettings
 
 Array = NDArray[np.float64]
 LONG_S = 60.0

@@ -21,7 +21,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cylinder_friction.network.ports import free_port
+from cylinder_friction.execution.ports import free_port
 
 HOST = "127.0.0.1"
 ADMIN = "admin"

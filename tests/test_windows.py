@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cylinder_friction.commands import serve
-from cylinder_friction.serving.settings import ServingError
+from cylinder_friction.service.scoring.settings import ServingError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ import errno, os, signal, subprocess, sys, types
 from importlib import import_module
 from cylinder_friction.import_graph import all_modules
 
-SERVER = "cylinder_friction.serving.worker"  # which Windows cannot run
+SERVER = "cylinder_friction.service.scoring.worker"  # which Windows cannot run
 modules = [name for name in all_modules() if name.startswith("cylinder_friction") and name != SERVER]
 for name in modules:  # other packages are those of this system
     import_module(name)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from cylinder_friction.deployment.mlflow_ui import run_ui
-from cylinder_friction.network.ports import free_port
+from cylinder_friction.execution.ports import free_port
 
 if TYPE_CHECKING:
     from collections.abc import Callable

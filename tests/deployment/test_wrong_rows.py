@@ -17,8 +17,8 @@ from mlflow.models import Model
 from mlflow.pyfunc.scoring_server import invocations
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.serving.model_source import ServedModel, write_current
-from cylinder_friction.serving.settings import ServeSettings
+from cylinder_friction.service.scoring.model_source import ServedModel, write_current
+from cylinder_friction.service.scoring.settings import ServeSettings
 from cylinder_friction.tracking.model_folder import save_model_folder
 from malformed_requests import serving
 

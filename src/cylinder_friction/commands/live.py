@@ -19,22 +19,22 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from cylinder_friction.commands._model import model_folder
-from cylinder_friction.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
-from cylinder_friction.live.engine_building import engine_of, other_engines
-from cylinder_friction.live.events import Events
-from cylinder_friction.live.golden import checked_engine
-from cylinder_friction.live.journal import Journal
-from cylinder_friction.live.line_protocol import LineProtocolLink
-from cylinder_friction.live.links import Link
-from cylinder_friction.live.server import LiveServer
-from cylinder_friction.live.service import LiveError, LiveService
-from cylinder_friction.live.settings import HELD_BACK_S
-from cylinder_friction.live.stribeck import stribeck_lines
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
+from cylinder_friction.service.links.line_protocol import LineProtocolLink
+from cylinder_friction.service.links.link import Link
+from cylinder_friction.service.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
+from cylinder_friction.service.live.engine_building import engine_of, other_engines
+from cylinder_friction.service.live.events import Events
+from cylinder_friction.service.live.golden import checked_engine
+from cylinder_friction.service.live.journal import Journal
+from cylinder_friction.service.live.service import LiveError, LiveService
+from cylinder_friction.service.live.settings import HELD_BACK_S
+from cylinder_friction.service.live.stribeck import stribeck_lines
+from cylinder_friction.service.server import LiveServer
 
 if TYPE_CHECKING:
-    from cylinder_friction.live.engine import Engine
     from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.service.live.engine import Engine
 
 EXPECTED = (ValueError, OSError)
 FEW_COLLECTIONS = 200_000
@@ -123,19 +123,19 @@ def links_of(params: LiveParams) -> list[Link]:
     """Return the links that are configured."""
     links: list[Link] = []
     if params.opcua_server is not None:
-        from cylinder_friction.live.opcua_server import OpcUaServerLink
+        from cylinder_friction.service.links.opcua_server import OpcUaServerLink
 
         links.append(OpcUaServerLink(params.opcua_server, params.access.tokens))
     if params.opcua_client is not None:
-        from cylinder_friction.live.opcua_client import OpcUaClientLink
+        from cylinder_friction.service.links.opcua_client import OpcUaClientLink
 
         links.append(OpcUaClientLink(params.opcua_client))
     if params.mqtt is not None:
-        from cylinder_friction.live.mqtt import MqttLink
+        from cylinder_friction.service.links.mqtt import MqttLink
 
         links.append(MqttLink(params.mqtt))
     if params.sparkplug is not None:
-        from cylinder_friction.live.sparkplug import SparkplugLink
+        from cylinder_friction.service.links.sparkplug import SparkplugLink
 
         links.append(SparkplugLink(params.sparkplug))
     if params.line_protocol is not None:
@@ -166,7 +166,7 @@ def _follow(
         flush=True,
     )
     if recordings:
-        from cylinder_friction.live.replay import Replay
+        from cylinder_friction.service.live.replay import Replay
 
         replay = Replay(f"ws{address}/stream", recordings, speed or None)
         count = replay.run(service.engine.inputs, stop)

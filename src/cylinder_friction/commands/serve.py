@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.network.exposure import AccessError
 from cylinder_friction.recordings.files import read_json
-from cylinder_friction.serving.locating import LOCATED_FILE, locate
-from cylinder_friction.serving.settings import ServeSettings, ServingError
+from cylinder_friction.service.access import AccessError
+from cylinder_friction.service.scoring.locating import LOCATED_FILE, locate
+from cylinder_friction.service.scoring.settings import ServeSettings, ServingError
 
 EXPECTED = (AccessError,)
 _OPTIONS = {
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
         return _locate(options.model, options.locate)
     import starlette  # noqa: F401 - its workers need it: better missed here than by each of them
 
-    from cylinder_friction.serving.processes import LOG_FORMAT, Supervisor
+    from cylinder_friction.service.processes import LOG_FORMAT, Supervisor
 
     settings = ServeSettings(**{name: getattr(options, name) for name in _OPTIONS})
     logging.basicConfig(format=LOG_FORMAT, level=logging.INFO)

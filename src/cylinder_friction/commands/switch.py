@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from cylinder_friction.commands.live import engine_folder
-from cylinder_friction.live.app import ENGINES_FOLDER
-from cylinder_friction.live.service import LiveError
 from cylinder_friction.params.live import load_live_params
+from cylinder_friction.service.live.app import ENGINES_FOLDER
+from cylinder_friction.service.live.service import LiveError
 
 EXPECTED = (ValueError, OSError)
 

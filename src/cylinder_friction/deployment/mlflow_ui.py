@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-from cylinder_friction.network.ports import free_port
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.tracking.repository import TrackingError
 
 _HOST = "127.0.0.1"

@@ -7,18 +7,17 @@ from pathlib import Path
 import yaml
 from pydantic import Field, model_validator
 
-from cylinder_friction.live.opcua_settings import OpcUaClientSettings, OpcUaServerSettings
-from cylinder_friction.live.settings import (
+from cylinder_friction.params.refusal import ParamsError, checked
+from cylinder_friction.params.section import Section
+from cylinder_friction.service.access import LiveAccess
+from cylinder_friction.service.links.opcua_settings import OpcUaClientSettings, OpcUaServerSettings
+from cylinder_friction.service.live.settings import (
     LineProtocolSettings,
-    LiveAccess,
     LiveLimits,
     MqttSettings,
     SessionRules,
     SparkplugSettings,
 )
-from cylinder_friction.network.exposure import refuse_exposed
-from cylinder_friction.params.refusal import ParamsError, checked
-from cylinder_friction.params.section import Section
 
 LIVE_FILE = Path("conf/live/default.yaml")
 
@@ -60,10 +59,9 @@ class LiveParams(Section):
 
     @model_validator(mode="after")
     def _not_exposed(self) -> LiveParams:
-        access = self.access
-        refuse_exposed(self.host, access.tokens, access.without_tokens, access.tls_certificate, access.tls_key)
+        self.access.refuse_exposed(self.host)
         if self.opcua_server is not None:
-            self.opcua_server.refuse_exposed(access.tokens)
+            self.opcua_server.refuse_exposed(self.access.tokens)
         return self
 
 

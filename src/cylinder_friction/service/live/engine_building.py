@@ -1,0 +1,133 @@
+"""An estimator's engine: its exported C with a loop over sessions, compiled once for this machine."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from contextlib import suppress
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cylinder_friction.deployment.golden_trajectory import GoldenError
+from cylinder_friction.recordings.files import write_json, write_text
+from cylinder_friction.service.live.engine import CALLED, DESCRIPTION, LIBRARY, NAME, Engine, called_in, processor
+from cylinder_friction.service.live.golden import checked_engine, take_golden
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
+
+_BY_ESTIMATOR = "by_estimator"
+_log = logging.getLogger(__name__)
+_PACKAGE = Path(__file__).parents[2]
+
+_BATCH = """\
+#include "{name}.h"
+
+/* Jobs one after the other: a session's rows together, so that its state is what a single stream's would be. */
+void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, const uint32_t *resets,
+                  const uint32_t *rows, const double *samples, {name}_output *outputs)
+{{
+    uint32_t job, row;
+
+    for (job = 0; job < jobs; job++) {{
+        {name}_state *state = states + slots[job];
+
+        if (resets[job])
+            {name}_reset(state);
+        for (row = 0; row < rows[job]; row++) {{
+            {name}_step(state, {arguments}, outputs++);
+            samples += {columns};
+        }}
+    }}
+}}
+"""
+
+
+def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
+    """Return the folder below ``engines`` that holds an estimator's engine; compiled where it is not there yet.
+
+    Args:
+        estimator: Fitted; any that can run in real time.
+        engines: Holds one folder a model, compiler and processor.
+
+    Raises:
+        ValueError: The estimator has no real-time step.
+        NoCompilerError: There is no C compiler, or it refused the source.
+    """
+    from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, compiler_version
+    from cylinder_friction.deployment.c_export.export import export_c
+
+    engines.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
+        draft = Path(name) / "engine"
+        exported = export_c(estimator, draft, NAME)
+        made_from = " ".join((exported.model, processor(), compiler_version(), *OPTIMISED))
+        folder = engines / sha256(made_from.encode()).hexdigest()[:32]
+        if (folder / DESCRIPTION).is_file():
+            return folder
+        arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
+        batch = draft / "batch.c"
+        write_text(batch, _BATCH.format(name=NAME, arguments=arguments, columns=len(exported.inputs)))
+        compile_shared((exported.source, batch), draft / LIBRARY, ("-std=c99", *OPTIMISED))
+        described = {
+            "model": exported.model,
+            "processor": processor(),
+            "inputs": list(exported.inputs),
+            "sample_time_s": estimator.sample_time_s,
+            "state_bytes": exported.state_bytes,
+        }
+        write_json(draft / DESCRIPTION, described)
+        with suppress(OSError):  # another process was first; it made the same
+            draft.rename(folder)
+    return folder
+
+
+def engine_of(estimator: Path, engines: Path, called: str = "") -> Path:
+    """Return the folder of a saved estimator's engine.
+
+    Where the same files had theirs built by the same program, neither are they read nor is a compiler looked for: that
+    is most of what a start takes. The golden trajectory of a registered model is copied into the engine's folder, and
+    what the model is called lies there too.
+
+    Raises:
+        GoldenError: The engine does not meet it.
+    """
+    known = engines / _BY_ESTIMATOR / _key(estimator)
+    folder = engines / (known.read_text(encoding="ascii") if known.is_file() else "unknown")
+    if not (folder / DESCRIPTION).is_file():
+        from cylinder_friction.estimators.loading import load_estimator
+
+        folder = built_engine(load_estimator(estimator), engines)
+        write_text(known, folder.name)
+    take_golden(folder, estimator)
+    if called and called_in(folder) != called:
+        write_text(folder / CALLED, called)
+    return folder
+
+
+def _key(estimator: Path) -> str:
+    """Return a hash of what an engine is made from: the estimator's files, the program, the processor."""
+    written_ns = max(path.stat().st_mtime_ns for path in _PACKAGE.rglob("*.py"))
+    hashed = sha256(f"{version('cylinder-friction')} {written_ns} {processor()}".encode())
+    for path in sorted(path for path in estimator.rglob("*") if path.is_file()):
+        hashed.update(f"{path.relative_to(estimator)} {path.stat().st_size} ".encode() + path.read_bytes())
+    return hashed.hexdigest()
+
+
+def other_engines(engines: Path, engine: Engine) -> list[Engine]:
+    """Return the engines of other models that take the same samples: those that sessions may have run before."""
+    found = []
+    for folder in sorted(engines.iterdir()):
+        try:
+            other = checked_engine(folder)
+        except GoldenError as error:
+            _log.error("%s; sessions that ran it begin anew", error)
+        except (OSError, ValueError, KeyError):  # of another processor, or not whole
+            continue
+        else:
+            takes = other.inputs, other.sample_time_s
+            if other.model != engine.model and takes == (engine.inputs, engine.sample_time_s):
+                found.append(other)
+    return found

@@ -1,0 +1,156 @@
+"""The journal's estimates as Parquet: a folder per session and UTC day, whole files only.
+
+pyarrow is imported where it is needed: a start does not write, and after a kill samples wait for it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import numpy as np
+
+from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.journal import Chunk, Journal
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+DAY_S = 86400.0
+LATE_FOLDER = "late"
+_NEWTONS = ("friction_n", "lower_n", "upper_n")
+
+
+def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf) -> list[Path]:
+    """Write the chunks of the journal into Parquet and drop them there; return the files.
+
+    What is not begun ``within_s`` stays in the journal.
+
+    A kill in between loses nothing and doubles nothing: a file is named by session, day and first index, and what was
+    not dropped yet is written again as the same file.
+
+    Columns: ``index``, ``time_s`` (the sender's clock, Unix), the model's inputs, ``friction_n``, ``lower_n``,
+    ``upper_n``, ``flags``; where a second model was recorded, the same four with ``shadow_`` before them. Their models'
+    SHA-256 are in the file's metadata. Samples that came too late to be stepped lie, without estimates, in a folder
+    ``late`` beside the session's days.
+    """
+    last, deadline_s = journal.last_chunk(), time.monotonic() + within_s
+    waiting, paths = journal.with_chunks(last), list[Path]()
+    while waiting and time.monotonic() < deadline_s:
+        paths += write_session(journal, waiting.pop(0), last, folder)
+    journal.forget(last, but=waiting)
+    return paths
+
+
+def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
+    """Write the chunks of one session, up to a chunk's number, into Parquet; they stay in the journal."""
+    files: dict[Path, list[Chunk]] = {}
+    for chunk in journal.chunks(name, last):
+        days = folder / quote(name, safe="")
+        if chunk.estimates is None:
+            days /= LATE_FOLDER
+        day = days / str(np.datetime64(int(chunk.time_s // DAY_S), "D"))
+        open_file = next((path for path, held in files.items() if path.parent == day and _alike(held[0], chunk)), None)
+        files.setdefault(open_file or day / f"{chunk.index:016d}.parquet", []).append(chunk)
+    for path, chunks in files.items():
+        write_whole(table_of(chunks), path)
+    return list(files)
+
+
+def write_whole(table: pa.Table, path: Path) -> None:
+    """Write a file that is there as a whole or not at all."""
+    import pyarrow.parquet as pq
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_suffix(".draft")
+    pq.write_table(table, draft, use_dictionary=["flags"])  # measured numbers do not repeat: a dictionary costs time
+    draft.replace(path)
+
+
+def table_of(chunks: Sequence[Chunk]) -> pa.Table:
+    """Return chunks of one session, made by the same models, as one table."""
+    import pyarrow as pa
+
+    within = [np.arange(len(chunk.samples)) for chunk in chunks]
+    pairs = list(zip(chunks, within, strict=True))
+    columns = {
+        "index": np.concatenate([chunk.index + each for chunk, each in pairs]),
+        "time_s": np.concatenate([chunk.time_s + chunk.sample_time_s * each for chunk, each in pairs]),
+    }
+    samples = np.concatenate([each.samples for each in chunks])
+    columns |= {name: samples[:, place] for place, name in enumerate(chunks[0].inputs)}
+    columns |= _estimates("", [each.estimates for each in chunks])
+    columns |= _estimates("shadow_", [each.shadow for each in chunks])
+    made_by = dict(zip(("model", "shadow_model"), chunks[0].made_by, strict=True))
+    table = pa.table({name: _column(values) for name, values in columns.items()})
+    return table.replace_schema_metadata({key: model for key, model in made_by.items() if model})
+
+
+def _column(values: np.ndarray) -> pa.Array:
+    """Return values as ``pa.array`` does, which would import pandas: newtons wait for a quarter of a second then."""
+    import pyarrow as pa
+
+    content = pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, content])
+
+
+def _alike(one: Chunk, other: Chunk) -> bool:
+    return (one.made_by, one.inputs) == (other.made_by, other.inputs)
+
+
+def _estimates(prefix: str, parts: Iterable[EstimateBlock | None]) -> dict[str, np.ndarray]:
+    given = [part for part in parts if part is not None]
+    if not given:
+        return {}
+    newtons = np.concatenate([each.newtons for each in given])
+    columns = {prefix + name: newtons[:, place] for place, name in enumerate(_NEWTONS)}
+    return columns | {prefix + "flags": np.concatenate([each.flags for each in given])}
+
+
+def join_past_days(folder: Path) -> list[Path]:
+    """Join the files of every session's days but its newest; return the joined ones.
+
+    A kill in between loses nothing and doubles nothing: the joined file takes the place of the first of its parts, and
+    parts that lie within it are dropped the next time.
+    """
+    days: defaultdict[Path, list[Path]] = defaultdict(list)
+    for day in sorted(path for path in folder.glob("**/????-??-??") if path.is_dir()):
+        days[day.parent].append(day)
+    return [path for of_session in days.values() for day in of_session[:-1] for path in _joined_day(day)]
+
+
+def _joined_day(day: Path) -> list[Path]:
+    import pyarrow.parquet as pq
+
+    runs: list[list[Path]] = []
+    last_index = -1
+    for path in sorted(day.glob("*.parquet")):
+        described = pq.read_metadata(path)
+        if int(path.stem) <= last_index:
+            path.unlink()  # it has been joined
+            continue
+        last_index = described.row_group(described.num_row_groups - 1).column(0).statistics.max
+        if runs and pq.read_schema(runs[-1][0]).equals(pq.read_schema(path), check_metadata=True):
+            runs[-1].append(path)
+        else:
+            runs.append([path])
+    return [_join(run) for run in runs if len(run) > 1]
+
+
+def _join(parts: Sequence[Path]) -> Path:
+    import pyarrow.parquet as pq
+
+    draft = parts[0].with_suffix(".draft")
+    with pq.ParquetWriter(draft, pq.read_schema(parts[0])) as writer:
+        for part in parts:
+            with pq.ParquetFile(part) as file:  # ``read_table`` would import pandas
+                writer.write_table(file.read())
+    draft.replace(parts[0])
+    for part in parts[1:]:
+        part.unlink()
+    return parts[0]

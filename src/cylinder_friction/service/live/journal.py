@@ -1,0 +1,259 @@
+"""What a restart needs, in SQLite: each session's state, and every estimate since it was last moved into Parquet."""
+
+import json
+import sqlite3
+import threading
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.models import SavedState, Switch
+
+_SAME_TIME = 0.5
+"""Share of the sample time by which the sender's clock may jitter between chunks that are kept as one."""
+_FORGOTTEN_AT_ONCE = 1000
+_PAGE_BYTES = 32768
+"""A second of a session lies in one page then; spread over four of SQLite's 4096 bytes, it cost twice the time."""
+_LOG_PAGES = 256
+_VERSION = 2
+_TABLES = f"""
+CREATE TABLE IF NOT EXISTS session (name TEXT PRIMARY KEY, content TEXT NOT NULL, state BLOB NOT NULL, shadow BLOB)
+    WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS chunk (
+    id INTEGER PRIMARY KEY, name TEXT NOT NULL, first_index INTEGER NOT NULL, rows INTEGER NOT NULL,
+    content TEXT NOT NULL, samples BLOB NOT NULL, estimates BLOB NOT NULL, shadow BLOB
+);
+CREATE INDEX IF NOT EXISTS chunk_of_session ON chunk (name, id);
+PRAGMA user_version = {_VERSION};
+"""
+
+
+_ChunkRow = tuple[str, int, int, str, bytes, bytes, bytes | None]
+
+
+class JournalError(ValueError):
+    """A file that is no journal of this version; the message states what to do."""
+
+
+@dataclass(frozen=True)
+class SavedSession:
+    """A session as it was when it was last kept."""
+
+    name: str
+    next_index: int  # All samples before it are kept
+    counts: dict[str, int]
+    current: SavedState
+    shadow: SavedState | None = None
+    switch: Switch | None = None
+
+
+@dataclass(slots=True)
+class Chunk:
+    """Successive samples of a session with their estimates."""
+
+    name: str
+    index: int  # Of the first
+    time_s: float
+    sample_time_s: float
+    inputs: tuple[str, ...]
+    samples: Array  # Shape ``(rows, inputs)``
+    estimates: EstimateBlock | None  # None: they came after their gap had been given up, and were not stepped
+    shadow: EstimateBlock | None = None  # Of a second model, where they are recorded
+
+    @property
+    def made_by(self) -> tuple[str | None, str | None]:
+        """Model and second model."""
+        return made_by(self.estimates, self.shadow)
+
+
+def made_by(estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> tuple[str | None, str | None]:
+    """Return the model and the second model of estimates; None: there are none of it."""
+    return None if estimates is None else estimates.model, None if shadow is None else shadow.model
+
+
+@dataclass(slots=True)
+class Unkept:
+    """A chunk that is not kept yet: as bytes, which grow with every block and are quickly written."""
+
+    name: str
+    index: int  # Of the first sample
+    time_s: float
+    sample_time_s: float
+    inputs: tuple[str, ...]
+    made_by: tuple[str | None, str | None]  # As a chunk's
+    rows: int = 0
+    samples: bytearray = field(default_factory=bytearray)
+    newtons: bytearray = field(default_factory=bytearray)
+    flags: bytearray = field(default_factory=bytearray)
+    shadow_newtons: bytearray = field(default_factory=bytearray)
+    shadow_flags: bytearray = field(default_factory=bytearray)
+
+    def goes_on(self, index: int, time_s: float, made_by: tuple[str | None, str | None]) -> bool:
+        """Return whether a block follows the last one, in index and in the sender's time, by the same models."""
+        late_s = time_s - self.time_s - self.rows * self.sample_time_s
+        same_time = abs(late_s) < _SAME_TIME * self.sample_time_s
+        return index == self.index + self.rows and same_time and made_by == self.made_by
+
+    def add(self, samples: Array, estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> None:
+        """Take a block that follows."""
+        self.rows += len(samples)
+        self.samples += samples.tobytes()
+        if estimates is not None:
+            self.newtons += estimates.newtons.tobytes()
+            self.flags += estimates.flags.tobytes()
+        if shadow is not None:
+            self.shadow_newtons += shadow.newtons.tobytes()
+            self.shadow_flags += shadow.flags.tobytes()
+
+    def last_samples(self, rows: int) -> Array:
+        """Return the newest samples."""
+        columns = len(self.inputs)
+        return np.frombuffer(bytes(self.samples[-8 * rows * columns :]), "<f8").reshape(rows, columns)
+
+    def row(self) -> _ChunkRow:
+        """Return what the journal keeps of it."""
+        model, shadow_model = self.made_by
+        content = {
+            "time_s": self.time_s, "sample_time_s": self.sample_time_s, "inputs": self.inputs, "model": model,
+            "shadow": shadow_model,
+        }  # fmt: skip
+        shadow = None if shadow_model is None else bytes(self.shadow_newtons + self.shadow_flags)
+        samples, estimates = bytes(self.samples), bytes(self.newtons + self.flags)
+        return self.name, self.index, self.rows, json.dumps(content), samples, estimates, shadow
+
+    def chunk(self) -> Chunk:
+        """Return it as it will be read once it is kept."""
+        return _chunk_of(self.row())
+
+
+def _chunk_of(row: _ChunkRow) -> Chunk:
+    name, index, rows, content, samples, estimates, shadow = row
+    of = json.loads(content)
+    place = index, of["time_s"]
+    return Chunk(
+        name, *place, of["sample_time_s"], tuple(of["inputs"]),
+        np.frombuffer(samples, "<f8").reshape(rows, -1),
+        None if of["model"] is None else _from_bytes(*place, of["model"], estimates, rows),
+        None if shadow is None else _from_bytes(*place, of["shadow"], shadow, rows),
+    )  # fmt: skip
+
+
+class Journal:
+    """Sessions and their latest estimates in one file; all of what is kept together, or nothing, when a kill comes.
+
+    One thread reads while another keeps; those that write wait for each other.
+
+    Args:
+        path: Its file; made where there is none.
+
+    Raises:
+        JournalError: The file is of another version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._writing, self._turn = (
+            sqlite3.connect(path, check_same_thread=False, isolation_level=None),
+            threading.Lock(),
+        )
+        tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+        version = self._writing.execute("PRAGMA user_version").fetchone()[0]
+        if tables and version != _VERSION:
+            self._writing.close()
+            raise JournalError(
+                f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
+                "move it into the history (start and stop it once), or move the file away"
+            )
+        self._writing.executescript(
+            f"PRAGMA page_size={_PAGE_BYTES}; PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; "
+            f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
+        )
+        self._reading = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._reading.close()
+        self._writing.close()
+
+    def session(self, name: str) -> SavedSession | None:
+        """Return a session as it was last kept, or None."""
+        row = self._reading.execute("SELECT content, state, shadow FROM session WHERE name = ?", (name,)).fetchone()
+        if row is None:
+            return None
+        content, state, shadow = json.loads(row[0]), row[1], row[2]
+        switch = content["switch"] and Switch.from_dict(content["switch"])
+        beside = None if shadow is None else SavedState(content["shadow"], shadow)
+        current = SavedState(content["model"], state)
+        return SavedSession(name, content["next_index"], content["counts"], current, beside, switch)
+
+    def names(self) -> list[str]:
+        """Return the names of all sessions that were ever kept."""
+        return [name for (name,) in self._reading.execute("SELECT name FROM session ORDER BY name")]
+
+    def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Unkept]) -> None:
+        """Keep states and the estimates that led to them, all or nothing."""
+        with self._turn:
+            self._writing.execute("BEGIN IMMEDIATE")
+            with self._writing:  # commits, or rolls back
+                self._writing.executemany(
+                    "INSERT OR REPLACE INTO session VALUES (?, ?, ?, ?)", map(_session_row, sessions)
+                )
+                self._writing.executemany(
+                    "INSERT INTO chunk (name, first_index, rows, content, samples, estimates, shadow) "
+                    "VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    (each.row() for each in chunks),
+                )
+
+    def last_chunk(self) -> int:
+        """Return the number of the newest chunk; 0 where there is none."""
+        return int(self._reading.execute("SELECT COALESCE(MAX(id), 0) FROM chunk").fetchone()[0])
+
+    def chunks(self, name: str, up_to: int, from_index: int = 0) -> Iterator[Chunk]:
+        """Yield a session's chunks, oldest first, up to a number, from the one that holds or follows an index."""
+        rows = self._reading.execute(
+            "SELECT first_index, rows, content, samples, estimates, shadow FROM chunk "
+            "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
+            (name, up_to, from_index),
+        )
+        for row in rows:
+            yield _chunk_of((name, *row))
+
+    def forget(self, up_to: int, but: Collection[str] = ()) -> None:
+        """Drop chunks up to a number, but of no session in ``but``: they lie elsewhere now.
+
+        Some at a time, so that others can write in between.
+        """
+        (first,) = self._reading.execute("SELECT COALESCE(MIN(id), 1) FROM chunk").fetchone()
+        for begin in range(first, up_to + 1, _FORGOTTEN_AT_ONCE):
+            end = min(up_to + 1, begin + _FORGOTTEN_AT_ONCE)
+            with self._turn:
+                self._writing.execute(
+                    "DELETE FROM chunk WHERE id >= ? AND id < ? AND name NOT IN (SELECT value FROM json_each(?))",
+                    (begin, end, json.dumps(list(but))),
+                )
+
+    def with_chunks(self, up_to: int) -> list[str]:
+        """Return the names of the sessions that have chunks up to a number."""
+        rows = self._reading.execute("SELECT DISTINCT name FROM chunk WHERE id <= ? ORDER BY name", (up_to,))
+        return [name for (name,) in rows]
+
+
+def _from_bytes(index: int, time_s: float, model: str, content: bytes, rows: int) -> EstimateBlock:
+    newtons = np.frombuffer(content, "<f8", 3 * rows).reshape(rows, 3)
+    return EstimateBlock(0, index, time_s, newtons, np.frombuffer(content, "<u4", rows, 24 * rows), model)
+
+
+def _session_row(session: SavedSession) -> tuple[str, str, bytes, bytes | None]:
+    content = {
+        "next_index": session.next_index,
+        "counts": session.counts,
+        "model": session.current.model,
+        "shadow": session.shadow and session.shadow.model,
+        "switch": session.switch and session.switch.as_dict(),
+    }
+    shadow = None if session.shadow is None else session.shadow.state
+    return session.name, json.dumps(content), session.current.state, shadow

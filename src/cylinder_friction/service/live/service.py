@@ -1,0 +1,354 @@
+"""Sessions, their models and the journal put together; knows no network."""
+
+import math
+import re
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from cylinder_friction.service.live.engine import Engine, Job
+from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock
+from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
+from cylinder_friction.service.live.models import Running, SavedState, SessionModels
+from cylinder_friction.service.live.session import Counts, Piece, SessionOrder
+from cylinder_friction.service.live.settings import LiveLimits, SessionRules
+
+_NAME = re.compile(r"[\w.:/ -]{1,80}")
+CLOCK_TOLERANCE = 2e-3
+"""How much the stated sample time may differ from the model's; beyond it the model would be wrong."""
+
+
+class LiveError(ValueError):
+    """A request that cannot be met; the message states what was got and what is expected."""
+
+
+class BusyError(LiveError):
+    """A request that may be met later."""
+
+
+class Owner(Protocol):
+    """Who opened a session last, and gets what comes of it."""
+
+    client: str
+
+    def put_estimates(self, session: "LiveSession", block: EstimateBlock) -> None:
+        """Queue estimates."""
+
+    def put_acknowledgement(self, session: "LiveSession") -> None:
+        """Queue that samples are kept."""
+
+    def lost(self, session: "LiveSession") -> None:
+        """Note that the session has another owner."""
+
+
+@dataclass
+class LiveSession:
+    """One open session."""
+
+    name: str
+    handle: int
+    models: SessionModels
+    order: SessionOrder
+    unkept: list[Unkept] = field(default_factory=list)  # In the order in which they came
+    handed_over: list[Unkept] = field(default_factory=list)  # To the journal; whether it has them is not known yet
+    kept_index: int = 0  # All samples before it are kept
+    last_seen_s: float = 0.0  # On the monotonic clock
+    latest: EstimateBlock | None = None  # Since it was opened
+    owner: "Owner | None" = None
+
+    @property
+    def next_index(self) -> int:
+        """Index of the sample that is stepped next."""
+        return self.order.next_index or 0
+
+    @property
+    def model(self) -> str:
+        """SHA-256 of the model that gives the newtons."""
+        return self.models.current.engine.model
+
+    def refuse_others(self, owner: Owner) -> None:
+        """Raise ``LiveError`` where the session is another's."""
+        if self.owner is not owner:
+            raise LiveError(f"session {self.name!r}: another connection has opened it; open it to take it over")
+
+    def saved(self) -> SavedSession:
+        """Return all that a restart needs."""
+        models = self.models
+        shadow = None if models.shadow is None else models.shadow.saved()
+        counts = dict(vars(self.order.counts))
+        return SavedSession(self.name, self.next_index, counts, models.current.saved(), shadow, models.switch)
+
+
+class LiveService:
+    """Friction of many cylinders: samples go in by session and index, estimates come out in order.
+
+    Args:
+        engine: Of the model that new sessions run, and that those of another model change to.
+        journal: Where states and estimates are kept.
+        on_estimates: Called with a session and the estimates of successive samples, as soon as its owner has them.
+        others: Engines of other models: sessions that have run one of them go on with it until the change.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        journal: Journal,
+        on_estimates: Callable[[LiveSession, EstimateBlock], None] | None = None,
+        rules: SessionRules | None = None,
+        limits: LiveLimits | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        others: Iterable[Engine] = (),
+    ) -> None:
+        self.engine, self.journal, self.on_estimates = engine, journal, on_estimates
+        self.rules, self.limits, self._clock = rules or SessionRules(), limits or LiveLimits(), clock
+        self.engines = {each.model: each for each in (*others, engine)}
+        self.sessions: dict[str, LiveSession] = {}
+        self._by_handle: dict[int, LiveSession] = {}
+        self._next_handle = 1
+        self.unkept_rows, self._kept_s = 0, clock()
+        self._closed_outcomes = Counter(vars(Counts()))  # Less what open sessions had met before they were opened here
+        self.loop_lag_s = 0.0
+        """How late the event loop was of late, at worst, as its owner states."""
+        self.keeps_not_because = ""
+        """Why nothing could be kept the last time; empty where it could."""
+
+    def open(self, name: str, inputs: Sequence[str], sample_time_s: float) -> LiveSession:
+        """Return the session of that name, where it stood when it was last kept, or a new one.
+
+        Raises:
+            LiveError: The name is not one, there are too many sessions, or columns or sample time are not the model's.
+            BusyError: The session is new, and the service has no time for it.
+        """
+        self._refuse_other_samples(name, inputs, sample_time_s)
+        if name in self.sessions:
+            return self.sessions[name]
+        if len(self.sessions) >= self.limits.sessions:
+            raise LiveError(f"session {name!r}: {len(self.sessions)} sessions are open, all that are taken; try later")
+        order = SessionOrder(self.engine.sample_time_s, len(self.engine.inputs), self.rules)
+        saved = self.journal.session(name)
+        if saved is None and self.loop_lag_s > self.limits.loop_lag_s:
+            raise BusyError(
+                f"session {name!r}: new sessions are refused while the service is {self.loop_lag_s:.2f} s late"
+            )
+        models = self._models(saved, order)
+        session = LiveSession(name, self._next_handle, models, order, last_seen_s=self._clock())
+        session.kept_index = session.next_index
+        self.sessions[name] = self._by_handle[session.handle] = session
+        self._next_handle += 1
+        return session
+
+    def add_model(self, engine: Engine) -> None:
+        """Make a model known, so that sessions can change to it.
+
+        Raises:
+            LiveError: It takes other samples.
+        """
+        known = self.engines.setdefault(engine.model, engine)
+        known.called = engine.called
+        if (known.inputs, known.sample_time_s) != (self.engine.inputs, self.engine.sample_time_s):
+            del self.engines[engine.model]
+            raise LiveError(
+                f"model {engine.model[:12]}: takes {list(known.inputs)} every {known.sample_time_s:g} s; the sessions "
+                f"send {list(self.engine.inputs)} every {self.engine.sample_time_s:g} s"
+            )
+
+    def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
+        """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
+        kept = self.journal.chunks(session.name, self.journal.last_chunk(), index)
+        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.unkept)]
+        blocks = []
+        for chunk in chunks:
+            known = max(0, index - chunk.index)
+            if chunk.estimates is not None and known < len(chunk.samples):
+                index = chunk.index + len(chunk.samples)
+                time_s = chunk.time_s + known * chunk.sample_time_s
+                newtons, flags = chunk.estimates.newtons[known:], chunk.estimates.flags[known:]
+                blocks.append(EstimateBlock(session.handle, chunk.index + known, time_s, newtons, flags))
+        return blocks
+
+    def session_of(self, block: SampleBlock) -> LiveSession:
+        """Return the session of a block.
+
+        Raises:
+            LiveError: No session has its handle, or its columns are not the model's.
+        """
+        session = self._by_handle.get(block.handle)
+        if session is None:
+            raise LiveError(f"handle {block.handle}: no open session has it; open the session first")
+        if block.samples.shape[1] != len(self.engine.inputs):
+            raise LiveError(
+                f"session {session.name!r}: got {block.samples.shape[1]} columns; expected {list(self.engine.inputs)}"
+            )
+        if not math.isfinite(block.time_s):
+            raise LiveError(f"session {session.name!r}: got time {block.time_s}; expected seconds since 1970")
+        return session
+
+    def receive(self, blocks: Sequence[SampleBlock], owner: Owner | None = None) -> None:
+        """Step through all that can be stepped now, of all blocks in one call.
+
+        Raises:
+            LiveError: As ``session_of``, or a session has another owner than the one stated; no block is used.
+        """
+        sessions = [self.session_of(block) for block in blocks]
+        if owner is not None:
+            for session in sessions:
+                session.refuse_others(owner)
+        now_s = self._clock()
+        pieces: list[tuple[LiveSession, Piece]] = []
+        for session, block in zip(sessions, blocks, strict=True):
+            session.last_seen_s = now_s
+            found = session.order.receive(block.index, block.time_s, block.samples, now_s)
+            pieces += [(session, piece) for piece in found]
+            if session.order.late:
+                self._keep_late(session)
+        self._step(pieces)
+
+    def overdue(self) -> None:
+        """Step over gaps that have been waited for long enough."""
+        now_s = self._clock()
+        self._step([(each, piece) for each in self.sessions.values() for piece in each.order.overdue(now_s)])
+
+    @property
+    def kept_age_s(self) -> float:
+        """How long ago something was kept last, where estimates wait for that [s]; else 0."""
+        return self._clock() - self._kept_s if self.unkept_rows else 0.0
+
+    def outcomes(self) -> Counter[str]:
+        """Return how many samples met which outcome since the start, those of closed sessions included."""
+        outcomes = self._closed_outcomes.copy()
+        for session in self.sessions.values():
+            outcomes.update(vars(session.order.counts))
+        return outcomes
+
+    def load(self) -> dict[str, int]:
+        """Return what the service holds just now, as counts."""
+        held = sum(each.order.held_rows for each in self.sessions.values())
+        return {"sessions": len(self.sessions), "held_rows": held, "unkept_rows": self.unkept_rows}
+
+    def unkept(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[Unkept]]:
+        """Return what ``Journal.keep`` is to keep of some sessions; from now on it counts as handed over."""
+        saved, chunks = [], []
+        for session in sessions:
+            if session.unkept or not session.models.switch_kept:
+                saved.append(session.saved())
+                self.unkept_rows -= sum(each.rows for each in session.unkept)
+                chunks += session.unkept
+                session.handed_over, session.unkept = session.unkept, []
+        return saved, chunks
+
+    def not_kept(self, saved: Sequence[SavedSession], reason: str) -> None:
+        """Take back what could not be kept; it is handed over again the next time."""
+        self.keeps_not_because = reason
+        for session in (self.sessions[each.name] for each in saved):
+            self.unkept_rows += sum(each.rows for each in session.handed_over)
+            session.handed_over, session.unkept = [], session.handed_over + session.unkept
+
+    def kept(self, saved: Sequence[SavedSession]) -> None:
+        """Note what has been kept, and acknowledge it."""
+        self.keeps_not_because, self._kept_s = "", self._clock()
+        known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
+        for session, each in known:
+            session.kept_index, session.handed_over = each.next_index, []
+            session.models.switch_kept |= each.switch == session.models.switch
+            if session.owner is not None:
+                session.owner.put_acknowledgement(session)
+
+    def keep(self) -> None:
+        """Keep and acknowledge everything now."""
+        saved, chunks = self.unkept(self.sessions.values())
+        self.journal.keep(saved, chunks)
+        self.kept(saved)
+
+    def close_idle(self) -> list[str]:
+        """Close sessions that have rested for long, all of whose samples are kept; return their names."""
+        now_s = self._clock()
+        idle = [
+            each
+            for each in self.sessions.values()
+            if now_s - each.last_seen_s > self.limits.idle_s and not each.unkept and each.kept_index == each.next_index
+        ]
+        for session in idle:
+            session.models.close()
+            self._closed_outcomes.update(vars(session.order.counts))
+            del self.sessions[session.name], self._by_handle[session.handle]
+        return [session.name for session in idle]
+
+    def _models(self, saved: SavedSession | None, order: SessionOrder) -> SessionModels:
+        """Return the models of a session as it was kept, and bring ``order`` to where it stood."""
+        if saved is None:
+            return SessionModels(self._fresh())
+        order.next_index, order.counts = saved.next_index, Counts.from_dict(saved.counts)
+        self._closed_outcomes.subtract(vars(order.counts))
+        current = self._restored(saved.current)
+        if current is None:
+            order.counts.resets += 1
+            return SessionModels(self._fresh())
+        shadow = self._restored(saved.shadow)
+        known = saved.switch is not None and saved.switch.model in self.engines
+        models = SessionModels(current, shadow, saved.switch if known else None)
+        if models.switch is None and current.engine is not self.engine:
+            models.change_to(self.engine.model, saved.next_index, round(self.rules.warm_s / self.engine.sample_time_s))
+        return models
+
+    def _fresh(self) -> Running:
+        return Running(self.engine, self.engine.add())
+
+    def _restored(self, saved: SavedState | None) -> Running | None:
+        engine = None if saved is None else self.engines.get(saved.model)
+        if saved is None or engine is None:
+            return None
+        running = Running(engine, engine.add())
+        engine.restore(running.slot, saved.state)
+        return running
+
+    def _step(self, pieces: Sequence[tuple[LiveSession, Piece]]) -> None:
+        if not pieces:
+            return
+        parts = [(session, part) for session, piece in pieces for part in session.models.parts(piece, self.engines)]
+        jobs: defaultdict[Engine, list[Job]] = defaultdict(list)
+        for _, part in parts:
+            for running in part.models:
+                jobs[running.engine].append(Job(running.slot, part.piece.samples, part.piece.reset))
+        results = {engine: iter(engine.run(each)) for engine, each in jobs.items()}
+        for session, part in parts:
+            piece = part.piece
+            given = [
+                EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[each.engine]), each.engine.model)
+                for each in part.models
+            ]
+            session.latest = given[0]
+            self._add(session, piece, given[0], given[1] if part.recorded else None)
+            if session.owner is not None:
+                session.owner.put_estimates(session, given[0])
+            if self.on_estimates is not None:
+                self.on_estimates(session, given[0])
+
+    def _keep_late(self, session: LiveSession) -> None:
+        for piece in session.order.late:
+            self._add(session, piece, None)
+        session.order.late.clear()
+
+    def _add(
+        self, session: LiveSession, piece: Piece, estimates: EstimateBlock | None, shadow: EstimateBlock | None = None
+    ) -> None:
+        models = made_by(estimates, shadow)
+        if not session.unkept or not session.unkept[-1].goes_on(piece.index, piece.time_s, models):
+            step_s, inputs = self.engine.sample_time_s, self.engine.inputs
+            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, models))
+        session.unkept[-1].add(piece.samples, estimates, shadow)
+        self.unkept_rows += len(piece.samples)
+
+    def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
+        if not _NAME.fullmatch(name):
+            raise LiveError(
+                f"session {name[:80]!r}: expected 1 to 80 letters, digits, spaces and _ . : / - as a session's name"
+            )
+        if tuple(inputs) != self.engine.inputs:
+            raise LiveError(f"session {name!r}: got columns {list(inputs)}; the model takes {list(self.engine.inputs)}")
+        if not abs(sample_time_s / self.engine.sample_time_s - 1.0) <= CLOCK_TOLERANCE:
+            raise LiveError(
+                f"session {name!r}: got a sample time of {sample_time_s} s; the model was trained at "
+                f"{self.engine.sample_time_s} s; resample, or train a model at that rate"
+            )

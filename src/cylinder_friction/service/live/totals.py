@@ -1,0 +1,58 @@
+"""Counts over all sessions for ``/metrics``: flags of estimates, and how long messages took."""
+
+from bisect import bisect_left
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.service import LiveSession
+
+_BLOCKS = 5000
+_VALUES = 2 * max(Flag)
+BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
+"""Upper bounds of the classes of delays [s]; beyond the last there is one more."""
+
+
+class FlagTotals:
+    """How many estimates there were, and with which flags."""
+
+    def __init__(self) -> None:
+        self._waiting: list[NDArray[np.uint32]] = []
+        self._counts = np.zeros(_VALUES, dtype=np.int64)  # By value of the flags
+
+    def note(self, session: LiveSession, block: EstimateBlock) -> None:
+        """Count a block; cheap, for most of the work waits until many are there."""
+        del session
+        self._waiting.append(block.flags)
+        if len(self._waiting) > _BLOCKS:
+            self._count()
+
+    def totals(self) -> tuple[int, dict[str, int]]:
+        """Return the number of estimates, and of those with each flag."""
+        self._count()
+        values = np.arange(_VALUES)
+        return int(self._counts.sum()), {flag.name or "": int(self._counts[values & flag > 0].sum()) for flag in Flag}
+
+    def _count(self) -> None:
+        if self._waiting:
+            self._counts += np.bincount(np.concatenate(self._waiting), minlength=_VALUES)
+            self._waiting.clear()
+
+
+class Delays:
+    """How long it took from a message's arrival until its estimates were sent, in classes."""
+
+    def __init__(self) -> None:
+        self._counts, self._sum_s = [0] * (len(BOUNDS_S) + 1), 0.0
+
+    def note(self, delay_s: float) -> None:
+        """Count one."""
+        self._counts[bisect_left(BOUNDS_S, delay_s)] += 1
+        self._sum_s += delay_s
+
+    def buckets(self) -> tuple[list[tuple[str, float]], float]:
+        """Return what Prometheus wants: how many were up to each bound, and the sum of all [s]."""
+        names = [*map(str, BOUNDS_S), "+Inf"]
+        return list(zip(names, np.cumsum(self._counts).tolist(), strict=True)), self._sum_s

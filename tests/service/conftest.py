@@ -1,0 +1,103 @@
+"""A small hybrid's engine, samples for it, and services in this process."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+import uvicorn
+
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.service.access import LiveAccess
+from cylinder_friction.service.live.app import create_app
+from cylinder_friction.service.live.engine import Engine
+from cylinder_friction.service.live.engine_building import built_engine
+from cylinder_friction.service.live.events import Events
+from cylinder_friction.service.live.journal import Journal
+from cylinder_friction.service.live.service import LiveService
+from cylinder_friction.service.live.settings import LiveLimits
+from cylinder_friction.service.server import LiveServer
+from live_process import Mosquitto
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+    from typing import Any
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.recordings.recording import Recording
+
+
+@pytest.fixture(scope="session")
+def engine(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Engine:
+    return Engine(built_engine(small_hybrid, tmp_path_factory.mktemp("engines")))
+
+
+@pytest.fixture(scope="session")
+def other_estimator(small_hybrid: HybridEstimator, labelled_recordings: list[Recording]) -> HybridEstimator:
+    """Another model for the same samples."""
+    hybrid = HybridEstimator(
+        small_hybrid.cylinder, "force_balance", Architecture(1, 4, 0.0, 1e-3), TrainingPlan(1, 1, 200, 20, 4),
+        ForestPlan(2, 3, 2000, 20),
+    )  # fmt: skip
+    hybrid.fit(labelled_recordings)
+    return hybrid
+
+
+@pytest.fixture(scope="session")
+def samples(labelled_recordings: list[Recording]) -> Array:
+    return labelled_recordings[0].samples()
+
+
+@pytest.fixture(scope="session")
+def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("model") / "hybrid"
+    small_hybrid.save(folder)
+    return folder
+
+
+@pytest.fixture
+def golden(small_hybrid: HybridEstimator, samples: Array) -> dict[str, Any]:
+    """The model's golden trajectory."""
+    newtons, flags = small_hybrid.real_time().run(samples[:300])
+    return {"samples": samples[:300].tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
+
+
+@pytest.fixture
+def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
+    """Start a service in a thread; return its address as ``HOST:PORT``."""
+    running: list[tuple[uvicorn.Server, threading.Thread, Journal]] = []
+
+    def start(access: LiveAccess | None = None, limits: LiveLimits | None = None, log: Path | None = None) -> str:
+        access = access or LiveAccess()
+        journal = Journal(tmp_path / "served.db")
+        service = LiveService(engine, journal, limits=limits)
+        app = create_app(service, tmp_path / "history", access=access, events=Events(log))
+        config = uvicorn.Config(
+            app, port=0, log_level="warning", timeout_graceful_shutdown=1, ssl_certfile=access.tls_certificate,
+            ssl_keyfile=access.tls_key,
+        )  # fmt: skip
+        server = LiveServer(config, app.state.drain)
+        thread = threading.Thread(target=server.run, daemon=True)
+        thread.start()
+        running.append((server, thread, journal))
+        while not server.started:
+            assert thread.is_alive(), "the service ended while starting"
+            time.sleep(0.01)
+        return f"127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+
+    yield start
+    for server, thread, journal in running:
+        server.should_exit = True
+        thread.join(60.0)
+        journal.close()
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    with Mosquitto(tmp_path) as started:
+        yield started

@@ -1,0 +1,434 @@
+"""A public OPC UA client sees each session's newtons, units, quality and health."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+from contextlib import asynccontextmanager, suppress
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import psutil
+import pytest
+import yaml
+from asyncua import Client, ua
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from cryptography.x509.oid import ExtendedKeyUsageOID
+from live_service import running
+
+from cylinder_friction.execution.ports import free_port
+from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.params.live import load_live_params
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.service.client import Client as LiveClient
+from cylinder_friction.service.links import opcua_server
+from cylinder_friction.service.links.opcua_quality import Health, health_of, status_of
+from cylinder_friction.service.links.opcua_server import OpcUaServerLink
+from cylinder_friction.service.links.opcua_settings import OpcUaServerSettings
+from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE
+from cylinder_friction.service.live.connection import Peers
+from cylinder_friction.service.live.frames import SampleBlock
+from cylinder_friction.service.live.journal import Journal
+from cylinder_friction.service.live.service import LiveService
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Awaitable, Callable
+    from pathlib import Path
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.service.live.engine import Engine
+
+pytestmark = pytest.mark.extended
+BEGAN_S = 1.7e9
+PATIENCE_S = 120.0
+"""Its process gives way to whatever else runs: on a busy machine it takes long to start."""
+
+
+@asynccontextmanager
+async def shown(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[tuple[LiveService, Client]]:
+    """A service with an OPC UA server, and a client of that."""
+    link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, **settings))
+    service = LiveService(engine, Journal(folder / "journal.db"), link.note)
+    async with link.running(service, Peers()), connected(link.address) as client:
+        yield service, client
+    service.journal.close()
+
+
+@asynccontextmanager
+async def connected(address: str) -> AsyncIterator[Client]:
+    """A client of a server that may not be there yet."""
+    client = Client(address, timeout=PATIENCE_S)
+
+    async def is_there() -> bool:
+        await client.connect()
+        return True
+
+    await until(is_there)
+    try:
+        yield client
+    finally:
+        await client.disconnect()
+
+
+async def until(true: Callable[[], Awaitable[object]]) -> None:
+    """Wait until it neither fails nor is false."""
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            with suppress(ua.UaError, OSError):
+                if await true():
+                    return
+            await asyncio.sleep(0.05)
+
+
+def server_process(service: int) -> psutil.Process:
+    """The process of a service's OPC UA server."""
+    (found,) = [
+        each for each in psutil.Process(service).children() if any("opcua_worker" in word for word in each.cmdline())
+    ]
+    return found
+
+
+async def values(client: Client, session: str) -> dict[str, ua.DataValue]:
+    number = await client.get_namespace_index(NAMESPACE)
+    names = ("Friction", "LowerBound", "UpperBound", "Flags", "SampleIndex", "SampleLag", "DeviceHealth")
+    nodes = [client.get_node(ua.NodeId(f"{session}/{name}", number)) for name in names]
+    return dict(zip(names, await client.read_attributes(nodes), strict=True))
+
+
+async def values_at(client: Client, session: str, index: int) -> dict[str, ua.DataValue]:
+    """Values of the sample of that index, once they are there."""
+    async with asyncio.timeout(PATIENCE_S):
+        while (found := await values(client, session))["SampleIndex"].Value.Value != index:
+            await asyncio.sleep(0.02)
+    return found
+
+
+def test_a_client_reads_newtons_with_the_senders_time_and_their_quality(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    newtons, flags = small_hybrid.real_time().run(samples[:600])
+    broken = np.vstack([samples[:600], [[np.nan, *samples[600, 1:]]]])
+
+    async def look() -> tuple[dict[str, ua.DataValue], ...]:
+        async with shown(engine, tmp_path) as (service, client):
+            session = service.open("press 7", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, broken[:1])])
+            first = await values_at(client, "press 7", 0)
+            service.receive([SampleBlock(session.handle, 1, BEGAN_S + 0.005, broken[1:600])])
+            good = await values_at(client, "press 7", 599)
+            service.receive([SampleBlock(session.handle, 600, BEGAN_S + 3.0, broken[600:])])
+            bad = await values_at(client, "press 7", 600)
+            service.keep()
+            service.limits = type(service.limits)(idle_s=1e-9)
+            assert service.close_idle() == ["press 7"]
+            async with asyncio.timeout(PATIENCE_S):
+                status = ua.StatusCodes.BadNoCommunication
+                while (closed := await values(client, "press 7"))["Friction"].StatusCode.value != status:
+                    await asyncio.sleep(0.02)
+            return first, good, bad, closed
+
+    first, good, bad, closed = asyncio.run(look())
+    assert first["Friction"].StatusCode == status_of(int(flags[0]))
+    assert first["DeviceHealth"].Value.Value == Health.CHECK_FUNCTION
+    shown_newtons = [good[name].Value.Value for name in ("Friction", "LowerBound", "UpperBound")]
+    assert shown_newtons == newtons[599].tolist()
+    assert good["Flags"].Value.Value == flags[599]
+    assert good["Friction"].StatusCode == status_of(int(flags[599]))
+    assert good["Friction"].SourceTimestamp.timestamp() == pytest.approx(BEGAN_S + 599 * 0.005, abs=1e-5)
+    assert good["SampleLag"].Value.Value > 0.0
+    assert bad["Friction"].StatusCode.value == ua.StatusCodes.BadSensorFailure
+    assert bad["Friction"].Value.Value is None
+    assert bad["DeviceHealth"].Value.Value == Health.FAILURE
+    assert closed["Friction"].StatusCode.value == ua.StatusCodes.BadNoCommunication
+    assert closed["DeviceHealth"].Value.Value == Health.CHECK_FUNCTION
+
+
+def test_the_address_space_states_units_ranges_and_names(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    async def look() -> None:
+        async with shown(engine, tmp_path, range_n=3000.0) as (service, client):
+            session = service.open("press 7", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
+            await values_at(client, "press 7", 2)
+            number = await client.get_namespace_index(NAMESPACE)
+            devices = await client.get_namespace_index("http://opcfoundation.org/UA/DI/")
+            path = [f"{number}:CylinderFriction", f"{number}:press 7"]
+            press = await client.nodes.objects.get_child(path)
+            friction = await press.get_child(f"{number}:Friction")
+            assert await friction.read_type_definition() == ua.NodeId(ua.ObjectIds.AnalogUnitRangeType)
+            unit = await (await friction.get_child("0:EngineeringUnits")).read_value()
+            assert (unit.UnitId, unit.DisplayName.Text) == (5129559, "N")
+            extent = await (await friction.get_child("0:EURange")).read_value()
+            assert (extent.Low, extent.High) == (-3000.0, 3000.0)
+            names = await (await press.get_child([f"{number}:Flags", "0:OptionSetValues"])).read_value()
+            assert [each.Text for each in names] == [flag.name for flag in Flag]
+            health = await press.get_child(f"{devices}:DeviceHealth")
+            kind = client.get_node(await health.read_data_type())
+            assert (await kind.read_browse_name()).Name == "DeviceHealthEnumeration"
+            texts = await (await kind.get_child("0:EnumStrings")).read_value()
+            assert [text.Text for text in texts] == [each.name for each in Health]
+            with pytest.raises(ua.UaStatusCodeError):
+                await friction.write_value(1.0)
+
+    asyncio.run(look())
+
+
+def test_a_subscription_gives_what_changes(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    async def follow() -> list[int]:
+        async with shown(engine, tmp_path) as (service, client):
+            session = service.open("press", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:10])])
+            await values_at(client, "press", 9)
+            subscription = await client.create_subscription(20.0)
+            number = await client.get_namespace_index(NAMESPACE)
+            await subscription.subscribe_data_change(client.get_node(ua.NodeId("press/SampleIndex", number)))
+            got = []
+            for begin in range(10, 40, 10):
+                event = await subscription.next_event(60.0)
+                got.append(event.value)
+                service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 10])])
+            return [*got, (await subscription.next_event(60.0)).value]
+
+    assert asyncio.run(follow()) == [9, 19, 29, 39]
+
+
+def test_sessions_beyond_the_configured_number_are_counted_not_shown(
+    engine: Engine, samples: Array, tmp_path: Path
+) -> None:
+    async def look() -> int:
+        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, sessions=1))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"), link.note)
+        async with link.running(service, Peers()), connected(link.address) as client:
+            for name in ("one", "two"):
+                session = service.open(name, engine.inputs, engine.sample_time_s)
+                service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
+            await values_at(client, "one", 2)
+            while not link.counts["not shown"]:
+                await asyncio.sleep(0.02)
+            return len(await (await client.nodes.objects.get_child("2:CylinderFriction")).get_children())
+
+    assert asyncio.run(look()) == 1
+
+
+def test_a_killed_process_comes_back_with_the_values_that_were_shown(
+    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opcua_server, "RESTARTS_S", (0.1, 60.0))
+
+    async def look() -> None:
+        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"), link.note)
+        async with link.running(service, Peers()):
+            session = service.open("press", engine.inputs, engine.sample_time_s)
+            service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
+            async with connected(link.address) as client:
+                await values_at(client, "press", 2)
+            first = server_process(os.getpid())
+            first.kill()
+            psutil.wait_procs([first], 60.0)
+            async with connected(link.address) as client:
+                await values_at(client, "press", 2)
+                service.receive([SampleBlock(session.handle, 3, BEGAN_S, samples[3:9])])
+                await values_at(client, "press", 8)
+            assert server_process(os.getpid()).pid != first.pid
+            assert link.counts == {"restarted": 1}
+
+    asyncio.run(look())
+
+
+def test_what_a_held_up_process_does_not_read_is_merged(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    async def look() -> None:
+        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"), link.note)
+        async with link.running(service, Peers()), connected(link.address) as client:
+            sessions = [service.open(f"press {place}", engine.inputs, engine.sample_time_s) for place in range(50)]
+            process, index = server_process(os.getpid()), 0
+            process.suspend()
+            while link.counts["merged"] < 200:
+                service.receive([SampleBlock(each.handle, index, BEGAN_S, samples[:4]) for each in sessions])
+                index += 4
+                await asyncio.sleep(0.01)
+            process.resume()
+            await values_at(client, "press 49", index - 1)
+            assert link.counts.keys() == {"merged"}
+
+    asyncio.run(look())
+
+
+def test_objects_of_closed_sessions_go_after_a_while_and_come_back_with_the_session(
+    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opcua_server, "KEPT_S", 0.5)
+
+    async def look() -> None:
+        async with shown(engine, tmp_path) as (service, client):
+            folder = await client.nodes.objects.get_child("2:CylinderFriction")
+            service.limits = type(service.limits)(idle_s=1e-9)
+            for begin in (0, 3):
+                session = service.open("press", engine.inputs, engine.sample_time_s)
+                service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 3])])
+                await values_at(client, "press", begin + 2)
+                service.keep()
+                assert service.close_idle() == ["press"]
+                while await folder.get_children():
+                    await asyncio.sleep(0.02)
+
+    asyncio.run(look())
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_the_process_ends_with_the_service(number: int, model: Path, samples: Array, tmp_path: Path) -> None:
+    """However that ends; a Ctrl-C of the terminal is for the service alone."""
+    port, shown_at = free_port(), free_port()
+
+    async def look() -> None:
+        async with connected(f"opc.tcp://127.0.0.1:{shown_at}/") as client:
+            await values_at(client, "press", 8)
+
+    with running(model, tmp_path, port, {"opcua_server": {"port": shown_at}}) as service:
+        with LiveClient(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as sender:
+            sender.send(samples[:9])
+            asyncio.run(look())
+        process = server_process(service.pid)
+        assert os.getpgid(process.pid) != os.getpgid(service.pid)
+        service.send_signal(number)
+        service.wait(60.0)
+        assert psutil.wait_procs([process], 60.0)[1] == []
+
+
+def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine: Engine, tmp_path: Path) -> None:
+    (tmp_path / "tokens").write_text(f"{sha256(b'a token').hexdigest()} read\n", "ascii")
+    files = {name: tmp_path / name for name in ("key.pem", "certificate.der")}
+    settings = OpcUaServerSettings(port=free_port(), certificate=files["certificate.der"], private_key=files["key.pem"])
+    link = OpcUaServerLink(settings, tmp_path / "tokens")
+
+    async def made() -> None:
+        usage = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+        await setup_self_signed_certificate(files["key.pem"], files["certificate.der"], APPLICATION, "x", usage, {})
+
+    async def comes(user: str | None, password: str, encrypted: bool = True) -> Client:
+        client = Client(link.address, timeout=PATIENCE_S)
+        if encrypted:
+            await client.set_security(SecurityPolicyBasic256Sha256, files["certificate.der"], files["key.pem"])
+        if user is not None:
+            client.set_user(user)
+            client.set_password(password)
+        return client
+
+    async def enter(user: str | None, password: str, encrypted: bool = True) -> int:
+        async with await comes(user, password, encrypted) as client:
+            return await client.get_namespace_index(NAMESPACE)
+
+    async def is_gone(client: Client) -> bool:
+        try:
+            await client.get_namespace_index(NAMESPACE)
+        except (ua.UaError, ConnectionError):
+            return True
+        return False
+
+    async def run() -> None:
+        await made()
+        service = LiveService(engine, Journal(tmp_path / "journal.db"))
+        async with link.running(service, Peers()):
+            await until(lambda: enter("anybody", "a token"))
+            for wrong in (("anybody", "another"), (None, ""), ("anybody", "a token", False)):
+                with pytest.raises((ua.UaError, ConnectionError)):
+                    await enter(*wrong)
+            inside = await comes("anybody", "a token")
+            await inside.connect()
+            (tmp_path / "tokens").write_text(f"{sha256(b'a new token').hexdigest()} read\n", "ascii")
+            await until(lambda: enter("anybody", "a new token"))
+            assert await is_gone(inside)
+            with suppress(ua.UaError, ConnectionError):
+                await inside.disconnect()
+            with pytest.raises((ua.UaError, ConnectionError)):
+                await enter("anybody", "a token")
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("server", "words"),
+    [
+        ({"host": "0.0.0.0"}, "which others reach; give opcua_server.certificate and private_key, and access.tokens"),
+        ({"host": "0.0.0.0", "certificate": "a", "private_key": "b"}, "which others reach"),
+        ({"certificate": "a"}, "opcua_server: expected both certificate and private_key, or neither"),
+        ({"update_hz": 100.0}, "opcua_server.update_hz: got 100.0, expected 1 to 10"),
+    ],
+)
+def test_what_would_be_open_to_others_is_refused(server: dict[str, Any], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "live.yaml"
+    path.write_text(yaml.safe_dump({"opcua_server": server}), "utf-8")
+    with pytest.raises(ParamsError, match=words):
+        load_live_params(path)
+
+
+def test_a_taken_port_is_an_error_of_the_start(engine: Engine, tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        link = OpcUaServerLink(OpcUaServerSettings(port=taken.getsockname()[1]))
+        service = LiveService(engine, Journal(tmp_path / "journal.db"))
+
+        async def start() -> None:
+            async with link.running(service, Peers()):
+                pass
+
+        with pytest.raises(OSError, match="address already in use"):
+            asyncio.run(start())
+
+
+def test_files_that_are_no_certificate_are_named(
+    engine: Engine, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    missing, junk = tmp_path / "missing.der", tmp_path / "junk.der"
+    junk.write_text("junk", "ascii")
+    service = LiveService(engine, Journal(tmp_path / "journal.db"))
+
+    async def start(certificate: Path) -> None:
+        settings = OpcUaServerSettings(port=free_port(), update_hz=10.0, certificate=certificate, private_key=junk)
+        link = OpcUaServerLink(settings)
+        async with link.running(service, Peers()):
+            while not link.counts["restarted"]:
+                await asyncio.sleep(0.02)
+
+    with pytest.raises(OSError, match=r"missing\.der"):
+        asyncio.run(start(missing))
+    asyncio.run(start(junk))
+    assert f"{junk} and {junk}: expected a certificate and its private key, as PEM or DER (" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("flags", "code"),
+    [
+        (0, ua.StatusCodes.Good),
+        (Flag.NOT_READY | Flag.INVALID_POSITION, ua.StatusCodes.BadWaitingForInitialData),
+        (Flag.INVALID_PRESSURE_2 | Flag.WARMING, ua.StatusCodes.BadSensorFailure),
+        (Flag.FROZEN, ua.StatusCodes.BadSensorFailure),
+        (Flag.OUTSIDE, ua.StatusCodes.UncertainEngineeringUnitsExceeded),
+        (Flag.UNMODELLED_FORCE, ua.StatusCodes.UncertainEngineeringUnitsExceeded),
+        (Flag.WARMING, ua.StatusCodes.UncertainSubNormal),
+        (Flag.RECOVERING, ua.StatusCodes.UncertainSubNormal),
+        (Flag.OFFSET_UNKNOWN, ua.StatusCodes.UncertainSensorNotAccurate),
+    ],
+)
+def test_every_flag_has_a_status(flags: int, code: int) -> None:
+    assert status_of(flags).value == code
+
+
+@pytest.mark.parametrize("flag", Flag)
+def test_no_flag_is_good(flag: Flag) -> None:
+    assert not status_of(flag).is_good()
+    assert health_of(flag, failed_before=False) is not Health.NORMAL
+
+
+def test_a_sensor_that_failed_a_while_ago_wants_maintenance() -> None:
+    assert health_of(0, failed_before=False) is Health.NORMAL
+    assert health_of(0, failed_before=True) is Health.MAINTENANCE_REQUIRED
+    assert health_of(Flag.OUTSIDE, failed_before=True) is Health.OFF_SPEC
+    assert health_of(Flag.FROZEN, failed_before=True) is Health.FAILURE
+    assert health_of(Flag.WARMING | Flag.OUTSIDE, failed_before=False) is Health.CHECK_FUNCTION

@@ -1,0 +1,259 @@
+"""Every session's newtons are those of a stream of its own, also over a restart, and all of them reach the history."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.service.live.frames import SampleBlock
+from cylinder_friction.service.live.history import join_past_days, move_into_history
+from cylinder_friction.service.live.journal import Journal
+from cylinder_friction.service.live.service import LiveError, LiveService
+from cylinder_friction.service.live.settings import LiveLimits
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.service.live.engine import Engine
+    from cylinder_friction.service.live.frames import EstimateBlock
+    from cylinder_friction.service.live.service import LiveSession
+
+DAY_S = 86400.0
+
+
+class Kept:
+    """What a service gave, by session."""
+
+    def __init__(self) -> None:
+        self.newtons: dict[str, dict[int, tuple[float, ...]]] = {}
+
+    def __call__(self, session: LiveSession, block: EstimateBlock) -> None:
+        rows = self.newtons.setdefault(session.name, {})
+        for row, (newtons, flags) in enumerate(zip(block.newtons.tolist(), block.flags.tolist(), strict=True)):
+            rows[block.index + row] = (*newtons, flags)
+
+    def array(self, name: str) -> Array:
+        rows = self.newtons[name]
+        return np.array([rows[index] for index in sorted(rows)])
+
+
+def service_of(engine: Engine, folder: Path, kept: Kept | None = None, **limits: float) -> LiveService:
+    return LiveService(engine, Journal(folder / "journal.db"), kept, limits=LiveLimits(**limits))  # type: ignore[arg-type]
+
+
+def opened(service: LiveService, name: str) -> LiveSession:
+    return service.open(name, service.engine.inputs, service.engine.sample_time_s)
+
+
+def blocks(session: LiveSession, samples: Array, begin: int, end: int, size: int = 7) -> list[SampleBlock]:
+    return [
+        SampleBlock(session.handle, at, 10.0 + 0.005 * at, samples[at : min(at + size, end)])
+        for at in range(begin, end, size)
+    ]
+
+
+def expected(estimator: HybridEstimator, samples: Array) -> Array:
+    newtons, flags = estimator.real_time().run(samples)
+    return np.column_stack([newtons, flags])
+
+
+def test_sessions_side_by_side_are_streams_of_their_own(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    kept = Kept()
+    service = service_of(engine, tmp_path, kept)
+    one, other = opened(service, "one"), opened(service, "other")
+    backwards = samples[::-1].copy()
+    for first, second in zip(blocks(one, samples, 0, 600), blocks(other, backwards, 0, 600), strict=True):
+        service.receive([first, second])
+    np.testing.assert_array_equal(kept.array("one"), expected(small_hybrid, samples[:600]))
+    np.testing.assert_array_equal(kept.array("other"), expected(small_hybrid, backwards[:600]))
+
+
+def test_a_service_that_was_killed_goes_on_to_the_last_bit(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    """What was not kept is sent again; nothing else is, and the history has each sample once."""
+    kept = Kept()
+    before = service_of(engine, tmp_path, kept)
+    session = opened(before, "press 1")
+    before.receive(blocks(session, samples, 0, 300))
+    before.keep()
+    assert session.kept_index == 300
+    before.receive(blocks(session, samples, 300, 450))  # lost with the process
+    before.journal.close()
+
+    after = service_of(engine, tmp_path, kept)
+    again = opened(after, "press 1")
+    assert again.next_index == again.kept_index == 300
+    assert again.order.counts.stepped == 300
+    after.receive(blocks(again, samples, 280, 600))
+    assert again.order.counts.duplicate == 20
+    after.keep()
+    np.testing.assert_array_equal(kept.array("press 1"), expected(small_hybrid, samples[:600]))
+
+    files = move_into_history(after.journal, tmp_path / "history")
+    table = pd.read_parquet(files[0])
+    assert files == [tmp_path / "history/press%201/1970-01-01/0000000000000000.parquet"]
+    assert table["index"].tolist() == list(range(600))
+    np.testing.assert_allclose(table["time_s"], 10.0 + 0.005 * np.arange(600))
+    np.testing.assert_array_equal(table[list(engine.inputs)], samples[:600])
+    np.testing.assert_array_equal(
+        table[["friction_n", "lower_n", "upper_n", "flags"]], expected(small_hybrid, samples[:600])
+    )
+    assert move_into_history(after.journal, tmp_path / "history") == []
+
+
+def test_a_day_ends_a_file(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    service = service_of(engine, tmp_path)
+    session = opened(service, "press")
+    service.receive([SampleBlock(session.handle, 0, DAY_S - 0.1, samples[:10])])
+    service.keep()
+    service.receive([SampleBlock(session.handle, 10, DAY_S + 0.1, samples[10:20])])
+    service.keep()
+    paths = move_into_history(service.journal, tmp_path)
+    assert [path.parent.name for path in paths] == ["1970-01-01", "1970-01-02"]
+
+
+def test_what_is_not_written_in_time_stays_in_the_journal(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    service = service_of(engine, tmp_path)
+    for name in ("press 1", "press 2"):
+        service.receive(blocks(opened(service, name), samples, 0, 100))
+    service.keep()
+    assert move_into_history(service.journal, tmp_path / "history", within_s=0.0) == []
+    service.journal.forget(service.journal.last_chunk(), but=["press 2"])
+    assert service.journal.with_chunks(service.journal.last_chunk()) == ["press 2"]
+    (path,) = move_into_history(service.journal, tmp_path / "history")
+    assert pd.read_parquet(path)["index"].tolist() == list(range(100))
+    assert path.parts[-3] == "press%202"
+
+
+def test_a_past_day_becomes_one_file_also_over_a_kill(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    service = service_of(engine, tmp_path)
+    session = opened(service, "press")
+    for at in range(0, 40, 10):
+        service.receive([SampleBlock(session.handle, at, 60.0 + 0.005 * at, samples[at : at + 10])])
+        service.keep()
+        paths = move_into_history(service.journal, tmp_path / "history")
+    left_by_a_kill = paths[0].read_bytes()
+    assert join_past_days(tmp_path / "history") == []  # today may grow
+    service.receive([SampleBlock(session.handle, 40, DAY_S, samples[40:50])])
+    service.keep()
+    move_into_history(service.journal, tmp_path / "history")
+    (joined,) = join_past_days(tmp_path / "history")
+    paths[0].write_bytes(left_by_a_kill)
+    for _ in range(2):
+        assert join_past_days(tmp_path / "history") == []
+        assert list(joined.parent.iterdir()) == [joined]
+        assert pd.read_parquet(joined)["index"].tolist() == list(range(40))
+
+
+def test_a_gap_is_stepped_as_a_broken_wire(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    kept = Kept()
+    service = service_of(engine, tmp_path, kept)
+    service._clock = lambda: now_s[0]
+    now_s = [0.0]
+    session = opened(service, "press")
+    service.receive(blocks(session, samples, 0, 300))
+    service.receive(blocks(session, samples, 320, 500))
+    now_s[0] = 1.0
+    service.overdue()
+    with_gap = samples[:500].copy()
+    with_gap[300:320] = np.nan
+    np.testing.assert_array_equal(kept.array("press"), expected(small_hybrid, with_gap))
+
+
+def test_estimates_are_given_again_once_also_while_they_are_being_kept(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    service = service_of(engine, tmp_path)
+    session = opened(service, "press")
+    newtons = expected(small_hybrid, samples[:300])[:, :3]
+
+    def given() -> Array:
+        return np.vstack([block.newtons for block in service.given_from(session, 30)])
+
+    service.receive(blocks(session, samples, 0, 200))
+    saved, chunks = service.unkept([session])
+    service.receive(blocks(session, samples, 200, 300))
+    for step in (lambda: None, lambda: service.journal.keep(saved, chunks), lambda: service.kept(saved), service.keep):
+        step()
+        np.testing.assert_array_equal(given(), newtons[30:])
+
+
+def test_an_idle_session_is_closed_and_comes_back_as_it_was(
+    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+) -> None:
+    kept, now_s = Kept(), [0.0]
+    service = LiveService(engine, Journal(tmp_path / "journal.db"), kept, clock=lambda: now_s[0])
+    service.receive(blocks(opened(service, "press"), samples, 0, 100))
+    now_s[0] = 601.0
+    assert service.close_idle() == []  # its samples are not kept yet
+    service.keep()
+    assert service.close_idle() == ["press"]
+    assert service.sessions == {}
+    service.receive(blocks(opened(service, "press"), samples, 100, 200))
+    np.testing.assert_array_equal(kept.array("press"), expected(small_hybrid, samples[:200]))
+
+
+def test_outcomes_are_counted_since_the_start_whatever_is_opened_and_closed(
+    engine: Engine, samples: Array, tmp_path: Path
+) -> None:
+    now_s = [0.0]
+    before = LiveService(engine, Journal(tmp_path / "journal.db"), clock=lambda: now_s[0])
+    before.receive(blocks(opened(before, "press"), samples, 0, 100))
+    assert before.outcomes()["stepped"] == 100
+    before.keep()
+    now_s[0] = 601.0
+    assert before.close_idle() == ["press"]
+    assert before.outcomes()["stepped"] == 100
+    before.receive(blocks(opened(before, "press"), samples, 90, 130))
+    assert (before.outcomes()["stepped"], before.outcomes()["duplicate"]) == (130, 10)
+    before.keep()
+    before.journal.close()
+    after = service_of(engine, tmp_path)
+    opened(after, "press")
+    assert set(after.outcomes().values()) == {0}
+    assert "late" in after.outcomes()  # also of a service that nothing has come to: a rate begins at a count of 0
+
+
+@pytest.mark.parametrize(
+    ("name", "inputs", "sample_time_s", "words"),
+    [
+        ("../etc\n", None, None, "expected 1 to 80 letters"),
+        ("press", ("position_m",), None, r"got columns \['position_m'\]; the model takes"),
+        ("press", None, 0.001, "got a sample time of 0.001 s; the model was trained at 0.005 s"),
+        ("press", None, float("nan"), "got a sample time of nan s"),
+    ],
+)
+def test_what_the_model_is_not_made_for_is_refused(
+    engine: Engine, tmp_path: Path, name: str, inputs: tuple[str, ...] | None, sample_time_s: float | None, words: str
+) -> None:
+    service = service_of(engine, tmp_path)
+    with pytest.raises(LiveError, match=words):
+        service.open(name, inputs or engine.inputs, sample_time_s or engine.sample_time_s)
+
+
+def test_one_session_too_many_is_refused_and_one_wrong_block_stops_its_message(
+    engine: Engine, samples: Array, tmp_path: Path
+) -> None:
+    service = service_of(engine, tmp_path, sessions=1)
+    session = opened(service, "one")
+    with pytest.raises(LiveError, match="1 sessions are open, all that are taken"):
+        opened(service, "two")
+    good = blocks(session, samples, 0, 7)
+    for wrong, words in (
+        (SampleBlock(99, 0, 0.0, samples[:2]), "handle 99: no open session has it"),
+        (SampleBlock(session.handle, 7, 0.0, samples[:2, :1]), "got 1 columns"),
+        (SampleBlock(session.handle, 7, float("inf"), samples[:2]), "got time inf"),
+    ):
+        with pytest.raises(LiveError, match=words):
+            service.receive([*good, wrong])
+    assert session.next_index == 0

@@ -1,0 +1,50 @@
+"""The live service's configuration: what is shipped are the defaults, and what is wrong is refused by its key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
+
+PROJECT = Path(__file__).parents[3]
+
+
+def test_the_shipped_file_states_every_default() -> None:
+    assert load_live_params(PROJECT / LIVE_FILE) == LiveParams()
+    text = (PROJECT / LIVE_FILE).read_text(encoding="utf-8")
+    assert [name for name in LiveParams.model_fields if f"\n{name}:" not in text] == []
+
+
+def test_without_a_project_the_defaults_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_live_params() == LiveParams()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("prot: 5002", "prot: unknown key"),
+        ("port: 70000", "port: Input should be less than or equal to 65535, but got 70000"),
+        ("rules: {hold_s: -1.0}", "rules.hold_s: got -1.0, expected more than 0"),
+        ("limits: {sesions: 5}", "limits.sesions: unknown key"),
+        ("limits: {sessions: 0}", "limits.sessions: got 0, expected more than 0"),
+        ("host: 0.0.0.0", "host 0.0.0.0: whoever reaches it could use the model; give a file of tokens"),
+        ("access: {tls_key: a.pem}", "TLS needs both a certificate and its key; got one of them"),
+        ("port: [", "cannot be read as YAML"),
+    ],
+)
+def test_what_is_wrong_is_refused_by_its_key(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ParamsError) as refused:
+        load_live_params(path)
+    assert message in str(refused.value)
+    assert str(path) in str(refused.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ParamsError, match=r"none\.yaml: cannot be read"):
+        load_live_params(tmp_path / "none.yaml")

@@ -1,0 +1,63 @@
+"""A small model behind HTTP, as one worker serves it."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import malformed_requests
+from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.service.scoring.model_source import GRAPH_FILE, ServedModel, write_current
+from cylinder_friction.service.scoring.settings import ServeSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from contextlib import AbstractContextManager
+    from pathlib import Path
+
+    from cylinder_friction.realtime.model import StepModel
+
+
+@pytest.fixture(scope="session")
+def script() -> Any:
+    """The module that sends malformed requests; it has what sends requests and what serves."""
+    return malformed_requests
+
+
+@pytest.fixture(scope="session")
+def model_folder(small_model: StepModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What of a model's folder is served."""
+    graph = tmp_path_factory.mktemp("served") / GRAPH_FILE
+    graph.parent.mkdir(parents=True)
+    graph.write_bytes(sequence_graph(small_model).SerializeToString())
+    return graph.parents[1]
+
+
+@pytest.fixture
+def current(model_folder: Path, tmp_path: Path) -> Path:
+    """A file that names the small model as the one in service."""
+    write_current(tmp_path / "current.json", ServedModel(model_folder, "friction-estimator", "7"))
+    return tmp_path / "current.json"
+
+
+@pytest.fixture
+def serve(script: Any, current: Path) -> Callable[..., AbstractContextManager[Any]]:
+    """Return what serves the small model with the settings it is given."""
+
+    @contextmanager
+    def started(**settings: Any) -> Iterator[Any]:
+        with script.serving(ServeSettings(**settings), current) as server:
+            yield server
+
+    return started
+
+
+@pytest.fixture(scope="session")
+def server(script: Any, model_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The small model with the limits of the table of malformed requests."""
+    current = tmp_path_factory.mktemp("current") / "current.json"
+    write_current(current, ServedModel(model_folder, "friction-estimator", "7"))
+    with script.serving(script.SETTINGS, current) as started:
+        yield started

@@ -1,0 +1,146 @@
+"""Arrow, Parquet and CSV: what columns they become, and bodies that would take far more memory than they are long."""
+
+from __future__ import annotations
+
+import io
+import tracemalloc
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyarrow import parquet
+
+from cylinder_friction.service.scoring.errors import RequestError
+from cylinder_friction.service.scoring.expected import Expected
+from cylinder_friction.service.scoring.tables import from_arrow, from_csv, from_parquet
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+EXPECTED = Expected(("a", "b"), 30_000)
+
+
+def arrow_body(table: pa.Table, **options: str) -> bytes:
+    sink = io.BytesIO()
+    with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(**options)) as writer:
+        writer.write_table(table)
+    return sink.getvalue()
+
+
+def parquet_body(table: pa.Table, compression: str = "snappy") -> bytes:
+    sink = io.BytesIO()
+    parquet.write_table(table, sink, compression=compression)
+    return sink.getvalue()
+
+
+@pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_body), (from_parquet, parquet_body)])
+def test_columns_keep_their_values(decode: Callable[..., dict[str, object]], write: Callable[..., bytes]) -> None:
+    table = pa.table(
+        {
+            "a": [1.5, None],
+            "b": pa.array([1, 2], pa.int32()),
+            "recording": pa.array(["x", None]).dictionary_encode(),
+            "c": [True, False],
+        }
+    )
+    columns = decode(write(table), EXPECTED)
+    np.testing.assert_array_equal(columns["a"], [1.5, np.nan])
+    assert np.asarray(columns["b"]).tolist() == [1, 2]
+    assert (columns["recording"], columns["c"]) == (["x", None], [True, False])
+
+
+@pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_body), (from_parquet, parquet_body)])
+def test_one_long_name_is_not_repeated_for_every_row(
+    decode: Callable[..., dict[str, object]], write: Callable[..., bytes]
+) -> None:
+    names = pa.array(["n" * 10_000] * 20_000).dictionary_encode()
+    body = write(pa.table({"a": np.zeros(20_000), "recording": names}))
+    assert len(body) < 500_000
+    tracemalloc.start()
+    before = pa.total_allocated_bytes()
+    columns = decode(body, EXPECTED)
+    peak, taken = tracemalloc.get_traced_memory()[1], pa.total_allocated_bytes() - before
+    tracemalloc.stop()
+    assert len(columns["recording"]) == 20_000  # type: ignore[arg-type]
+    assert peak + taken < 20e6
+
+
+@pytest.mark.parametrize(
+    ("decode", "body", "message"),
+    [
+        (from_arrow, arrow_body(pa.table({"a": np.zeros(5)}), compression="zstd"), "the Arrow stream is compressed"),
+        (from_arrow, arrow_body(pa.table({"a": np.zeros(5)}), compression="lz4"), "the Arrow stream is compressed"),
+        (from_parquet, parquet_body(pa.table({"a": np.zeros(30_001)})), "got 30001 rows; expected at most 30000"),
+        (from_arrow, arrow_body(pa.table({"a": pa.nulls(10**9)})), "column 'a' holds null"),
+        (from_csv, b"a,b\n" + b"1,2\n" * 30_001, "got 30001 rows; expected at most 30000"),
+    ],
+)
+def test_small_bodies_with_much_in_them_are_refused(
+    decode: Callable[..., dict[str, object]], body: bytes, message: str
+) -> None:
+    with pytest.raises(RequestError, match=message):
+        decode(body, EXPECTED)
+
+
+def test_run_lengths_count_as_the_rows_they_stand_for() -> None:
+    runs = pa.RunEndEncodedArray.from_arrays(pa.array([10**9], pa.int32()), pa.array([1.0]))
+    with pytest.raises(RequestError, match=r"column 'a' holds run_end_encoded"):
+        from_arrow(arrow_body(pa.table({"a": runs})), EXPECTED)
+
+
+GOOD = pa.table(
+    {"a": np.arange(9.0), "b": pa.array([1, None, 3] * 3), "recording": pa.array(["x", "yy", None] * 3), "c": ["q"] * 9}
+)
+BODIES = [
+    (from_arrow, arrow_body(GOOD)),
+    *((from_parquet, parquet_body(GOOD, how)) for how in ("none", "snappy", "zstd")),
+]
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.sampled_from(BODIES), st.lists(st.tuples(st.floats(0.0, 0.999), st.binary(min_size=1, max_size=4)), min_size=1)
+)
+def test_corrupted_bodies_are_refused_or_read(
+    good: tuple[Callable[..., dict[str, object]], bytes], changes: list[tuple[float, bytes]]
+) -> None:
+    decode, body = good[0], bytearray(good[1])
+    for at, changed in changes:
+        begin = int(at * len(body))
+        body[begin : begin + len(changed)] = changed
+    with suppress(RequestError):
+        assert {*map(len, decode(bytes(body), EXPECTED).values())} <= set(range(EXPECTED.max_rows + 1))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("metadata", "message"),
+    [
+        ('{"index_columns": [{"kind": "range", "start": 0, "stop": 4, "step": 2}]}', "the index leaves out rows"),
+        ('{"index_columns": [{"kind": "range", "start": 5, "stop": 7, "step": 1}]}', "the index leaves out rows"),
+        ("{", "the metadata of pandas in the schema cannot be read"),
+        ("[1]", "the metadata of pandas in the schema cannot be read"),
+    ],
+)
+def test_an_index_with_gaps_is_refused(metadata: str, message: str) -> None:
+    table = pa.table({"a": [1.0, 2.0]}).replace_schema_metadata({"pandas": metadata})
+    for decode, body in ((from_arrow, arrow_body(table)), (from_parquet, parquet_body(table))):
+        with pytest.raises(RequestError, match=message):
+            decode(body, EXPECTED)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a,b\n1,2\n", {"a": [1.0], "b": [2.0]}),
+        ("\ufeffa,b\r\n1e3,-2.5\r\n", {"a": [1000.0], "b": [-2.5]}),
+        (",a,b\n0,1,2\n1,3,4\n", {"a": [1.0, 3.0], "b": [2.0, 4.0]}),
+        ("a,b,recording\n1,2,007\n1,2,7\n", {"a": [1.0, 1.0], "b": [2.0, 2.0], "recording": ["007", "7"]}),
+        ("a,b,c\n1,2,true\n", {"a": [1.0], "b": [2.0], "c": ["true"]}),
+    ],
+)
+def test_csv_gives_numbers_of_inputs_and_text_of_all_else(text: str, expected: dict[str, object]) -> None:
+    assert {name: list(values) for name, values in from_csv(text.encode(), EXPECTED).items()} == expected

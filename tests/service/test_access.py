@@ -1,0 +1,47 @@
+"""The file of tokens: what it may hold, and what is refused."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cylinder_friction.service.access import AccessError, TokenFile, read_tokens
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+HASH = sha256(b"abc").hexdigest()
+
+
+def test_hashes_are_read_as_sha256sum_writes_them(tmp_path: Path) -> None:
+    (tmp_path / "tokens").write_text(f"# two\n\n{HASH}  -\n{HASH.upper()}\n")
+    assert read_tokens(tmp_path / "tokens") == ((HASH, "-"), (HASH, ""))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "tokens: holds no token; expected the SHA-256"),
+        ("# nobody\n", "tokens: holds no token"),
+        (f"{HASH}\nabc\n", "tokens:2: expected the SHA-256 of a token, as `sha256sum` writes it"),
+        ("g" * 64, "tokens:1: expected"),
+        (sha256(b"").hexdigest(), "tokens:1: the hash of an empty token; expected that of one which is hard to guess"),
+        ("\u00e9", "tokens: its tokens cannot be read"),
+    ],
+)
+def test_another_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "tokens").write_text(text)
+    with pytest.raises(AccessError, match=message):
+        TokenFile(tmp_path / "tokens")
+
+
+def test_a_file_that_breaks_leaves_the_old_tokens(tmp_path: Path) -> None:
+    path = tmp_path / "tokens"
+    path.write_text(HASH)
+    tokens = TokenFile(path)
+    path.unlink()
+    assert tokens.refresh()
+    assert not tokens.refresh()
+    assert tokens.refusal(b"abc") is None

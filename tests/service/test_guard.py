@@ -1,0 +1,228 @@
+"""Who may do what: roles, names, and tokens as a browser and as others carry them; over TLS as well."""
+
+from __future__ import annotations
+
+import base64
+import json
+import select
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from contextlib import ExitStack, suppress
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from cylinder_friction.commands.cli import main
+from cylinder_friction.service import client as client_module
+from cylinder_friction.service import guard, server
+from cylinder_friction.service.access import AccessError, LiveAccess
+from cylinder_friction.service.client import Client, LiveClientError
+from cylinder_friction.service.live.app import create_app
+from cylinder_friction.service.live.journal import Journal
+from cylinder_friction.service.live.service import LiveService
+from live_process import stalled_client
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from websockets.sync.client import ClientConnection
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.service.live.engine import Engine
+
+    Served = Callable[..., str]
+
+OPEN = {"session": "press", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
+ROUTES = {"read": "/watch", "write": "/stream"}
+UNKNOWN = (
+    {},
+    {"Authorization": "Bearer a guess"},
+    {"Authorization": "Bearer "},
+    {"Authorization": "Basic the admin token"},
+)
+
+
+@pytest.fixture
+def tokens(tmp_path: Path) -> Path:
+    path = tmp_path / "tokens"
+    lines = [f"{sha256(f'the {role} token'.encode()).hexdigest()} {role} of a test" for role in guard.ROLES]
+    path.write_text("\n".join(lines), encoding="ascii")
+    return path
+
+
+@pytest.fixture
+def address(served: Served, tokens: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Host and port of a service with tokens."""
+    monkeypatch.setattr(guard, "GUESS_S", 0.0)
+    return served(LiveAccess(tokens=tokens, hosts=("Press-PC",)))
+
+
+def bearer(token: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {token}"}
+
+
+def got(address: str, path: str, headers: dict[str, str] | None = None) -> tuple[int, str, str]:
+    """Status, body and the challenge of a request's reply."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(f"http://{address}{path}", headers=headers or {})) as reply:
+            return reply.status, reply.read().decode(), ""
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode(), error.headers.get("WWW-Authenticate", "")
+
+
+def refused(address: str, path: str, headers: dict[str, str]) -> tuple[str, int]:
+    """The reason and the code with which a WebSocket is closed."""
+    with connect(f"ws://{address}{path}", additional_headers=headers) as socket:
+        reason = json.loads(socket.recv())["error"]
+        with pytest.raises(ConnectionClosed) as closed:
+            socket.recv()
+    assert closed.value.rcvd is not None
+    return reason, closed.value.rcvd.code
+
+
+def test_a_role_may_do_what_it_is_for_and_no_more(address: str) -> None:
+    for has in guard.ROLES:
+        headers = bearer(f"the {has} token")
+        for needs, path in ROUTES.items():
+            if guard.ROLES.index(has) < guard.ROLES.index(needs):
+                assert refused(address, path, headers) == (
+                    "the role of this token is read; expected write or admin",
+                    4403,
+                )
+                continue
+            with connect(f"ws://{address}{path}", additional_headers=headers) as socket:
+                socket.send("{")
+                assert ("stribeck" if needs == "read" else "expected {") in socket.recv(timeout=60.0)
+        assert got(address, "/metrics", headers)[0] == 200
+
+
+def test_without_a_known_token_only_the_empty_page_and_health_are_shown(address: str) -> None:
+    for headers in UNKNOWN:
+        assert got(address, "/metrics", headers)[::2] == (401, "Bearer")
+        for path in ROUTES.values():
+            assert refused(address, path, headers) == ("expected a known token as Authorization: Bearer TOKEN", 4401)
+    assert [got(address, path)[0] for path in ("/", "/static/live.js", "/livez")] == [200] * 3
+    assert "loop_lag_s" in got(address, "/readyz")[1]
+    metrics = got(address, "/metrics", bearer("the read token"))[1]
+    assert 'cylinder_friction_live_refused_total{kind="token"} 12.0' in metrics
+
+
+@pytest.mark.parametrize(("token", "passes"), [("the read token", True), ("a guess", False), (None, False)])
+def test_a_browser_offers_its_token_as_a_subprotocol(address: str, token: str | None, passes: bool) -> None:
+    encoded = "x" if token is None else base64.urlsafe_b64encode(token.encode()).decode().rstrip("=")
+    offered = [guard.PROTOCOL, guard.TOKEN_PROTOCOL + encoded]
+    with connect(f"ws://{address}/watch", subprotocols=offered) as socket:  # type: ignore[arg-type]
+        assert socket.subprotocol == guard.PROTOCOL
+        assert ("stribeck" in json.loads(socket.recv())) is passes
+
+
+def test_other_names_and_origins_are_refused_also_with_a_token(address: str) -> None:
+    known = bearer("the admin token")
+    status, body, _ = got(address, "/metrics", known | {"Host": "rebound.example"})
+    assert status == 403
+    assert "host 'rebound.example': not a name of this service" in body
+    reason, code = refused(address, "/watch", known | {"Origin": "http://elsewhere.example"})
+    assert "only this service's own page" in reason
+    assert code == 4403
+    for host in ("press-pc", "PRESS-PC:5002", "127.0.0.1:5002", "[::1]:5002", "localhost"):
+        assert got(address, "/metrics", known | {"Host": host})[0] == 200
+
+
+def test_a_client_brings_its_token_over_tls_and_gives_up_at_once_where_it_may_not(
+    served: Served, tokens: Path, samples: Array, small_hybrid: HybridEstimator, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(guard, "GUESS_S", 0.0)
+    monkeypatch.setattr(client_module, "PATIENCE_S", 1.0)
+    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
+    made = ["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost", "-addext"]
+    made += ["subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(certificate)]
+    subprocess.run(["openssl", *made], check=True, capture_output=True)
+    address = served(LiveAccess(tokens=tokens, tls_certificate=certificate, tls_key=key))
+    url = f"wss://{address}/stream"
+    with Client(url, "press", 0.005, token="the write token", ca=certificate) as client:
+        client.send(samples[:50])
+        np.testing.assert_array_equal(client.estimates()[1], small_hybrid.real_time().run(samples[:50])[0])
+    for token, ca, words in (
+        ("the read token", certificate, "expected write or admin"),
+        ("", certificate, "expected a known token"),
+        ("the write token", None, "certificate is not trusted"),
+    ):
+        with pytest.raises(LiveClientError, match=words):
+            Client(url, "press", 0.005, token=token, ca=ca)
+
+
+def test_a_switch_needs_the_role_admin(address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine").write_text("the write token", encoding="ascii")
+    command = ["switch", "--end", "--url", f"http://{address}"]
+    for more, words in (
+        (["--token", str(tmp_path / "mine")], "the role of this token is write; expected admin; --token names its"),
+        ([], "expected a known token as Authorization: Bearer TOKEN; --token names its file"),
+    ):
+        assert main([*command, *more]) == 1
+        assert words in capsys.readouterr().err
+
+
+def closed(socket: ClientConnection) -> tuple[int | None, str | None]:
+    """Code and reason with which a WebSocket is closed, when all before that is read."""
+    with suppress(ConnectionClosed):
+        for _ in range(100):
+            socket.recv(timeout=60.0)
+    return socket.close_code, socket.close_reason
+
+
+def test_what_a_token_let_in_is_closed_when_the_file_no_longer_does(
+    served: Served, tokens: Path, samples: Array, tmp_path: Path
+) -> None:
+    address = served(LiveAccess(tokens=tokens), log=tmp_path / "log")
+    _, write, admin = tokens.read_text(encoding="ascii").splitlines()
+    with ExitStack() as stack:
+        page, writer, left, stays = (
+            stack.enter_context(connect(f"ws://{address}{path}", additional_headers=bearer(f"the {role} token")))
+            for path, role in (("/watch", "read"), ("/stream", "write"), ("/watch", "write"), ("/stream", "admin"))
+        )
+        tokens.write_text("nothing that holds tokens", encoding="ascii")  # refused as a whole: all stay
+        stays.send(json.dumps({"open": OPEN}))
+        assert "opened" in stays.recv(timeout=60.0)
+        time.sleep(1.5)
+        tokens.write_text(f"{write.replace(' write', ' read')}\n{admin}", encoding="ascii")
+        assert closed(page) == (4401, "this token was taken out of the service's file")
+        assert closed(writer) == (4403, "the role of this token is read; expected write or admin")
+        stays.send(json.dumps({"samples": {"session": "press", "index": 0, "rows": samples[:2].tolist()}}))
+        assert "friction_n" in stays.recv(timeout=60.0)
+        for _ in range(20):  # more than waited to be read
+            left.recv(timeout=60.0)
+        assert 'refused_total{kind="revoked"} 2.0' in got(address, "/metrics", bearer("the admin token"))[1]
+    events = [json.loads(line) for line in (tmp_path / "log").read_text(encoding="utf-8").splitlines()]
+    why = [each["why"] for each in events if each["event"] == "connection closed" and each["client"]]
+    assert sorted(why) == [
+        "the role of this token is read; expected write or admin", "this token was taken out of the service's file"
+    ]  # fmt: skip
+
+
+def test_a_client_that_is_to_leave_and_reads_nothing_is_left_behind(
+    served: Served, tokens: Path, samples: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "LINGER_TICKS", 5)
+    address = served(LiveAccess(tokens=tokens))
+    with stalled_client(f"ws://{address}/stream", samples, bearer("the write token")) as stalled:
+        gone = select.poll()
+        gone.register(stalled, 0)  # reset, although nothing was read
+        assert gone.poll(0.0) == []
+        tokens.write_text(f"{sha256(b'another').hexdigest()} admin", encoding="ascii")
+        assert gone.poll(60_000) != []
+
+
+def test_tokens_without_a_role_are_refused_at_the_start(engine: Engine, tokens: Path, tmp_path: Path) -> None:
+    tokens.write_text(f"{sha256(b'abc').hexdigest()}  -\n", encoding="ascii")
+    service = LiveService(engine, Journal(tmp_path / "journal.db"))
+    with pytest.raises(AccessError, match=r"tokens:1: got '-' behind the hash, expected a role: read, write, admin"):
+        create_app(service, tmp_path, access=LiveAccess(tokens=tokens))
