@@ -159,7 +159,7 @@ def test_a_client_that_is_to_come_back_later_does() -> None:
 
 
 def test_estimates_are_returned_at_once_also_behind_other_messages() -> None:
-    estimates = pack_estimates(EstimateBlock(1, 0, 0.0, np.ones((20, 3)), np.zeros(20, np.uint32)))
+    estimates = pack_estimates(EstimateBlock.of(1, 0, 0.0, np.ones((20, 3)), np.zeros(20, np.uint32)))
     behind = [pack_acknowledgement(Acknowledgement(1, 0))] * 3
     with service_that_sends([opened(), *behind, estimates]) as url, Client(url, "press", 0.005) as client:
         assert len(client.estimates(timeout_s=60.0)[1]) == 20

@@ -60,7 +60,7 @@ class Served:
         return next(word for line in self.printed for word in line.split() if word.startswith(("http:", "https:")))
 
     def workers(self) -> list[int]:
-        return sorted(each.pid for each in psutil.Process(self.process.pid).children() if runs(each, "serving.worker"))
+        return sorted(each.pid for each in psutil.Process(self.process.pid).children() if runs(each, "scoring.worker"))
 
     def ask(self, context: ssl.SSLContext | None = None) -> Any:
         body = json.dumps({"dataframe_split": ROW}).encode()

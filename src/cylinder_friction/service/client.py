@@ -220,12 +220,9 @@ class Client:
     def _take(self, block: EstimateBlock) -> None:
         """Keep what is new of estimates; after a break the service gives again what it had not kept."""
         known = max(0, self.estimated_index - block.index)
-        if known < len(block.flags):
-            new = EstimateBlock(
-                block.handle, block.index + known, block.time_s, block.newtons[known:], block.flags[known:]
-            )
-            self._estimates.append(new)
-            self.estimated_index = new.index + len(new.flags)
+        if known < len(block):
+            self._estimates.append(block.after(known, self._sample_time_s))
+            self.estimated_index = block.index + len(block)
 
     def _forget_acknowledged(self) -> None:
         while self._unacknowledged:

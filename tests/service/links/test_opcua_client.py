@@ -65,7 +65,7 @@ async def followed(
         for row, newtons in enumerate(block.newtons.tolist()):
             rows[block.index + row] = tuple(newtons)
 
-    service = LiveService(engine, Journal(folder / "journal.db"), keep)
+    service = LiveService(engine, Journal(folder / "journal.db"), takers=[keep])
     link = OpcUaClientLink(OpcUaClientSettings(f"opc.tcp://127.0.0.1:{port}/", sources, publishing_ms=10.0))
     async with link.running(service, Peers()):
         try:

@@ -28,7 +28,7 @@ def test_blocks_of_one_message_come_back(rows: int, columns: int, handle: int, i
     newtons = np.arange(3.0 * rows).reshape(rows, 3)
     sent = [
         pack_samples(SampleBlock(handle, index, 1.5, numbers)),
-        pack_estimates(EstimateBlock(handle, index, 2.5, newtons, np.arange(rows, dtype=np.uint32))),
+        pack_estimates(EstimateBlock.of(handle, index, 2.5, newtons, np.arange(rows, dtype=np.uint32))),
         pack_acknowledgement(Acknowledgement(handle, index)),
     ]
     samples, estimates, acknowledged = unpack(b"".join(sent))

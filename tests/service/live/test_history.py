@@ -22,7 +22,7 @@ from cylinder_friction.service.live.journal import Chunk
 folder = Path(sys.argv[1])
 samples = np.arange(30.0).reshape(10, 3)
 for first, day in ((0, "2026-01-01"), (10, "2026-01-01"), (20, "2026-01-02")):
-    estimates = EstimateBlock(1, first, 0.0, first + samples, np.arange(10, dtype=np.uint32))
+    estimates = EstimateBlock.of(1, first, 0.0, first + samples, np.arange(10, dtype=np.uint32))
     chunk = Chunk("press", first, 0.0, 0.005, ("a", "b", "c"), samples, estimates)
     write_whole(table_of([chunk]), folder / "press" / day / f"{first:016d}.parquet")
 assert len(join_past_days(folder)) == 1

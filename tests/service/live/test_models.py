@@ -50,7 +50,7 @@ def other_engine(other_estimator: FrictionEstimator, tmp_path_factory: pytest.Te
 
 def service_of(engine: Engine, other: Engine, folder: Path, given: Given, warm_s: float = 10.0) -> LiveService:
     rules = replace(SessionRules(), warm_s=warm_s)
-    return LiveService(engine, Journal(folder / "journal.db"), given, rules, others=[other])
+    return LiveService(engine, Journal(folder / "journal.db"), rules, takers=[given], others=[other])
 
 
 def send(service: LiveService, name: str, samples: Array, begin: int, end: int, size: int = 33) -> LiveSession:

@@ -43,7 +43,7 @@ class Kept:
 
 
 def service_of(engine: Engine, folder: Path, kept: Kept | None = None, **limits: float) -> LiveService:
-    return LiveService(engine, Journal(folder / "journal.db"), kept, limits=LiveLimits(**limits))  # type: ignore[arg-type]
+    return LiveService(engine, Journal(folder / "journal.db"), takers=[kept], limits=LiveLimits(**limits))  # type: ignore[arg-type]
 
 
 def opened(service: LiveService, name: str) -> LiveSession:
@@ -192,7 +192,7 @@ def test_an_idle_session_is_closed_and_comes_back_as_it_was(
     engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
 ) -> None:
     kept, now_s = Kept(), [0.0]
-    service = LiveService(engine, Journal(tmp_path / "journal.db"), kept, clock=lambda: now_s[0])
+    service = LiveService(engine, Journal(tmp_path / "journal.db"), takers=[kept], clock=lambda: now_s[0])
     service.receive(blocks(opened(service, "press"), samples, 0, 100))
     now_s[0] = 601.0
     assert service.close_idle() == []  # its samples are not kept yet

@@ -25,7 +25,7 @@ from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.links.broker import AT_ONCE, Broker, Message
 from cylinder_friction.service.links.link import Link, in_background
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
-from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.frames import EstimateBlock, LastRow
 from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import MqttSettings
 
@@ -177,17 +177,16 @@ class MqttLink(Link):
             for place, (name, block) in enumerate(latest.items()):
                 if place % AT_ONCE == 0:
                     await asyncio.sleep(0.0)
-                self._broker.publish(Message(f"{self._settings.prefix}/results/{name}", _result(block), retain=True))
+                self._broker.publish(
+                    Message(
+                        f"{self._settings.prefix}/results/{name}",
+                        _result(block.last(self._service.engine.sample_time_s)),
+                        retain=True,
+                    )
+                )
 
 
-def _result(block: EstimateBlock) -> str:
-    newtons, flags = block.newtons[-1].tolist(), int(block.flags[-1])
-    return json.dumps(
-        {
-            "index": block.index + len(block.flags) - 1,
-            "friction_n": newtons[0],
-            "lower_n": newtons[1],
-            "upper_n": newtons[2],
-            "flags": Flag.names(flags),
-        }
-    )
+def _result(last: LastRow) -> str:
+    friction_n, lower_n, upper_n = last.newtons
+    named = {"friction_n": friction_n, "lower_n": lower_n, "upper_n": upper_n}
+    return json.dumps({"index": last.index, **named, "flags": Flag.names(last.flags)})

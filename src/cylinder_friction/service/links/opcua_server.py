@@ -167,12 +167,9 @@ class OpcUaServerLink(Link):
 
 
 def _values(session: LiveSession, latest: EstimateBlock, flags: int, now_s: float) -> OpcUaValues:
-    last = len(latest.flags) - 1
-    own_flags, time_s = int(latest.flags[last]), latest.time_s + last * session.order.sample_time_s
-    return OpcUaValues(
-        session.name, latest.index + last, time_s, latest.newtons[last].tolist(), own_flags, flags | own_flags,
-        now_s - session.last_seen_s,
-    )  # fmt: skip
+    last = latest.last(session.order.sample_time_s)
+    age_s = now_s - session.last_seen_s
+    return OpcUaValues(session.name, last.index, last.time_s, last.newtons, last.flags, flags | last.flags, age_s)
 
 
 def _line(what: str, of: Sequence[OpcUaValues | str]) -> bytes:

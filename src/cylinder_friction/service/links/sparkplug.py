@@ -108,16 +108,14 @@ class SparkplugLink(Link):
             self._born.intersection_update(self._service.sessions)
 
     def _send_device(self, session: LiveSession) -> None:
-        name, sample_time_s, block = session.name, session.order.sample_time_s, session.latest
-        if block is None:
+        if session.latest is None:
             return
-        last = len(block.flags) - 1
-        time_ms = int(1e3 * (block.time_s + last * sample_time_s))
-        newtons = block.newtons[last].tolist()
-        named = zip(("friction_n", "lower_n", "upper_n"), newtons, strict=True)
+        name, last = session.name, session.latest.last(session.order.sample_time_s)
+        time_ms = int(1e3 * last.time_s)
+        named = zip(("friction_n", "lower_n", "upper_n"), last.newtons, strict=True)
         metrics = [Metric(each, DOUBLE, value, time_ms) for each, value in named]
-        metrics.append(Metric("flags", UINT32, int(block.flags[last]), time_ms))
-        metrics.append(Metric("index", UINT64, block.index + last, time_ms))
+        metrics.append(Metric("flags", UINT32, last.flags, time_ms))
+        metrics.append(Metric("index", UINT64, last.index, time_ms))
         self._send("DDATA" if name in self._born else "DBIRTH", metrics, name)
         self._born.add(name)
 

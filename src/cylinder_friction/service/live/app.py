@@ -21,10 +21,9 @@ from cylinder_friction.service.links.link import Link, in_background
 from cylinder_friction.service.live.changing import Changing, giving_newtons
 from cylinder_friction.service.live.connection import Connection, Peers
 from cylinder_friction.service.live.events import Events
-from cylinder_friction.service.live.frames import EstimateBlock
 from cylinder_friction.service.live.history import move_into_history
 from cylinder_friction.service.live.keeping import keep_each_second, keep_some, move_each_minute
-from cylinder_friction.service.live.service import LiveService, LiveSession
+from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.stribeck import Lines
 from cylinder_friction.service.live.watching import Watchers
 from cylinder_friction.service.live.web_socket import WebSocketTransport
@@ -59,13 +58,7 @@ def create_app(
     peers, watchers = Peers(events), Watchers(service, stribeck)
     changing = Changing(service, folder / ENGINES_FOLDER, peers)
     guard = Guard(access or LiveAccess(), host, peers.refused, events)
-    takers = [peers.flags.note, watchers.note, *(link.note for link in links if type(link).note is not Link.note)]
-
-    def on_estimates(session: LiveSession, block: EstimateBlock) -> None:
-        for take in takers:
-            take(session, block)
-
-    service.on_estimates = on_estimates
+    service.takers += [link.note for link in links if type(link).note is not Link.note]
 
     async def drain() -> None:
         peers.draining = True

@@ -20,7 +20,7 @@ from cylinder_friction.service.live.frames import (
 )
 from cylinder_friction.service.live.service import BusyError, LiveError, LiveService, LiveSession
 from cylinder_friction.service.live.text_forms import estimates_text, opened_text, read_text
-from cylinder_friction.service.live.totals import Delays, FlagTotals
+from cylinder_friction.service.live.totals import Delays
 
 UNSENT_BYTES = 4 << 20
 """Beyond this a client that does not read is not read from, until it does."""
@@ -57,7 +57,7 @@ class Peers:
         self.events = events or Events()
         self.draining, self.keeping = False, asyncio.Lock()
         self.refused: Counter[str] = Counter()
-        self.flags, self.delays = FlagTotals(), Delays()
+        self.delays = Delays()
         self.connections = 0
         self._connected: set[Connection] = set()
 
@@ -165,14 +165,20 @@ class Connection:
         if session.name in self._in_text:
             self._put_text(estimates_text(session, block))
         else:
-            self._put_frame(pack_estimates(block))
+            frame = pack_estimates(block)
+            self._frames.append(frame)
+            self.unsent += len(frame)
+            self._waiting.set()
 
     def put_acknowledgement(self, session: LiveSession) -> None:
         """Queue an acknowledgement."""
         if session.name in self._in_text:
             self._put_text(json.dumps({"acknowledged": {"session": session.name, "index": session.kept_index}}))
         else:
-            self._put_frame(pack_acknowledgement(Acknowledgement(session.handle, session.kept_index)))
+            frame = pack_acknowledgement(Acknowledgement(session.handle, session.kept_index))
+            self._frames.append(frame)
+            self.unsent += len(frame)
+            self._waiting.set()
 
     def _take(self, message: bytes | str) -> None:
         try:
@@ -218,11 +224,6 @@ class Connection:
         session.refuse_others(self)
         self._in_text.add(session.name)
         self._receive([SampleBlock(session.handle, what.index, what.time_s, what.samples)])
-
-    def _put_frame(self, frame: bytes) -> None:
-        self._frames.append(frame)
-        self.unsent += len(frame)
-        self._waiting.set()
 
     def _put_text(self, text: str) -> None:
         self._texts.append(text)

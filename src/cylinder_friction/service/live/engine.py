@@ -3,7 +3,6 @@
 import ctypes
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from itertools import accumulate
@@ -14,18 +13,14 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.files import read_json
+from cylinder_friction.service.live.frames import FLAG_BYTES, ROW_BYTES
 
 NAME, LIBRARY, DESCRIPTION, CALLED = "friction", "engine.so", "engine.json", "called.txt"
 _OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
 
 
-@dataclass(slots=True)
-class Job:
-    """Successive samples of the session in one slot, shape ``(rows, inputs)``; its state is reset first if asked."""
-
-    slot: int
-    samples: Array
-    reset: bool = False
+Job = tuple[int, Array, bool]
+"""A slot, successive samples of its session, shape ``(rows, inputs)``, and whether its state is reset first."""
 
 
 @cache
@@ -106,17 +101,19 @@ class Engine:
             raise ValueError(f"a saved state has {len(saved)} bytes; expected {self._state_bytes}")
         self._states[slot] = np.frombuffer(saved, dtype=np.uint8)
 
-    def run(self, jobs: Sequence[Job]) -> list[tuple[Array, NDArray[np.uint32]]]:
-        """Step through all jobs in order; return newtons, shape ``(rows, 3)``, and flags, ``(rows,)``, of each."""
-        rows = [len(job.samples) for job in jobs]
-        samples = np.concatenate([job.samples for job in jobs]) if len(jobs) > 1 else jobs[0].samples
-        samples = np.ascontiguousarray(samples, dtype=np.float64)
-        described = np.array([[job.slot for job in jobs], [job.reset for job in jobs], rows], dtype=np.uint32)
-        ends = list(accumulate(rows))
-        outputs = np.empty(ends[-1], dtype=_OUTPUT)
-        slots = described.ctypes.data
-        resets, counts = slots + described.strides[0], slots + 2 * described.strides[0]
+    def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
+        """Step through all jobs in order; return newtons and flags of each, as ``EstimateBlock`` holds them."""
+        slots, pieces, resets = zip(*jobs, strict=True)
+        rows = [len(piece) for piece in pieces]
+        samples = np.ascontiguousarray(np.concatenate(pieces) if len(jobs) > 1 else pieces[0], dtype=np.float64)
+        described = np.array([slots, resets, rows], dtype=np.uint32)
+        outputs = np.empty(len(samples), dtype=_OUTPUT)
+        at, stride = described.ctypes.data, described.strides[0]
         states, inputs = self._states.ctypes.data, samples.ctypes.data
-        self._batch(states, len(jobs), slots, resets, counts, inputs, outputs.ctypes.data)
-        newtons, flags = np.ascontiguousarray(outputs["newtons"]), np.ascontiguousarray(outputs["flags"])
-        return [(newtons[end - count : end], flags[end - count : end]) for end, count in zip(ends, rows, strict=True)]
+        self._batch(states, len(jobs), at, at + stride, at + 2 * stride, inputs, outputs.ctypes.data)
+        newtons, flags = outputs["newtons"].tobytes(), outputs["flags"].tobytes()
+        ends = accumulate(rows)
+        return [
+            (newtons[ROW_BYTES * (end - count) : ROW_BYTES * end], flags[FLAG_BYTES * (end - count) : FLAG_BYTES * end])
+            for end, count in zip(ends, rows, strict=True)
+        ]

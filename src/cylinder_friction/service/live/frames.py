@@ -18,7 +18,6 @@ and where rows are odd, four bytes of zeros, so that every block begins at a mul
 """
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +30,8 @@ HEADER = struct.Struct("<BBHIQd")
 LARGEST_INDEX = 1 << 53
 """Greater indices would not survive JSON."""
 NEWTONS = 3
+ROW_BYTES, FLAG_BYTES = 8 * NEWTONS, 4
+"""Of one estimate's newtons, and of its flags."""
 _NUMBER = np.dtype("<f8")
 
 
@@ -48,16 +49,57 @@ class SampleBlock:
     samples: Array  # Shape ``(rows, columns)``
 
 
+@dataclass(frozen=True, slots=True)
+class LastRow:
+    """The newest estimate of a session."""
+
+    index: int
+    time_s: float  # When its sample was taken, in the sender's clock
+    newtons: list[float]  # Friction, lower and upper bound [N]
+    flags: int
+
+
 @dataclass(slots=True)
 class EstimateBlock:
-    """Their estimates by one model."""
+    """Estimates of successive samples by one model, as the bytes that frames and the journal hold."""
 
     handle: int  # 0: of no open session
     index: int
     time_s: float
-    newtons: Array  # Friction, lower and upper bound [N], shape ``(rows, 3)``
-    flags: NDArray[np.uint32]  # Shape ``(rows,)``
+    newton_bytes: bytes  # Of rows × (friction, lower, upper) f64
+    flag_bytes: bytes  # Of rows × u32
     model: str = ""  # SHA-256; not in the frame
+
+    @classmethod
+    def of(cls, handle: int, index: int, time_s: float, newtons: Array, flags: NDArray[np.uint32]) -> "EstimateBlock":
+        """Return the block of newtons, shape ``(rows, 3)``, and flags, shape ``(rows,)``."""
+        return cls(handle, index, time_s, newtons.astype("<f8").tobytes(), flags.astype("<u4").tobytes())
+
+    def __len__(self) -> int:
+        return len(self.flag_bytes) // FLAG_BYTES
+
+    @property
+    def newtons(self) -> Array:
+        """Friction, lower and upper bound [N], shape ``(rows, 3)``."""
+        return np.frombuffer(self.newton_bytes, _NUMBER).reshape(-1, NEWTONS)
+
+    @property
+    def flags(self) -> NDArray[np.uint32]:
+        """Flags, shape ``(rows,)``."""
+        return np.frombuffer(self.flag_bytes, "<u4")
+
+    def after(self, rows: int, sample_time_s: float) -> "EstimateBlock":
+        """Return the block without its first rows."""
+        newtons, flags = self.newton_bytes[ROW_BYTES * rows :], self.flag_bytes[FLAG_BYTES * rows :]
+        return EstimateBlock(
+            self.handle, self.index + rows, self.time_s + rows * sample_time_s, newtons, flags, self.model
+        )
+
+    def last(self, sample_time_s: float) -> LastRow:
+        """Return the last row."""
+        before = len(self) - 1
+        time_s = self.time_s + before * sample_time_s
+        return LastRow(self.index + before, time_s, self.newtons[-1].tolist(), int(self.flags[-1]))
 
 
 @dataclass(slots=True)
@@ -77,10 +119,10 @@ def pack_samples(block: SampleBlock) -> bytes:
 
 def pack_estimates(block: EstimateBlock) -> bytes:
     """Return one block of estimates as bytes."""
-    rows = len(block.flags)
+    rows = len(block.flag_bytes) // FLAG_BYTES
     head = HEADER.pack(ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s)
     padding = b"\0\0\0\0" if rows % 2 else b""
-    return b"".join((head, block.newtons.tobytes(), block.flags.tobytes(), padding))
+    return b"".join((head, block.newton_bytes, block.flag_bytes, padding))
 
 
 def pack_acknowledgement(block: Acknowledgement) -> bytes:
@@ -89,11 +131,8 @@ def pack_acknowledgement(block: Acknowledgement) -> bytes:
 
 
 def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement]:
-    """Return the blocks of a message; raises ``FrameError`` where it is none, before any block is returned."""
-    return list(_blocks(message))
-
-
-def _blocks(message: bytes) -> Iterator[SampleBlock | EstimateBlock | Acknowledgement]:
+    """Return the blocks of a message; raises ``FrameError`` where it is none."""
+    blocks: list[SampleBlock | EstimateBlock | Acknowledgement] = []
     at, end = 0, len(message)
     if not end:
         raise FrameError("got an empty message; expected one block at least")
@@ -109,21 +148,21 @@ def _blocks(message: bytes) -> Iterator[SampleBlock | EstimateBlock | Acknowledg
         if end - at < size:
             raise FrameError(f"byte {at}: {end - at} bytes are left, expected {size} for {rows} rows")
         if samples:
-            yield SampleBlock(handle, index, time_s, np.ndarray((rows, columns), _NUMBER, message, at))
+            blocks.append(SampleBlock(handle, index, time_s, np.ndarray((rows, columns), _NUMBER, message, at)))
         elif kind == ESTIMATES:
-            newtons = np.frombuffer(message, "<f8", rows * NEWTONS, at).reshape(rows, NEWTONS)
-            yield EstimateBlock(
-                handle, index, time_s, newtons, np.frombuffer(message, "<u4", rows, at + 8 * NEWTONS * rows)
-            )
+            flags_at = at + ROW_BYTES * rows
+            newtons, flags = message[at:flags_at], message[flags_at : flags_at + FLAG_BYTES * rows]
+            blocks.append(EstimateBlock(handle, index, time_s, newtons, flags))
         else:
-            yield Acknowledgement(handle, index)
+            blocks.append(Acknowledgement(handle, index))
         at += size
+    return blocks
 
 
 def _size(kind: int, columns: int, rows: int, at: int) -> int:
     """Return how many bytes stand behind a header that is not of samples."""
     if kind == ESTIMATES and rows and columns == NEWTONS:
-        return 8 * NEWTONS * rows + 4 * (rows + rows % 2)
+        return ROW_BYTES * rows + FLAG_BYTES * (rows + rows % 2)
     if kind == ACKNOWLEDGEMENT and not rows and not columns:
         return 0
     raise FrameError(f"byte {at}: got kind {kind} with {columns} columns and {rows} rows, expected no such block")

@@ -3,10 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError, difference_n
 from cylinder_friction.recordings.files import read_json, write_bytes
-from cylinder_friction.service.live.engine import Engine, Job
+from cylinder_friction.service.live.engine import Engine
+from cylinder_friction.service.live.frames import EstimateBlock
 
 
 def take_golden(folder: Path, estimator: Path) -> None:
@@ -41,7 +44,7 @@ def _difference_n(engine: Engine, golden: Path) -> float:
         columns = np.shape(trajectory["samples"])[1:]
         if columns != (len(engine.inputs),):
             raise GoldenError(f"its golden trajectory has columns {columns}; expected {list(engine.inputs)}")
-        return difference_n(lambda samples: engine.run([Job(slot, samples)])[0], trajectory)
+        return difference_n(lambda samples: _stepped(engine, slot, samples), trajectory)
     except (ValueError, KeyError, TypeError) as error:
         found = str(error) if isinstance(error, GoldenError) else f"its golden trajectory cannot be read ({error!r})"
         raise GoldenError(
@@ -49,3 +52,8 @@ def _difference_n(engine: Engine, golden: Path) -> float:
         ) from error
     finally:
         engine.remove(slot)
+
+
+def _stepped(engine: Engine, slot: int, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
+    block = EstimateBlock(0, 0, 0.0, *engine.run([(slot, samples, False)])[0])
+    return block.newtons, block.flags

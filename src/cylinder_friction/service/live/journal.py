@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.frames import ROW_BYTES, EstimateBlock
 from cylinder_friction.service.live.models import SavedState, Switch
 
 _SAME_TIME = 0.5
@@ -103,11 +103,11 @@ class Unkept:
         self.rows += len(samples)
         self.samples += samples.tobytes()
         if estimates is not None:
-            self.newtons += estimates.newtons.tobytes()
-            self.flags += estimates.flags.tobytes()
+            self.newtons += estimates.newton_bytes
+            self.flags += estimates.flag_bytes
         if shadow is not None:
-            self.shadow_newtons += shadow.newtons.tobytes()
-            self.shadow_flags += shadow.flags.tobytes()
+            self.shadow_newtons += shadow.newton_bytes
+            self.shadow_flags += shadow.flag_bytes
 
     def last_samples(self, rows: int) -> Array:
         """Return the newest samples."""
@@ -190,10 +190,6 @@ class Journal:
         current = SavedState(content["model"], state)
         return SavedSession(name, content["next_index"], content["counts"], current, beside, switch)
 
-    def names(self) -> list[str]:
-        """Return the names of all sessions that were ever kept."""
-        return [name for (name,) in self._reading.execute("SELECT name FROM session ORDER BY name")]
-
     def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Unkept]) -> None:
         """Keep states and the estimates that led to them, all or nothing."""
         with self._turn:
@@ -243,8 +239,7 @@ class Journal:
 
 
 def _from_bytes(index: int, time_s: float, model: str, content: bytes, rows: int) -> EstimateBlock:
-    newtons = np.frombuffer(content, "<f8", 3 * rows).reshape(rows, 3)
-    return EstimateBlock(0, index, time_s, newtons, np.frombuffer(content, "<u4", rows, 24 * rows), model)
+    return EstimateBlock(0, index, time_s, content[: ROW_BYTES * rows], content[ROW_BYTES * rows :], model)
 
 
 def _session_row(session: SavedSession) -> tuple[str, str, bytes, bytes | None]:

@@ -46,7 +46,7 @@ class _Live(Collector):
             for event, count in link.counts.items():
                 events.add_metric([link.name, event], count)
         yield events
-        estimates, with_flag = self._peers.flags.totals()
+        estimates, with_flag = self._service.flags.totals()
         yield CounterMetricFamily("cylinder_friction_live_estimates", "Estimates given.", estimates)
         flags = CounterMetricFamily("cylinder_friction_live_flags", "Estimates with a flag.", labels=["flag"])
         for flag, count in with_flag.items():

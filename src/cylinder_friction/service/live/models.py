@@ -57,13 +57,9 @@ class Switch:
         return cls(**content)
 
 
-@dataclass(slots=True)
-class Part:
-    """Samples of one session, and the models that step them: the one that gives the newtons first."""
-
-    piece: Piece
-    models: tuple[Running, ...]
-    recorded: bool = False
+Part = tuple[Piece, tuple[Running, ...], bool]
+"""Samples of one session, the models that step them, the one that gives the newtons first, and whether the newtons of
+the second one are recorded."""
 
 
 class SessionModels:
@@ -113,7 +109,7 @@ class SessionModels:
     def parts(self, piece: Piece, engines: Mapping[str, Engine]) -> list[Part]:
         """Return successive samples with the models that step them."""
         if self.switch is None:
-            return [Part(piece, (self.current,))]
+            return [(piece, (self.current,), False)]
         parts = []
         for index in self._due(piece):
             if index > piece.index:
@@ -129,8 +125,8 @@ class SessionModels:
 
     def _part(self, piece: Piece) -> Part:
         if self.shadow is None or self.switch is None:
-            return Part(piece, (self.current,))
-        return Part(piece, (self.current, self.shadow), self.switch.recorded)
+            return piece, (self.current,), False
+        return piece, (self.current, self.shadow), self.switch.recorded
 
     def _due(self, piece: Piece) -> list[int]:
         """Return the samples of a piece before which something changes."""

@@ -5,7 +5,7 @@ import re
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from cylinder_friction.service.live.engine import Engine, Job
@@ -14,6 +14,7 @@ from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept
 from cylinder_friction.service.live.models import Running, SavedState, SessionModels
 from cylinder_friction.service.live.session import Counts, Piece, SessionOrder
 from cylinder_friction.service.live.settings import LiveLimits, SessionRules
+from cylinder_friction.service.live.totals import FlagTotals
 
 _NAME = re.compile(r"[\w.:/ -]{1,80}")
 CLOCK_TOLERANCE = 2e-3
@@ -81,13 +82,16 @@ class LiveSession:
         return SavedSession(self.name, self.next_index, counts, models.current.saved(), shadow, models.switch)
 
 
+Taker = Callable[[LiveSession, EstimateBlock], None]
+
+
 class LiveService:
     """Friction of many cylinders: samples go in by session and index, estimates come out in order.
 
     Args:
         engine: Of the model that new sessions run, and that those of another model change to.
         journal: Where states and estimates are kept.
-        on_estimates: Called with a session and the estimates of successive samples, as soon as its owner has them.
+        takers: Called with a session and the estimates of successive samples, once its owner has them.
         others: Engines of other models: sessions that have run one of them go on with it until the change.
     """
 
@@ -95,13 +99,14 @@ class LiveService:
         self,
         engine: Engine,
         journal: Journal,
-        on_estimates: Callable[[LiveSession, EstimateBlock], None] | None = None,
         rules: SessionRules | None = None,
         limits: LiveLimits | None = None,
+        takers: Iterable[Taker] = (),
         clock: Callable[[], float] = time.monotonic,
         others: Iterable[Engine] = (),
     ) -> None:
-        self.engine, self.journal, self.on_estimates = engine, journal, on_estimates
+        self.engine, self.journal, self.flags = engine, journal, FlagTotals()
+        self.takers = list(takers)
         self.rules, self.limits, self._clock = rules or SessionRules(), limits or LiveLimits(), clock
         self.engines = {each.model: each for each in (*others, engine)}
         self.sessions: dict[str, LiveSession] = {}
@@ -163,9 +168,7 @@ class LiveService:
             known = max(0, index - chunk.index)
             if chunk.estimates is not None and known < len(chunk.samples):
                 index = chunk.index + len(chunk.samples)
-                time_s = chunk.time_s + known * chunk.sample_time_s
-                newtons, flags = chunk.estimates.newtons[known:], chunk.estimates.flags[known:]
-                blocks.append(EstimateBlock(session.handle, chunk.index + known, time_s, newtons, flags))
+                blocks.append(replace(chunk.estimates.after(known, chunk.sample_time_s), handle=session.handle))
         return blocks
 
     def session_of(self, block: SampleBlock) -> LiveSession:
@@ -194,13 +197,14 @@ class LiveService:
         sessions = [self.session_of(block) for block in blocks]
         if owner is not None:
             for session in sessions:
-                session.refuse_others(owner)
+                if session.owner is not owner:
+                    session.refuse_others(owner)
         now_s = self._clock()
         pieces: list[tuple[LiveSession, Piece]] = []
         for session, block in zip(sessions, blocks, strict=True):
             session.last_seen_s = now_s
-            found = session.order.receive(block.index, block.time_s, block.samples, now_s)
-            pieces += [(session, piece) for piece in found]
+            for piece in session.order.receive(block.index, block.time_s, block.samples, now_s):
+                pieces.append((session, piece))  # noqa: PERF401 - one piece nearly always
             if session.order.late:
                 self._keep_late(session)
         self._step(pieces)
@@ -306,24 +310,24 @@ class LiveService:
     def _step(self, pieces: Sequence[tuple[LiveSession, Piece]]) -> None:
         if not pieces:
             return
-        parts = [(session, part) for session, piece in pieces for part in session.models.parts(piece, self.engines)]
+        parts = [(session, *part) for session, piece in pieces for part in session.models.parts(piece, self.engines)]
         jobs: defaultdict[Engine, list[Job]] = defaultdict(list)
-        for _, part in parts:
-            for running in part.models:
-                jobs[running.engine].append(Job(running.slot, part.piece.samples, part.piece.reset))
+        for _, piece, models, _ in parts:
+            for running in models:
+                jobs[running.engine].append((running.slot, piece.samples, piece.reset))
         results = {engine: iter(engine.run(each)) for engine, each in jobs.items()}
-        for session, part in parts:
-            piece = part.piece
-            given = [
-                EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[each.engine]), each.engine.model)
-                for each in part.models
-            ]
+        flags = []
+        for session, piece, models, recorded in parts:
+            handle, index, time_s = session.handle, piece.index, piece.time_s
+            given = [EstimateBlock(handle, index, time_s, *next(results[m.engine]), m.engine.model) for m in models]
             session.latest = given[0]
-            self._add(session, piece, given[0], given[1] if part.recorded else None)
+            flags.append(given[0].flag_bytes)
+            self._add(session, piece, given[0], given[1] if recorded else None)
             if session.owner is not None:
                 session.owner.put_estimates(session, given[0])
-            if self.on_estimates is not None:
-                self.on_estimates(session, given[0])
+            for take in self.takers:
+                take(session, given[0])
+        self.flags.note(flags)
 
     def _keep_late(self, session: LiveSession) -> None:
         for piece in session.order.late:

@@ -71,7 +71,10 @@ class SessionOrder:
     def receive(self, index: int, time_s: float, samples: Array, now_s: float) -> list[Piece]:
         """Take samples in, beginning at ``index``; return what can be stepped, in order."""
         if index == self.next_index and not self._held and len(samples):  # nearly always
-            return [self._stepped(Piece(index, time_s, samples))]
+            rows = len(samples)
+            self.counts.stepped += rows
+            self.next_index = index + rows
+            return [Piece(index, time_s, samples)]
         if self.next_index is None:
             self.next_index = index
         begun = max(0, min(len(samples), self.next_index - index))

@@ -3,11 +3,8 @@
 from bisect import bisect_left
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.service.live.frames import EstimateBlock
-from cylinder_friction.service.live.service import LiveSession
 
 _BLOCKS = 5000
 _VALUES = 2 * max(Flag)
@@ -19,13 +16,12 @@ class FlagTotals:
     """How many estimates there were, and with which flags."""
 
     def __init__(self) -> None:
-        self._waiting: list[NDArray[np.uint32]] = []
+        self._waiting: list[bytes] = []
         self._counts = np.zeros(_VALUES, dtype=np.int64)  # By value of the flags
 
-    def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Count a block; cheap, for most of the work waits until many are there."""
-        del session
-        self._waiting.append(block.flags)
+    def note(self, flags: list[bytes]) -> None:
+        """Count the flags of blocks; cheap, for most of the work waits until many are there."""
+        self._waiting += flags
         if len(self._waiting) > _BLOCKS:
             self._count()
 
@@ -37,7 +33,7 @@ class FlagTotals:
 
     def _count(self) -> None:
         if self._waiting:
-            self._counts += np.bincount(np.concatenate(self._waiting), minlength=_VALUES)
+            self._counts += np.bincount(np.frombuffer(b"".join(self._waiting), "<u4"), minlength=_VALUES)
             self._waiting.clear()
 
 

@@ -32,11 +32,11 @@ class Watchers:
         self._pages: set[_Page] = set()
         self._by_session: dict[str, set[_Page]] = {}
 
-    def note(self, session: LiveSession, block: EstimateBlock) -> None:
+    def _note(self, session: LiveSession, block: EstimateBlock) -> None:
         """Remember the estimates of a session that a page looks at."""
         for page in self._by_session.get(session.name, ()):
             if len(page.blocks) < UNSENT_BLOCKS:
-                page.blocks.append((block, session.unkept[-1].last_samples(len(block.flags))))
+                page.blocks.append((block, session.unkept[-1].last_samples(len(block))))
 
     async def run(self, socket: WebSocket) -> None:
         """Serve a page, its socket accepted, until it leaves; it sends the name of the session shown, or nothing."""
@@ -45,6 +45,8 @@ class Watchers:
             return
         page = _Page(socket)
         self._pages.add(page)
+        if len(self._pages) == 1:
+            self._service.takers.append(self._note)
         try:
             await socket.send_text(self._first)
             while True:
@@ -53,6 +55,8 @@ class Watchers:
             pass
         finally:
             self._pages.discard(page)
+            if not self._pages:
+                self._service.takers.remove(self._note)
             self._look_at(page, "")
 
     async def tick(self) -> None:
@@ -76,16 +80,13 @@ class Watchers:
             self._by_session.setdefault(name, set()).add(page)
 
     def _row(self, session: LiveSession, now_s: float) -> dict[str, Any]:
-        block = session.latest
-        rows = 0 if block is None else len(block.flags) - 1
-        newtons = (0.0, 0.0, 0.0) if block is None else block.newtons[-1].tolist()
-        flags = 0 if block is None else int(block.flags[-1])
+        last = None if session.latest is None else session.latest.last(session.order.sample_time_s)
         return {
             "name": session.name,
             "index": session.next_index,
-            "newtons": newtons,
-            "flags": Flag.names(flags),
-            "lag_s": None if block is None else now_s - block.time_s - rows * self._service.engine.sample_time_s,
+            "newtons": [0.0, 0.0, 0.0] if last is None else last.newtons,
+            "flags": Flag.names(0 if last is None else last.flags),
+            "lag_s": None if last is None else now_s - last.time_s,
             "kept": session.kept_index,
             "counts": vars(session.order.counts),
         }
@@ -114,7 +115,7 @@ class _Page:
 def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engine]) -> str:
     columns: dict[str, list[Any]] = {"index": [], "samples": [], "newtons": [], "flags": []}
     for block, samples in blocks:
-        columns["index"] += range(block.index, block.index + len(block.flags))
+        columns["index"] += range(block.index, block.index + len(block))
         columns["samples"] += [[None if value != value else value for value in row] for row in samples.tolist()]
         columns["newtons"] += block.newtons.tolist()
         columns["flags"] += block.flags.tolist()
