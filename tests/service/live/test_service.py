@@ -43,7 +43,9 @@ class Kept:
 
 
 def service_of(engine: Engine, folder: Path, kept: Kept | None = None, **limits: float) -> LiveService:
-    return LiveService(engine, Journal(folder / "journal.db"), takers=[kept], limits=LiveLimits(**limits))  # type: ignore[arg-type]
+    return LiveService(
+        engine, Journal(folder / "journal.db"), takers=[kept] if kept else [], limits=LiveLimits(**limits)
+    )  # type: ignore[arg-type]
 
 
 def opened(service: LiveService, name: str) -> LiveSession:
