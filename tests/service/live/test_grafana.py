@@ -34,7 +34,7 @@ pytestmark = [
 ]
 NOWHERE = {"opcua_client": {"url": "opc.tcp://127.0.0.1:1", "sources": [{"session": "nobody", "samples": "i=1"}]}}
 """A link whose attempts to connect are counted."""
-DEPLOY = Path(__file__).parents[2] / "deploy"
+DEPLOY = Path(__file__).parents[3] / "deploy"
 PANELS = json.loads((DEPLOY / "grafana/live.json").read_text("utf-8"))["panels"]
 EXPRESSIONS = [target["expr"] for panel in PANELS for target in panel["targets"]]
 
