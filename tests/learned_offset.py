@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.realtime.sensor_offset import OffsetSettings, OffsetTracker
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -41,7 +41,7 @@ def made_tracker(load: tuple[float, ...] = ()) -> OffsetTracker:
     settings = [6e-3, 40, 20, 6.0, 0.1, 6.0, 3.0, PRIOR_N**2 * 0.005 / 3600.0, 2.5, 0.05, 0.02, 0.08, 0.17, 0.8]
     return OffsetTracker(
         weights=np.array([areas, share, 1e-3 * areas, 1e-5 * share, areas * (zeros / PRIOR_N) ** 2]),
-        settings=np.array([*settings, -3e-7, 1.6, PRIOR_N**2, 60.0]),
+        settings=OffsetSettings(*map(float, settings), -3e-7, 1.6, PRIOR_N**2, 60.0),
         friction=np.array(friction),
         position=np.array([215.0, 1.0, -2.0, 0.5, 0.8, -0.3, 0.2, 0.6, -0.7, 0.1, 0.4, -0.2, 0.3]),
         ranges=np.array([[-1e6, 0.0, -1e30, -60.0], [6e6, 0.085, 1e30, 60.0]]),

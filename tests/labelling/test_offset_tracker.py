@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.realtime.bounds import causal_velocity
-from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, REST, RETRACTED, WALK, ZERO
+from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, RETRACTED, ZERO
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import IdentifiedZero, RecordingError, SensorUncertainty
 
@@ -116,7 +116,7 @@ def test_rest_before_the_first_stroke_shows_an_offset_as_large_as_friction(
     areas = tracker.weights[BALANCE]
     pressure_1_pa = (30.0 - areas[1] * resting.column("pressure_2_pa")) / areas[0]
     resting = resting.with_columns(position_m=np.full(len(resting), 0.1), pressure_1_pa=pressure_1_pa)
-    tracker = tracker.careful(resting=20.0 / tracker.settings[REST])
+    tracker = tracker.careful(resting=20.0 / tracker.settings.rest_n)
     for prior_n in (20.0, 0.2):
         found = learned(replace(tracker, prior=np.append(prior_n, tracker.prior[1:])), resting)
         share = prior_n**2 / (prior_n**2 + 20.0**2)
@@ -145,7 +145,7 @@ def test_zeros_that_drift_are_followed_faster(cylinder: Cylinder, offset_recordi
         shifted = recording.with_columns(pressure_1_pa=recording.column("pressure_1_pa") + drift * since_s)
         drifting.append(replace(shifted, metadata=replace(metadata, identified_zero=zeros)))
     calm, faster = (fit_offset_tracker(each, cylinder, SAMPLE_COLUMNS) for each in (offset_recordings, drifting))
-    assert faster.settings[WALK] > calm.settings[WALK]
+    assert faster.settings.walk > calm.settings.walk
 
 
 def test_nothing_that_comes_later_counts(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:

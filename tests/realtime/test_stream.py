@@ -80,9 +80,9 @@ def test_whole_numbers_and_numpy_numbers_are_taken(small_model: StepModel) -> No
 
 def test_a_long_hold_leaves_no_denormal_number_behind(small_model: StepModel) -> None:
     quiet = RealTimeStream(small_model)
-    quiet._packed.bias[:] = -20.0  # every gate shut: cells sink towards 0 for ever
-    quiet._packed.input[:] = 0.0
-    quiet._packed.recurrent[:] = 0.0
+    quiet._packed.network.bias[:] = -20.0  # every gate shut: cells sink towards 0 for ever
+    quiet._packed.network.input[:] = 0.0
+    quiet._packed.network.recurrent[:] = 0.0
     quiet._state.lstm[:] = 1e-3
     newtons, _ = quiet.run(np.tile((1.2e6, 1.0e6, 0.125), (2000, 1)))
     state = quiet._state.lstm

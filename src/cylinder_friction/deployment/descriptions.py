@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cylinder_friction.realtime.flags import Flag, invalid_flag
 from cylinder_friction.realtime.guard import UNKNOWN_FORCE_N
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.sensor_offset import BLOCK, DEVIATION, SLOWEST, WALK
+from cylinder_friction.realtime.sensor_offset import DEVIATION
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -46,10 +46,10 @@ def offset_texts(model: StepModel) -> dict[str, str] | None:
     """Return what is assumed of the sensors' offset, as short numbers by name; None for a model that learns none."""
     if model.offset is None:
         return None
-    settings = model.offset.settings.tolist()
-    drift_n = math.sqrt(settings[WALK] / model.sample_time_s * HOUR_S)
-    values = {"slowest": settings[SLOWEST], "stated_n": stated_uncertainty_n(model), "drift_n": drift_n}
-    values |= {"limit_n": UNKNOWN_FORCE_N, "block": math.ceil(settings[BLOCK])}
+    settings = model.offset.settings
+    drift_n = math.sqrt(settings.walk / model.sample_time_s * HOUR_S)
+    values = {"slowest": settings.slowest_m_s, "stated_n": stated_uncertainty_n(model), "drift_n": drift_n}
+    values |= {"limit_n": UNKNOWN_FORCE_N, "block": math.ceil(settings.block)}
     return {name: f"{value:.3g}" for name, value in values.items()}
 
 

@@ -9,6 +9,8 @@ from typing import Any, Literal
 import jinja2
 import numpy as np
 
+from cylinder_friction.realtime.sensor_offset import OffsetSettings
+
 Type = Literal["float", "double"]
 
 LINE = 114
@@ -82,7 +84,8 @@ def _add(digest: Any, value: Any) -> None:
                 continue
             digest.update(field.name.encode())
             _add(digest, getattr(value, field.name))
-    elif isinstance(value, np.ndarray):
+    elif isinstance(value, (np.ndarray, OffsetSettings)):
+        value = np.asarray(value)
         ordered = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
         digest.update(f"{ordered.dtype.str}{ordered.shape}".encode())
         digest.update(ordered.tobytes())

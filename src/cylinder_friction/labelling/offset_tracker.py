@@ -26,6 +26,7 @@ from cylinder_friction.realtime.sensor_offset import (
     QUANTITIES,
     WARM,
     ZERO,
+    OffsetSettings,
     OffsetTracker,
 )
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURES
@@ -188,7 +189,7 @@ def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], pr
     weights[BALANCE] -= float(sum(even_slopes[1:])) * weights[LOAD]
     return OffsetTracker(
         weights=weights,
-        settings=np.array(settings),
+        settings=OffsetSettings(*map(float, settings)),
         friction=friction,
         position=along,
         ranges=_ranges(model, places),

@@ -106,6 +106,10 @@ def lstm_multiply_adds(layers: int, nodes: int, inputs: int) -> int:
     return first + others + layers * 3 * nodes + nodes
 
 
+_NOTHING = np.zeros((0, 0, 0), dtype=np.float32)
+NO_NETWORK = LstmWeights(_NOTHING, _NOTHING, _NOTHING.reshape(0, 0), _NOTHING.ravel(), 0.0, 0)
+
+
 @dataclass
 class LstmState:
     """Hidden and cell state, each shape ``(layers, nodes)``; zero before the first sample."""
@@ -208,7 +212,7 @@ def _head(hidden: Single, head: Single, bias: float) -> Single:
 
 
 @numba.njit(cache=True)
-def head_of(hidden: Single, head: Single, bias: float) -> np.float32:
+def head_of(hidden: Single, head: Single, bias: float | np.float32) -> np.float32:
     """Return the linear head's output for one hidden state."""
     total = np.float32(bias)
     for node in range(hidden.shape[0]):

@@ -1,198 +1,243 @@
-"""A ``StepModel`` and its state laid out for the compiled step: few arrays, contiguous, nothing to look up."""
+"""A ``StepModel`` and its state laid out for the compiled step: named groups of contiguous arrays and numbers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import invalid_flag
 from cylinder_friction.realtime.history import new_history
-from cylinder_friction.realtime.lstm import LstmWeights
-from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.realtime.lstm import NO_NETWORK, LstmWeights, Single
+from cylinder_friction.realtime.sensor_offset import NO_TRACKER, OffsetNumbers
 from cylinder_friction.realtime.unmodelled_force import force_limits
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.forest import Forest
     from cylinder_friction.realtime.model import StepModel
 
-Single = NDArray[np.float32]
 Whole = NDArray[np.int64]
+Int = NDArray[np.int32]
 
-# Places in ``PackedModel.settings``.
-FREEZE_TRAVEL, FREEZE_FORCE, TARGET_MEAN, TARGET_SCALE, STANDSTILL, CREEP, SAMPLE_TIME, LEAST_PRESSURE = range(8)
-# Rows of ``PackedModel.limits`` and of ``PackedModel.offsets``.
-ACCEPT_LOWER, ACCEPT_UPPER, TRAINED_LOWER, TRAINED_UPPER = range(4)
-LOWER, UPPER, SPREAD = range(3)
-# Places in ``PackedModel.counts``.
-FREEZE_SAMPLES, WARM_UP, RECOVERY, REVERSAL, FEATURES, HEAD_COUNTS, SEEN_FROM, DEPTH, POSITION, HISTORY, CLEAR = range(
-    11
-)
-# Places in ``PackedState.counters``; FROZEN is one per raw pressure.
-READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, UNMODELLED, FROZEN = range(9)
-# Rows of ``PackedState.samples``.
-NOW, HELD, CONSTANT_FROM, INVALID = range(4)
-
-_NOTHING = np.zeros((0, 0, 0), dtype=np.float32)
-NO_NETWORK = LstmWeights(_NOTHING, _NOTHING, _NOTHING.reshape(0, 0), _NOTHING.ravel(), 0.0, 0)
-
-_NONE = np.zeros((0, 0))
-NO_TRACKER = OffsetTracker(_NONE, _NONE.ravel(), _NONE.ravel(), _NONE.ravel(), _NONE, _NONE.ravel())
+# Places in ``State.counters``
+READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, UNMODELLED = range(8)
+HIDDEN, CELL = range(2)  # Places in ``State.lstm``
+SETTINGS, MEAN, SCALE = range(3)  # Rows of ``Features.history``
 
 
-@dataclass(frozen=True)
-class PackedModel:
-    """Constants of the compiled step."""
+class Inputs(NamedTuple):
+    """What a sample must be; arrays have one number per input."""
 
-    taps: Array  # Shape ``(channels, lags, features + 2)``: the linear features, then the base force, then the velocity
-    scaling: Array  # Limits, means and scales of the linear features, shape ``(3, features)``
+    # Outside, a value is no reading of a working sensor
+    accept_lower: Array
+    accept_upper: Array
+    # Outside, the estimate is an extrapolation
+    trained_lower: Array
+    trained_upper: Array
+    invalid_flags: Whole  # Set while a value is no reading
+    pressures: Whole  # Places of the raw pressures
+    position: int  # Place of the position
+    load: Array  # The load that position decides, ``PositionLoad.packed``; empty without one
+
+
+class Guard(NamedTuple):
+    """See ``model.Guard``."""
+
+    freeze_travel_m: float
+    freeze_samples: int
+    freeze_force_n: float
+    warm_up_samples: int
+    recovery_samples: int
+    forces: Array  # See ``unmodelled_force.force_limits``; no columns if the range is not known
+    clear_samples: int
+    least_pressure_pa: float
+
+
+class Bounds(NamedTuple):
+    """See ``model.Bounds``; arrays have one number per regime."""
+
+    lower_n: Array
+    upper_n: Array
+    spread_n: Array
+    standstill_m_s: float
+    creep_m_s: float
+    reversal_samples: int
+
+
+class Features(NamedTuple):
+    """From filtered samples to what network and forest take."""
+
+    # Of the linear features; see ``StepModel``
+    limits: Array
+    mean: Array
+    scale: Array
     history: Array  # Settings, means and scales of the history features, shape ``(3, 6)``; no rows without history
-    limits: Array  # Guard limits of each input, see the rows above, shape ``(4, inputs)``
-    offsets: Array  # Bounds of each regime, see the rows above, shape ``(3, 4)``
-    settings: Array  # Numbers of guard, target and bounds, see the places above
-    counts: Whole  # Whole numbers of guard, bounds and shape, see the places above
-    invalid_flags: Whole  # Flag that an invalid value of each input sets, shape ``(inputs,)``
-    pressures: Whole  # Place of each raw pressure among the inputs
-    load: Array  # The load that position decides, ``PositionLoad.packed``; none without
-    # The network's weights; without network no layer and no node
+    history_source: int  # Which linear feature is the smoothed position
+    step_s: float  # Between two samples [s]
+    total: int  # Number of all features
+
+
+class Network(NamedTuple):
+    """An LSTM; without one there is no layer and no node."""
+
     input: Single
     recurrent: Single
     bias: Single
     head: Single
-    head_bias: Single  # Added to the head, shape ``(1,)``
+    head_bias: np.float32
+    head_counts: bool  # Whether the head is part of the estimate
+
+
+class Trees(NamedTuple):
+    """A forest; without one there is no root."""
+
     # Each node's feature, left and right child, and a fourth column that ``splits`` reads, shape ``(n, 4)``; a leaf is
     # its own child, so that each tree takes the same number of steps
-    nodes: NDArray[np.int32]
+    nodes: Int
     splits: Single  # The same memory as float32: column 3 is the threshold, or a leaf's value
-    roots: NDArray[np.int32]  # Each tree's first node
-    forces: Array  # See ``unmodelled_force.force_limits``
-    tracker: OffsetTracker  # Of the sensors' offset; without one no rows
+    roots: Int  # Each tree's first node
+    depth: int
+    seen_from: int  # Where in ``State.seen`` its inputs begin
+
+
+class Model(NamedTuple):
+    """Constants of the compiled step."""
+
+    taps: Array  # Shape ``(channels, lags, features + 2)``: the linear features, then the base force, then the velocity
+    inputs: Inputs
+    guard: Guard
+    bounds: Bounds
+    features: Features
+    network: Network
+    trees: Trees
+    # Mean and scale of what network and forest give [N]
+    target_mean_n: float
+    target_scale_n: float
+    tracker: OffsetNumbers  # Of the sensors' offset; without one no rows
     zeros: Array  # What one newton of offset adds to each output of the filters; none without a tracker
 
-    @classmethod
-    def of(cls, model: StepModel) -> PackedModel:
-        """Return a model laid out."""
-        banks = [*model.feature_taps, model.base_taps, model.velocity_taps]
-        lags = max(bank.shape[1] for bank in banks)
-        taps = np.stack([np.pad(bank, ((0, 0), (0, lags - bank.shape[1]))) for bank in banks], axis=2)
-        history, places = model.history, model.pressures
-        network = NO_NETWORK if model.network is None else model.network
-        seen_from = {"nothing": 0, "hidden": 0, "hidden_head_features": 0, "features": network.nodes + 1}[
-            model.forest_sees
-        ]
-        guard, bounds = model.guard, model.bounds
-        packed_nodes, roots, depth = _packed_forest(model.forest)
-        tracker = model.offset or NO_TRACKER
-        return cls(
-            taps=np.ascontiguousarray(taps, dtype=np.float64),
-            scaling=np.ascontiguousarray([model.feature_limits, model.feature_mean, model.feature_scale]),
-            history=np.array(
-                [] if history is None else [history.settings(), history.mean, history.scale], dtype=np.float64
-            ).reshape(-1, 6),
-            limits=np.array([guard.accept_lower, guard.accept_upper, guard.trained_lower, guard.trained_upper]),
-            offsets=np.array([bounds.lower_n, bounds.upper_n, bounds.spread_n]),
-            settings=np.array(
-                [
-                    *(guard.freeze_travel_m, guard.freeze_force_n, model.target_mean_n, model.target_scale_n),
-                    *(bounds.standstill_m_s, bounds.creep_m_s, model.sample_time_s, guard.least_pressure_pa),
-                ]
-            ),
-            counts=np.array(
-                [
-                    *(guard.freeze_samples, guard.warm_up_samples, guard.recovery_samples, bounds.reversal_samples),
-                    *(model.feature_count, int(model.head_counts), seen_from, depth, model.position),
-                    -1 if history is None else history.position_feature,
-                    guard.clear_samples,
-                ],
-                dtype=np.int64,
-            ),
+
+class State(NamedTuple):
+    """What the compiled step changes. Arrays of samples have one number per channel."""
+
+    # Last samples, newest first from the place ``NEWEST`` on: written twice, ``lags`` places from each other, so that
+    # they always lie in a row, shape ``(channels, 2 lags)``
+    ring: Array
+    now: Array  # This sample as it counts
+    held: Array  # The last one
+    invalid: NDArray[np.bool_]
+    constant_from_m: Array  # Position at which each channel last changed [m]
+    frozen: NDArray[np.bool_]
+    counters: Whole  # See the places above
+    motion: Array  # Memory of the motion, see ``history.new_history``
+    lstm: Single  # Hidden and cell state, shape ``(2, layers, nodes)``
+    offset: Array  # Of the sensors, see ``sensor_offset``; none without a tracker
+    # Room for the filters' outputs, the history features, the gates, and the place in each tree
+    outputs: Array
+    moved: Array
+    gates: Single
+    places: Int
+    seen: Single  # Room for hidden state, head and features, in this order
+
+
+def packed_model(model: StepModel) -> Model:
+    """Return a model laid out."""
+    banks = [*model.feature_taps, model.base_taps, model.velocity_taps]
+    lags = max(bank.shape[1] for bank in banks)
+    taps = np.stack([np.pad(bank, ((0, 0), (0, lags - bank.shape[1]))) for bank in banks], axis=2)
+    guard, bounds, history = model.guard, model.bounds, model.history
+    network: LstmWeights = model.network or NO_NETWORK
+    tracker = model.offset or NO_TRACKER
+    return Model(
+        taps=_doubles(taps),
+        inputs=Inputs(
+            accept_lower=_doubles(guard.accept_lower),
+            accept_upper=_doubles(guard.accept_upper),
+            trained_lower=_doubles(guard.trained_lower),
+            trained_upper=_doubles(guard.trained_upper),
             invalid_flags=np.array([int(invalid_flag(name)) for name in model.inputs]),
-            pressures=np.array(places, dtype=np.int64),
+            pressures=np.array(model.pressures, dtype=np.int64),
+            position=model.position,
             load=np.zeros(0) if model.position_load is None else model.position_load.packed(),
+        ),
+        guard=Guard(
+            freeze_travel_m=float(guard.freeze_travel_m),
+            freeze_samples=guard.freeze_samples,
+            freeze_force_n=float(guard.freeze_force_n),
+            warm_up_samples=guard.warm_up_samples,
+            recovery_samples=guard.recovery_samples,
+            forces=_doubles(force_limits(model)),
+            clear_samples=guard.clear_samples,
+            least_pressure_pa=float(guard.least_pressure_pa),
+        ),
+        bounds=Bounds(
+            lower_n=_doubles(bounds.lower_n),
+            upper_n=_doubles(bounds.upper_n),
+            spread_n=_doubles(bounds.spread_n),
+            standstill_m_s=float(bounds.standstill_m_s),
+            creep_m_s=float(bounds.creep_m_s),
+            reversal_samples=bounds.reversal_samples,
+        ),
+        features=Features(
+            limits=_doubles(model.feature_limits),
+            mean=_doubles(model.feature_mean),
+            scale=_doubles(model.feature_scale),
+            history=_doubles([] if history is None else [history.settings(), history.mean, history.scale]).reshape(
+                -1, 6
+            ),
+            history_source=-1 if history is None else history.position_feature,
+            step_s=float(model.sample_time_s),
+            total=model.feature_count,
+        ),
+        network=Network(
             input=np.ascontiguousarray(network.input),
             recurrent=np.ascontiguousarray(network.recurrent),
             bias=np.ascontiguousarray(network.bias),
             head=np.ascontiguousarray(network.head),
-            head_bias=np.array([network.head_bias], dtype=np.float32),
-            nodes=packed_nodes,
-            splits=packed_nodes.view(np.float32),
-            roots=roots,
-            forces=force_limits(model),
-            tracker=tracker,
-            zeros=np.zeros(0) if model.offset is None else tracker.zero_of(taps.transpose(2, 0, 1)),
-        )
-
-    def arrays(self) -> tuple[Any, ...]:
-        """Return the arrays in the order in which the compiled step takes them."""
-        return (
-            *(self.taps, self.scaling, self.history, self.limits, self.offsets, self.settings, self.counts),
-            *(self.invalid_flags, self.pressures, self.load),
-            *(self.input, self.recurrent, self.bias, self.head, self.head_bias),
-            *(self.nodes, self.splits, self.roots, self.forces),
-            *(*self.tracker.constants(), self.zeros),
-        )
+            head_bias=np.float32(network.head_bias),
+            head_counts=bool(model.head_counts),
+        ),
+        trees=_trees(model.forest, network.nodes + 1 if model.forest_sees == "features" else 0),
+        target_mean_n=float(model.target_mean_n),
+        target_scale_n=float(model.target_scale_n),
+        tracker=tracker.numbers(),
+        zeros=np.zeros(0) if model.offset is None else tracker.zero_of(taps.transpose(2, 0, 1)),
+    )
 
 
-@dataclass(frozen=True)
-class PackedState:
-    """What the compiled step changes."""
-
-    # Each input's last samples, written twice, ``lags`` places from each other, so that from the newest on they always
-    # lie in a row, newest first, shape ``(channels, 2 lags)``
-    ring: Array
-    # One number per channel in each row, see the rows above: this sample as it counts, the last one, the position at
-    # which the input last changed [m], whether the input is invalid
-    samples: Array
-    motion: Array  # Memory of the motion, see ``history.new_history``
-    counters: Whole  # See the places above
-    lstm: Single  # Hidden and cell state, shape ``(2, layers, nodes)``
-    outputs: Array  # Room for the filters' outputs, shape ``(linear features + 2,)``
-    moved: Array  # Room for the history features, shape ``(6,)``
-    seen: Single  # Room for hidden state, head and features, shape ``(nodes + 1 + features,)``
-    gates: Single  # Room for the gates, shape ``(4 nodes,)``
-    places: NDArray[np.int32]  # Room for where each tree is, shape ``(trees,)``
-    offset: Array  # Of the sensors, see ``sensor_offset``; none without a tracker
-
-    @classmethod
-    def of(cls, model: PackedModel) -> PackedState:
-        """Return a state before the first sample."""
-        channels, lags, outputs = model.taps.shape
-        layers, nodes = len(model.bias), len(model.head)
-        return cls(
-            ring=np.zeros((channels, 2 * lags)),
-            samples=np.zeros((4, channels)),
-            motion=new_history(),
-            counters=np.zeros(FROZEN + len(model.pressures), dtype=np.int64),
-            lstm=np.zeros((2, layers, nodes), dtype=np.float32),
-            outputs=np.zeros(outputs),
-            moved=np.zeros(6),
-            seen=np.zeros(nodes + 1 + int(model.counts[FEATURES]), dtype=np.float32),
-            gates=np.zeros(4 * nodes, dtype=np.float32),
-            places=np.zeros(len(model.roots), dtype=np.int32),
-            offset=model.tracker.new_state() if len(model.zeros) else np.zeros(0),
-        )
-
-    def reset(self, offset: Array) -> None:
-        """Forget everything but the sensors' offset, which is as given."""
-        self.offset[:] = offset
-        self.counters[:] = 0
-        self.lstm[:] = 0.0
-        self.motion[:] = new_history()
-
-    def arrays(self) -> tuple[Any, ...]:
-        """Return the arrays in the order in which the compiled step takes them."""
-        return (
-            *(self.ring, self.samples, self.motion, self.counters, self.lstm),
-            *(self.outputs, self.moved, self.seen, self.gates, self.places, self.offset),
-        )
+def new_state(model: Model, offset: Array) -> State:
+    """Return the state before the first sample, with this state of the sensors' offset."""
+    channels, lags, outputs = model.taps.shape
+    layers, nodes = len(model.network.bias), len(model.network.head)
+    return State(
+        ring=np.zeros((channels, 2 * lags)),
+        now=np.zeros(channels),
+        held=np.zeros(channels),
+        invalid=np.zeros(channels, dtype=np.bool_),
+        constant_from_m=np.zeros(channels),
+        frozen=np.zeros(channels, dtype=np.bool_),
+        counters=np.zeros(UNMODELLED + 1, dtype=np.int64),
+        motion=new_history(),
+        lstm=np.zeros((2, layers, nodes), dtype=np.float32),
+        offset=offset,
+        outputs=np.zeros(outputs),
+        moved=np.zeros(6),
+        gates=np.zeros(4 * nodes, dtype=np.float32),
+        places=np.zeros(len(model.trees.roots), dtype=np.int32),
+        seen=np.zeros(nodes + 1 + model.features.total, dtype=np.float32),
+    )
 
 
-def _packed_forest(forest: Forest | None) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
+def _doubles(values: ArrayLike) -> Array:
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def _trees(forest: Forest | None, seen_from: int) -> Trees:
     if forest is None:
-        return np.zeros((0, 4), dtype=np.int32), np.zeros(0, dtype=np.int32), 0
+        nothing = np.zeros((0, 4), dtype=np.int32)
+        return Trees(nothing, nothing.view(np.float32), np.zeros(0, dtype=np.int32), 0, seen_from)
     leaf = forest.feature < 0
     own = np.arange(len(leaf))
     nodes = np.zeros((len(leaf), 4), dtype=np.int32)
@@ -200,4 +245,4 @@ def _packed_forest(forest: Forest | None) -> tuple[NDArray[np.int32], NDArray[np
     nodes[:, 1] = np.where(leaf, own, forest.left)
     nodes[:, 2] = np.where(leaf, own, forest.right)
     nodes.view(np.float32)[:, 3] = np.where(leaf, forest.value, forest.threshold)
-    return nodes, forest.roots.astype(np.int32), forest.depth
+    return Trees(nodes, nodes.view(np.float32), forest.roots.astype(np.int32), forest.depth, seen_from)

@@ -16,7 +16,7 @@ stop is no offset. What has been learned corrects the next sample, so that nothi
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numba
 import numpy as np
@@ -24,10 +24,8 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 OWN = 5  # What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]
+STROKE = 4  # Place of the last among them
 BALANCE, PRESSURE, LOAD, WARM, ZERO = range(5)  # Rows of ``OffsetTracker.weights``
-SLOWEST, SETTLING, BLOCK, MASS, DURATION, NOISE, STROKE, WALK, COMMON, SPEED_MEAN, SPEED_DEVIATION = range(11)
-FIRST_POSITION, LAST_POSITION, EVEN_CONSTANT, EVEN_PRESSURE, CAUTION, LARGEST, REST = range(11, 18)
-"""Places in ``OffsetTracker.settings``."""
 DIRECTION, RUN, COUNT, FIRST_VELOCITY, SUM_VELOCITY, EXTENDED, RETRACTED, LEVEL, OFFSET, DEVIATION = range(10)
 """Places in the state; then come means and covariance of what the session has of its own, room for the filter's gain,
 and sums of the inputs."""
@@ -46,6 +44,42 @@ LARGEST_SURPRISE = 5.0
 RANGED = 4  # Quantities whose range is checked: pressure, speed, load and temperature
 
 
+class OffsetSettings(NamedTuple):
+    """Numbers that learning the offset goes by; a saved model holds them in this order."""
+
+    slowest_m_s: float  # Slower, the piston rests [m/s]
+    settling: float  # Samples of a stroke that do not count
+    block: float  # Samples of a block
+    mass_kg: float  # Moving mass [kg]
+    duration_s: float  # Between the velocities at a block's ends [s]
+    noise_n: float  # Standard deviations of a block's force balance, and of a stroke's error [N]
+    stroke_n: float
+    walk: float  # Variance that the offset's drift adds per sample [N²]
+    common_n: float  # Standard uncertainty of the mean offset of all sessions [N]
+    # Of the speeds of training [m/s]
+    speed_mean: float
+    speed_deviation: float
+    # Of training [m]
+    first_position_m: float
+    last_position_m: float
+    # Asymmetry of friction: constant [N], and per pascal of the mean pressure
+    even_constant_n: float
+    even_pressure: float
+    caution: float  # Factor by which the stated uncertainty is larger than the learned one
+    largest_variance: float  # Of the sensors' stated zeros [N²]: more is never stated
+    rest_n: float  # Standard deviation of friction at rest [N]
+
+
+class OffsetNumbers(NamedTuple):
+    """What ``offset_step`` takes first: the fields of ``OffsetTracker`` by the same names."""
+
+    weights: Array
+    settings: OffsetSettings
+    friction: Array
+    position: Array
+    ranges: Array
+
+
 @dataclass(frozen=True, eq=False)
 class OffsetTracker:
     """What a step must know to learn the offset."""
@@ -54,7 +88,7 @@ class OffsetTracker:
     # friction's asymmetry grows with the load; of the mean pressure [Pa], of the load and of the temperature; and zero
     # of the sensor that one newton of offset stands for
     weights: Array
-    settings: Array  # See the places above
+    settings: OffsetSettings
     friction: Array  # Coefficients of ``QUANTITIES`` in g [N], shape ``(14,)``
     position: Array  # Coefficients of the powers of position over its half range in g [N], shape ``(13,)``
     ranges: Array  # Smallest and largest value of each ranged quantity in training, shape ``(2, 4)``
@@ -62,12 +96,13 @@ class OffsetTracker:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""
-        return {name: value.tolist() for name, value in asdict(self).items()}
+        return {name: np.asarray(value).tolist() for name, value in asdict(self).items()}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Return what ``to_dict`` wrote."""
-        return cls(**{each.name: np.array(content[each.name], dtype=np.float64) for each in fields(cls)})
+        arrays: dict[str, Any] = {each.name: np.array(content[each.name], dtype=np.float64) for each in fields(cls)}
+        return cls(**arrays | {"settings": OffsetSettings(*map(float, content["settings"]))})
 
     def careful(self, learning: float = 1.0, stating: float = 1.0, resting: float = 1.0, drifting: float = 1.0) -> Self:
         """Return a tracker that is more careful.
@@ -78,12 +113,13 @@ class OffsetTracker:
             resting: It takes friction at rest for so many times as large.
             drifting: It takes zeros to drift so many times as fast.
         """
-        prior, settings = self.prior.copy(), self.settings.copy()
-        prior[1:] *= learning
-        settings[[STROKE, REST]] *= learning, resting
-        settings[WALK] *= drifting**2
-        settings[CAUTION] = stating
-        return replace(self, prior=prior, settings=settings)
+        settings = self.settings._replace(
+            stroke_n=self.settings.stroke_n * learning,
+            rest_n=self.settings.rest_n * resting,
+            walk=self.settings.walk * drifting**2,
+            caution=stating,
+        )
+        return replace(self, prior=self.prior * [1.0, *[learning] * (OWN - 1)], settings=settings)
 
     def new_state(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> Array:
         """Return the state before the first sample, shape ``(45 + inputs,)``.
@@ -99,7 +135,7 @@ class OffsetTracker:
         deviations, known = self.prior.copy(), uncertainty_n is not None
         if uncertainty_n is not None:  # what is stated of it is what was given, but for what all sessions share
             own_n = math.sqrt(max(uncertainty_n**2 - self.common_n**2, 0.0))
-            deviations[0] = own_n / float(self.settings[CAUTION])
+            deviations[0] = own_n / self.settings.caution
         state = np.zeros(SUMS + self.weights.shape[1])
         state[EXTENDED] = state[RETRACTED] = float(known)
         state[DIRECTION], state[MEANS] = NOWHERE, offset_n
@@ -110,11 +146,11 @@ class OffsetTracker:
     @property
     def common_n(self) -> float:
         """Standard uncertainty of the mean offset of all sessions, which no session's own motion can reduce [N]."""
-        return float(self.settings[COMMON])
+        return self.settings.common_n
 
-    def constants(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the arrays that ``offset_step`` takes first."""
-        return self.weights, self.settings, self.friction, self.position, self.ranges
+    def numbers(self) -> OffsetNumbers:
+        """Return what ``offset_step`` takes first."""
+        return OffsetNumbers(self.weights, self.settings, self.friction, self.position, self.ranges)
 
     def rows(self, samples: Array, velocity_m_s: Array, place: int, state: Array) -> Array:
         """Return offset and standard uncertainty [N] that each sample meets, shape ``(n, 2)``; changes ``state``.
@@ -125,12 +161,16 @@ class OffsetTracker:
             place: That of the position among the inputs.
             state: From ``new_state``.
         """
-        return np.asarray(_rows(*self.constants(), state, place, velocity_m_s, samples))
+        return np.asarray(_rows(self.numbers(), state, place, velocity_m_s, samples))
 
     def zero_of(self, taps: Array) -> Array:
         """Return what one newton of offset adds to filters' outputs; taps have shape ``(outputs, inputs, lags)``."""
         shares = taps * self.weights[ZERO][:, None]
         return np.array([math.fsum(each.ravel()) for each in shares])  # exact, however long the filters were padded
+
+
+_NONE = np.zeros((0, 0))
+NO_TRACKER = OffsetTracker(_NONE, OffsetSettings(*[0.0] * 18), _NONE.ravel(), _NONE.ravel(), _NONE, _NONE.ravel())
 
 
 def refuse_impossible(offset_n: float, uncertainty_n: float | None) -> None:
@@ -146,82 +186,66 @@ def refuse_impossible(offset_n: float, uncertainty_n: float | None) -> None:
 
 
 @numba.njit(cache=True)
-def show(settings: Array, state: Array) -> None:
+def show(settings: OffsetSettings, state: Array) -> None:
     """Put the offset and its standard uncertainty [N] where the next step finds them."""
+    variance = state[COVARIANCE]
+    learned = min(settings.caution * settings.caution * variance, max(settings.largest_variance, variance))
     state[OFFSET] = state[MEANS]
-    learned = min(settings[CAUTION] * settings[CAUTION] * state[COVARIANCE], max(settings[LARGEST], state[COVARIANCE]))
-    state[DEVIATION] = np.sqrt(learned + settings[COMMON] * settings[COMMON])
+    state[DEVIATION] = np.sqrt(learned + settings.common_n * settings.common_n)
 
 
 @numba.njit(cache=True)
 def offset_step(
-    weights: Array,
-    settings: Array,
-    friction: Array,
-    position: Array,
-    ranges: Array,
-    state: Array,
-    place: int,
-    velocity_m_s: float,
-    sample: Array,
-    valid: bool,
+    tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float, sample: Array, valid: bool
 ) -> None:
     """Take the next sample, as measured, its velocity and whether all of it is valid; changes ``state``.
 
     ``place`` is that of the position among the inputs.
     """
-    state[COVARIANCE] += settings[WALK]
+    settings = tracker.settings
+    state[COVARIANCE] += settings.walk
     direction = 0.0 if valid else NOWHERE
-    if valid and velocity_m_s >= settings[SLOWEST]:
+    if valid and velocity_m_s >= settings.slowest_m_s:
         direction = 1.0
-    elif valid and velocity_m_s <= -settings[SLOWEST]:
+    elif valid and velocity_m_s <= -settings.slowest_m_s:
         direction = -1.0
     if direction != state[DIRECTION]:
         _begin_stroke(settings, state, direction)
     state[RUN] += 1.0
-    resting = direction == 0.0 and state[RUN] <= settings[BLOCK]
-    if resting or (abs(direction) == 1.0 and state[RUN] > settings[SETTLING]):
+    resting = direction == 0.0 and state[RUN] <= settings.block
+    if resting or (abs(direction) == 1.0 and state[RUN] > settings.settling):
         if state[COUNT] == 0.0:
             state[FIRST_VELOCITY] = velocity_m_s
         state[COUNT] += 1.0
         state[SUM_VELOCITY] += velocity_m_s
         for channel in range(sample.shape[0]):
             state[SUMS + channel] += sample[channel]
-        if state[COUNT] >= settings[BLOCK]:
-            _take_block(weights, settings, friction, position, ranges, state, place, velocity_m_s)
+        if state[COUNT] >= settings.block:
+            _take_block(tracker, state, place, velocity_m_s)
             _clear(state)
     show(settings, state)
 
 
 @numba.njit(cache=True)
-def _rows(
-    weights: Array,
-    settings: Array,
-    friction: Array,
-    position: Array,
-    ranges: Array,
-    state: Array,
-    place: int,
-    velocity_m_s: Array,
-    samples: Array,
-) -> Array:
+def _rows(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: Array, samples: Array) -> Array:
     result = np.empty((samples.shape[0], 2))
     for row in range(samples.shape[0]):
         result[row, 0], result[row, 1] = state[OFFSET], state[DEVIATION]
-        offset_step(weights, settings, friction, position, ranges, state, place, velocity_m_s[row], samples[row], True)
+        offset_step(tracker, state, place, velocity_m_s[row], samples[row], True)
     return result
 
 
 @numba.njit(cache=True)
-def _begin_stroke(settings: Array, state: Array, direction: float) -> None:
+def _begin_stroke(settings: OffsetSettings, state: Array, direction: float) -> None:
     state[DIRECTION] = direction
     state[RUN] = 0.0
-    state[MEANS + 4] = 0.0
+    state[MEANS + STROKE] = 0.0
+    covariance = state[COVARIANCE:GAIN].reshape(OWN, OWN)
     for own in range(OWN):
-        state[COVARIANCE + 4 * OWN + own] = 0.0
-        state[COVARIANCE + own * OWN + 4] = 0.0
-    deviation = settings[REST] if direction == 0.0 else settings[STROKE]
-    state[COVARIANCE + 4 * OWN + 4] = deviation * deviation
+        covariance[STROKE, own] = 0.0
+        covariance[own, STROKE] = 0.0
+    deviation = settings.rest_n if direction == 0.0 else settings.stroke_n
+    covariance[STROKE, STROKE] = deviation * deviation
     _clear(state)
 
 
@@ -241,37 +265,28 @@ def _mean(weights: Array, row: int, state: Array) -> float:
 
 
 @numba.njit(cache=True)
-def _take_block(
-    weights: Array,
-    settings: Array,
-    friction: Array,
-    position: Array,
-    ranges: Array,
-    state: Array,
-    place: int,
-    velocity_m_s: float,
-) -> None:
+def _take_block(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float) -> None:
     """Let what the session has of its own explain a block's mean force balance."""
-    direction = state[DIRECTION]
+    settings, weights, direction = tracker.settings, tracker.weights, state[DIRECTION]
     if direction == 0.0 and state[EXTENDED] + state[RETRACTED] > 0.0:
         return
     pressure = _mean(weights, PRESSURE, state)
     load = _mean(weights, LOAD, state)
     warm = _mean(weights, WARM, state) - REFERENCE_C
-    speed = direction * state[SUM_VELOCITY] / state[COUNT] if direction != 0.0 else settings[SPEED_MEAN]
+    speed = direction * state[SUM_VELOCITY] / state[COUNT] if direction != 0.0 else settings.speed_mean
     ranged = (pressure, speed, load, warm)
     for each in range(RANGED):
-        if ranged[each] < ranges[0, each] or ranged[each] > ranges[1, each]:
+        if ranged[each] < tracker.ranges[0, each] or ranged[each] > tracker.ranges[1, each]:
             return
-    acceleration = (velocity_m_s - state[FIRST_VELOCITY]) / settings[DURATION]
-    balance = _mean(weights, BALANCE, state) - settings[MASS] * acceleration
-    known = _friction(friction, pressure, speed, load, warm)
-    known += _along(settings, position, state[SUMS + place] / state[COUNT])
-    even = settings[EVEN_CONSTANT] + settings[EVEN_PRESSURE] * pressure
+    acceleration = (velocity_m_s - state[FIRST_VELOCITY]) / settings.duration_s
+    balance = _mean(weights, BALANCE, state) - settings.mass_kg * acceleration
+    known = _friction(tracker.friction, pressure, speed, load, warm)
+    known += _along(tracker, state[SUMS + place] / state[COUNT])
+    even = settings.even_constant_n + settings.even_pressure * pressure
     before = state[EXTENDED], state[RETRACTED], state[LEVEL]
     level = _level(state, direction, abs(direction * known))
     scaled = direction * level
-    slope = scaled * (speed - settings[SPEED_MEAN]) / settings[SPEED_DEVIATION]
+    slope = scaled * (speed - settings.speed_mean) / settings.speed_deviation
     if not _update(settings, state, balance - direction * known - even, (1.0, level, scaled, slope, 1.0)):
         state[EXTENDED], state[RETRACTED], state[LEVEL] = before
 
@@ -289,14 +304,14 @@ def _friction(friction: Array, pressure: float, speed: float, load: float, warm:
 
 
 @numba.njit(cache=True)
-def _along(settings: Array, position: Array, position_m: float) -> float:
+def _along(tracker: OffsetNumbers, position_m: float) -> float:
     """Return the polynomial in position, by Horner's rule."""
-    span = settings[LAST_POSITION] - settings[FIRST_POSITION]
-    along = (2.0 * position_m - settings[FIRST_POSITION] - settings[LAST_POSITION]) / span
+    first_m, last_m = tracker.settings.first_position_m, tracker.settings.last_position_m
+    along = (2.0 * position_m - first_m - last_m) / (last_m - first_m)
     along = min(max(along, -1.0), 1.0)
     result = 0.0
     for power in range(POWERS):
-        result = result * along + position[POWERS - 1 - power]
+        result = result * along + tracker.position[POWERS - 1 - power]
     return result
 
 
@@ -317,24 +332,26 @@ def _level(state: Array, direction: float, level: float) -> float:
 
 
 @numba.njit(cache=True)
-def _update(settings: Array, state: Array, left: float, explains: tuple[float, float, float, float, float]) -> bool:
+def _update(
+    settings: OffsetSettings, state: Array, left: float, explains: tuple[float, float, float, float, float]
+) -> bool:
     """Take the Kalman filter's step for one number, ``left`` [N], of what was not known from training.
 
     Returns whether it was one; too large a surprise changes nothing.
     """
-    means, covariance, gain = state[MEANS:COVARIANCE], state[COVARIANCE:GAIN], state[GAIN:SUMS]
-    variance = settings[NOISE] * settings[NOISE]
+    means, gain = state[MEANS:COVARIANCE], state[GAIN:SUMS]
+    covariance = state[COVARIANCE:GAIN].reshape(OWN, OWN)
+    variance = settings.noise_n * settings.noise_n
     for row in range(OWN):
         gain[row] = 0.0
         for column in range(OWN):
-            gain[row] += covariance[row * OWN + column] * explains[column]
+            gain[row] += covariance[row, column] * explains[column]
         variance += explains[row] * gain[row]
         left -= explains[row] * means[row]
-    if left * left > LARGEST_SURPRISE * LARGEST_SURPRISE * (variance + settings[LARGEST]):
+    if left * left > LARGEST_SURPRISE * LARGEST_SURPRISE * (variance + settings.largest_variance):
         return False
     for row in range(OWN):
         means[row] += gain[row] * left / variance
-    for row in range(OWN):
         for column in range(OWN):
-            covariance[row * OWN + column] -= gain[row] * gain[column] / variance
+            covariance[row, column] -= gain[row] * gain[column] / variance
     return True

@@ -7,19 +7,19 @@ from math import isfinite
 from sys import float_info
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import Estimate
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.packed import PackedModel, PackedState
+from cylinder_friction.realtime.packed import Model, State, new_state, packed_model
 from cylinder_friction.realtime.sensor_offset import DEVIATION, OFFSET
 from cylinder_friction.realtime.step import step, steps
 from cylinder_friction.recordings.recording import refuse_not_finite
 
 NO_OFFSET = "this estimator learns no sensor offset; expected no offset to start from; train it on recordings with one"
-_STEP: Callable[..., Any] = step
 
 
 class EstimatorStream:
@@ -56,16 +56,24 @@ class EstimatorStream:
         return float(self._advance(self._state, row)[0])
 
 
+def _bound(model: Model, state: State, sample: Array) -> Callable[[], Any]:
+    """Return the compiled step with its arguments: called without numba's look at the type of each array."""
+    arguments = model, state, sample
+    step(*arguments)  # compiled, or loaded, before time counts; NaN touches no state
+    by_types = getattr(step, "overloads", None)  # None in plain Python
+    function = step if by_types is None else by_types[tuple(map(numba.typeof, arguments))].entry_point
+    return partial(function, *arguments)
+
+
 class _CompiledStep:
     """The compiled step with its state."""
 
     def __init__(self, model: StepModel) -> None:
         self.inputs, self._tracker = model.inputs, model.offset
-        self._packed = PackedModel.of(model)
-        self._state = PackedState.of(self._packed)
+        self._packed = packed_model(model)
+        self._state = new_state(self._packed, np.zeros(0) if model.offset is None else model.offset.new_state())
         self._sample = np.full(len(model.inputs), np.nan)
-        self._step = partial(_STEP, *self._packed.arrays(), *self._state.arrays(), self._sample)
-        self._step()  # compiled, or loaded, before time counts; NaN touches no state
+        self._step = _bound(self._packed, self._state, self._sample)
 
     def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
         """Forget everything; the next step is a first step.
@@ -77,12 +85,12 @@ class _CompiledStep:
         Raises:
             ValueError: An offset is given, but this estimator learns none; or a number is impossible.
         """
-        if self._tracker is not None:
-            self._state.reset(self._tracker.new_state(offset_n, uncertainty_n))
-        elif offset_n != 0.0 or uncertainty_n is not None:
+        if self._tracker is None and (offset_n != 0.0 or uncertainty_n is not None):
             raise ValueError(NO_OFFSET)
-        else:
-            self._state.reset(np.zeros(0))
+        offset = self._state.offset if self._tracker is None else self._tracker.new_state(offset_n, uncertainty_n)
+        kept: Any
+        for kept, fresh in zip(self._state, new_state(self._packed, offset), strict=True):
+            kept[...] = fresh
 
     @property
     def offset(self) -> tuple[float, float]:
@@ -100,7 +108,7 @@ class _CompiledStep:
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         newtons, learned = np.empty((len(samples), 3)), np.zeros((len(samples), 2))
         flags = np.empty(len(samples), dtype=np.int64)
-        steps(self._packed.arrays(), self._state.arrays(), samples, newtons, learned, flags)
+        steps(self._packed, self._state, samples, newtons, learned, flags)
         return newtons, learned, flags
 
     def _take(self, sample: tuple[float, ...]) -> tuple[float, float, float, int]:

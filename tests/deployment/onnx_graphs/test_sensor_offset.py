@@ -15,7 +15,6 @@ from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import OnnxSequence, OnnxStepStream, open_sequence, open_step
-from cylinder_friction.realtime import sensor_offset as at
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.stream import RealTimeStream
 from learned_offset import learning
@@ -98,9 +97,9 @@ def test_over_strokes_and_bad_samples_both_graphs_learn_what_python_does(
 def test_whatever_makes_a_block(learner: StepModel, offset_samples: np.ndarray, settling: int, block: int) -> None:
     tracker, samples = learner.offset, offset_samples[:2000]
     assert tracker is not None
-    changed = tracker.settings.copy()
-    changed[[at.SETTLING, at.BLOCK]] = settling, block
-    model = replace(learner, offset=replace(tracker, settings=changed))
+    model = replace(
+        learner, offset=replace(tracker, settings=tracker.settings._replace(settling=settling, block=block))
+    )
     expected = expected_of(model, samples)
     assert_equal(rolled(open_step(step_graph(model)), samples), expected)
     assert_equal(together(open_sequence(sequence_graph(model)), samples), expected)

@@ -31,12 +31,12 @@ speed, and 1 where the block is like those of training."""
 
 def settling_rows(tracker: OffsetTracker) -> int:
     """Return how many rows of a stroke do not count."""
-    return math.floor(tracker.settings[at.SETTLING])
+    return math.floor(tracker.settings.settling)
 
 
 def block_rows(tracker: OffsetTracker) -> int:
     """Return how many rows make a block."""
-    return max(1, math.ceil(tracker.settings[at.BLOCK]))
+    return max(1, math.ceil(tracker.settings.block))
 
 
 def block_taps(model: StepModel, tracker: OffsetTracker) -> Array:
@@ -48,14 +48,14 @@ def block_taps(model: StepModel, tracker: OffsetTracker) -> Array:
     pressure = sums[at.PRESSURE]
     taps[:, :, :rows] = np.stack(
         [
-            sums[at.BALANCE] - settings[at.EVEN_PRESSURE] * pressure,
+            sums[at.BALANCE] - settings.even_pressure * pressure,
             *(pressure, np.zeros_like(pressure), sums[at.LOAD], sums[at.WARM]),
             2.0 / _span_m(tracker) / rows * (np.arange(len(model.channels)) == model.position),
         ]
     )[:, :, None]
     for lag in range(rows):
         taps[2, :, lag : lag + velocity.shape[1]] += velocity / rows
-    inertia = settings[at.MASS] / settings[at.DURATION]
+    inertia = settings.mass_kg / settings.duration_s
     taps[0, :, : velocity.shape[1]] -= inertia * velocity
     taps[0, :, rows - 1 :] += inertia * velocity
     return taps
@@ -65,8 +65,8 @@ def averaged(graph: Graph, model: StepModel, tracker: OffsetTracker, window: str
     """Return ``AVERAGES``, shape ``(n, 6)``, from each block's last samples, shape ``(n, channels · lags)``."""
     taps, settings = block_taps(model, tracker), tracker.settings
     taps = np.pad(taps, ((0, 0), (0, 0), (0, lags - taps.shape[2])))
-    middle = (settings[at.FIRST_POSITION] + settings[at.LAST_POSITION]) / _span_m(tracker)
-    constants = graph.constant([[-settings[at.EVEN_CONSTANT], 0.0, 0.0, 0.0, -at.REFERENCE_C, -middle]])
+    middle = (settings.first_position_m + settings.last_position_m) / _span_m(tracker)
+    constants = graph.constant([[-settings.even_constant_n, 0.0, 0.0, 0.0, -at.REFERENCE_C, -middle]])
     newest_first = taps.transpose(2, 1, 0).reshape(-1, len(AVERAGES))
     return graph.add("Gemm", window, graph.constant(newest_first), constants, to=to)
 
@@ -93,7 +93,7 @@ def block_ends(graph: Graph, tracker: OffsetTracker, rows: Rows, valid: str) -> 
     """
     settling, block = settling_rows(tracker), block_rows(tracker)
     graph.add("ReduceMax", "strokes_m_s", to="stroke_m_s", axes=[1])
-    slowest = graph.constant(tracker.settings[at.SLOWEST])
+    slowest = graph.constant(tracker.settings.slowest_m_s)
     graph.add("GreaterOrEqual", "strokes_m_s", slowest, to="fast")
     graph.add("Less", "stroke_m_s", slowest, to="slow")
     graph.add("Concat", "fast", "slow", to="moves", axis=1)
@@ -131,9 +131,9 @@ def new_learned(graph: Graph, tracker: OffsetTracker, given: str, to: str) -> tu
     graph.split(given, {"given_n": 1, "given_uncertainty_n": 1})
     graph.add("Greater", "given_uncertainty_n", zero, to="given_known")
     graph.add("Mul", "given_uncertainty_n", "given_uncertainty_n", to="given_variance")
-    graph.add("Sub", "given_variance", graph.constant(settings[at.COMMON] ** 2), to="given_own_or_less")
+    graph.add("Sub", "given_variance", graph.constant(settings.common_n**2), to="given_own_or_less")
     graph.add("Max", "given_own_or_less", zero, to="given_own")  # what all sessions share is stated beside it
-    graph.add("Div", "given_own", graph.constant(settings[at.CAUTION] ** 2), to="given_learned")
+    graph.add("Div", "given_own", graph.constant(settings.caution**2), to="given_learned")
     variance = graph.add("Where", "given_known", "given_learned", graph.constant(variances[0]), to="new_variance")
     graph.cast("given_known", "given_number", TensorProto.DOUBLE)
     others = graph.constant(np.diag(variances).reshape(1, -1)[:, 1:])
@@ -145,17 +145,17 @@ def new_learned(graph: Graph, tracker: OffsetTracker, given: str, to: str) -> tu
 def walk(tracker: OffsetTracker) -> Array:
     """Return what one step adds to what is learned, shape ``(1, 34)``: the offset may have drifted."""
     result = np.zeros((1, LEARNED))
-    result[0, VARIANCE] = tracker.settings[at.WALK]
+    result[0, VARIANCE] = tracker.settings.walk
     return result
 
 
 def stated(graph: Graph, tracker: OffsetTracker, variance: str, to: str) -> str:
     """Return the variance that is stated of an offset of this learned variance, shape ``(n, 1)``."""
     settings = tracker.settings
-    graph.add("Mul", variance, graph.constant(settings[at.CAUTION] ** 2), to=to + "_careful")
-    graph.add("Max", variance, graph.constant(settings[at.LARGEST]), to=to + "_largest")
+    graph.add("Mul", variance, graph.constant(settings.caution**2), to=to + "_careful")
+    graph.add("Max", variance, graph.constant(settings.largest_variance), to=to + "_largest")
     graph.add("Min", to + "_careful", to + "_largest", to=to + "_learned")
-    return graph.add("Add", to + "_learned", graph.constant(settings[at.COMMON] ** 2), to=to)
+    return graph.add("Add", to + "_learned", graph.constant(settings.common_n**2), to=to)
 
 
 def explained(graph: Graph, tracker: OffsetTracker, averages: str, to: str) -> str:
@@ -163,14 +163,14 @@ def explained(graph: Graph, tracker: OffsetTracker, averages: str, to: str) -> s
     settings = tracker.settings
     graph.split(averages, {f"mean_{name}": 1 for name in AVERAGES})
     graph.add("Abs", "mean_velocity", to="mean_size")
-    graph.add("Less", "mean_size", graph.constant(settings[at.SLOWEST]), to="rests")
-    graph.add("Where", "rests", graph.constant(settings[at.SPEED_MEAN]), "mean_size", to="mean_speed")
+    graph.add("Less", "mean_size", graph.constant(settings.slowest_m_s), to="rests")
+    graph.add("Where", "rests", graph.constant(settings.speed_mean), "mean_size", to="mean_speed")
     graph.add("Where", "rests", graph.constant(0.0), graph.add("Sign", "mean_velocity", to="way"), to="side")
     graph.add("Mul", "side", _friction(graph, tracker), to="directed_n")
     graph.add("Sub", "mean_balance", "directed_n", to="left_n")
     graph.add("Abs", "directed_n", to="size_n")
-    graph.add("Sub", "mean_speed", graph.constant(settings[at.SPEED_MEAN]), to="speed_over_mean")
-    graph.add("Div", "speed_over_mean", graph.constant(settings[at.SPEED_DEVIATION]), to="standard_speed")
+    graph.add("Sub", "mean_speed", graph.constant(settings.speed_mean), to="speed_over_mean")
+    graph.add("Div", "speed_over_mean", graph.constant(settings.speed_deviation), to="standard_speed")
     parts = ["left_n", "size_n", "side", "standard_speed", _in_ranges(graph, tracker)]
     return graph.add("Concat", *parts, to=to, axis=1)
 
@@ -193,13 +193,13 @@ def learn(graph: Graph, tracker: OffsetTracker, block: str, first: str, before: 
     kept[OWN, :] = kept[:, OWN - 1] = 0.0
     begins[OWN, OWN - 1] = 1.0
     graph.add("Equal", "block_side", graph.constant(0.0), to="rest")
-    stroke, rest = (graph.constant(each**2 * begins) for each in tracker.settings[[at.STROKE, at.REST]])
+    stroke, rest = (graph.constant(each**2 * begins) for each in (tracker.settings.stroke_n, tracker.settings.rest_n))
     begun = graph.add("Where", "rest", rest, stroke, to="begun")
     graph.add("Mul", "own_of_last", graph.constant(kept), to="own_of_session")
     graph.add("Add", "own_of_session", begun, to="own_of_next")
     graph.add("Where", first, "own_of_next", "own_of_last", to="own")
     _explains(graph)
-    _kalman(graph, tracker.settings[at.NOISE], tracker.settings[at.LARGEST])
+    _kalman(graph, tracker.settings.noise_n, tracker.settings.largest_variance)
     flat = graph.indices(1, -1)
     graph.add("Reshape", "own", flat, to="own_unchanged")
     graph.add("Concat", "own_unchanged", "seen_before", "known_before", "level_before", to="not_learned", axis=1)
@@ -283,4 +283,4 @@ def _kalman(graph: Graph, noise_n: float, largest_variance: float) -> None:
 
 
 def _span_m(tracker: OffsetTracker) -> float:
-    return float(tracker.settings[at.LAST_POSITION] - tracker.settings[at.FIRST_POSITION])
+    return float(tracker.settings.last_position_m - tracker.settings.first_position_m)
