@@ -20,7 +20,8 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import label
-from cylinder_friction.labelling.sensor_offset import OffsetModel, OffsetPlan, SessionOffset, fit_offset_model
+from cylinder_friction.labelling.offset_identification import OffsetModel, SessionOffset, fit_offset_model
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.recordings.splits import ROLES, split_sessions
 from cylinder_friction.recordings.storage import read_metadata, read_recordings, recording_paths

@@ -18,7 +18,7 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.import_graph import code_key
-from cylinder_friction.labelling.sensor_offset import fit_offset_model
+from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording

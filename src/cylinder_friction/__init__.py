@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.evaluation.comparison import compare
     from cylinder_friction.labelling.label import label, position_load
-    from cylinder_friction.labelling.sensor_offset import fit_offset_model
+    from cylinder_friction.labelling.offset_identification import fit_offset_model
     from cylinder_friction.recordings.reading_logs import read_logs as read_recordings
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.recordings.splits import split
@@ -76,7 +76,7 @@ _DEFINED_IN = {
     "RidgeEstimator": "estimators.linear",
     "compare": "evaluation.comparison",
     "estimate_logs": "estimation.from_logs",
-    "fit_offset_model": "labelling.sensor_offset",
+    "fit_offset_model": "labelling.offset_identification",
     "identify_logs": "estimation.identification",
     "label": "labelling.label",
     "load": "estimators.loading:load_estimator",

@@ -13,8 +13,8 @@ from cylinder_friction.estimators.training import train_network as train_any_net
 from cylinder_friction.estimators.training_plan import (
     Architecture,
     Checkpoint,
-    LearningCurve,
     SequenceData,
+    TrainingCurve,
     TrainingPlan,
 )
 
@@ -27,7 +27,7 @@ ARCHITECTURE = Architecture(layers=2, nodes=8, dropout=0.2, learning_rate=1e-2)
 PLAN = TrainingPlan(epochs=6, patience=6, sequence_length=50, burn_in=10, batch_size=2)
 
 
-def train_network(architecture: Architecture, *settings: Any, **more: Any) -> tuple[LstmWeights, LearningCurve]:
+def train_network(architecture: Architecture, *settings: Any, **more: Any) -> tuple[LstmWeights, TrainingCurve]:
     rate = architecture.learning_rate
     network, curve = train_any_network(lambda k: FrictionNetwork(architecture, k), rate, *settings, **more)
     return weights_of(network), curve

@@ -10,7 +10,7 @@ import pytest
 from boom import STEP_S, boom_load, boom_points
 from cylinder_friction.labelling.load import POOLED_PLACES, LoadIdentification, LoadPlan, identify_load, pooled_load
 from cylinder_friction.labelling.session import identify_session
-from cylinder_friction.labelling.strokes import Coverage, StrokePoints, stroke_points
+from cylinder_friction.labelling.strokes import StrokePoints, TravelCovered, stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
@@ -72,7 +72,7 @@ def test_the_load_of_several_sessions_is_their_mean_and_as_uncertain_as_one_more
 
 def test_sessions_that_share_no_position_have_no_common_load() -> None:
     one = identify_load(boom_points(), LoadPlan())
-    far = replace(one, coverage=Coverage(((0.3, 0.4),)))
+    far = replace(one, coverage=TravelCovered(((0.3, 0.4),)))
     with pytest.raises(RecordingError, match=r"share no position: one is known from 0\.3 m on"):
         pooled_load([one, far])
     with pytest.raises(RecordingError, match="got no session"):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.labelling.load import LoadIdentification
-from cylinder_friction.labelling.strokes import Coverage
+from cylinder_friction.labelling.strokes import TravelCovered
 from cylinder_friction.params.checking import Params
 from cylinder_friction.params.data import CylinderParams, OffsetParams
 from cylinder_friction.recordings.files import read_json, write_json
@@ -157,7 +157,7 @@ def write_loads(spread_n: float) -> None:
     number = dict.fromkeys(("asymmetry_n", "coulomb_n", "coulomb_extend_n", "coulomb_retract_n", "residual_n"), 4.0)
     pairs = dict.fromkeys(("coulomb_interval_n", "viscous_interval_n_s_m", "load_range_n"), (0.0, 0.0))
     load = LoadIdentification(
-        (0.0,), Coverage(((0.02, 0.2),)), (3.0,) * 51, viscous_n_s_m=0.0, confidence=0.95,
+        (0.0,), TravelCovered(((0.02, 0.2),)), (3.0,) * 51, viscous_n_s_m=0.0, confidence=0.95,
         strokes_extend=9, strokes_retract=9, **number, **pairs,
     )  # fmt: skip
     loads = {name: replace(load, coefficients_n=(300.0 + spread_n * at,)) for at, name in enumerate(names)}

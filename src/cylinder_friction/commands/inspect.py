@@ -7,7 +7,7 @@ from pathlib import Path
 from cylinder_friction.commands.params import CONF, composed
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.labelling.known_offset import known_offsets
-from cylinder_friction.labelling.sensor_offset import LOADED
+from cylinder_friction.labelling.sliding_blocks import LOADED
 from cylinder_friction.params.checking import Params, ParamsError, check_params, load_params
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.page import write_page

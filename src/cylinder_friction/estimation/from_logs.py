@@ -24,8 +24,8 @@ from cylinder_friction.labelling.known_offset import (
 )
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import pooled_load
-from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan
 from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
@@ -223,7 +223,7 @@ class RecordingFriction:
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
         return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
 
-    def entry(self, excerpt: Sequence[Recording], load: str, counts: "Counts | None" = None) -> FrictionOfRecording:
+    def entry(self, excerpt: Sequence[Recording], load: str, counts: "RowCounts | None" = None) -> FrictionOfRecording:
         """Return what became of a recording.
 
         Args:
@@ -231,7 +231,7 @@ class RecordingFriction:
             load: Which load was identified and taken off, in words; empty where none was.
             counts: Of all its rows; None where the excerpt holds them.
         """
-        counts = counts or Counts.of(excerpt)
+        counts = counts or RowCounts.of(excerpt)
         load_n, half_n = self._halves(excerpt)
         estimator = self.estimator
         about, given = excerpt[0].metadata, None if estimator is None else estimator.position_load
@@ -261,7 +261,7 @@ class RecordingFriction:
             load: As in ``entry``.
             into: The file.
         """
-        counts = Counts()
+        counts = RowCounts()
         whole = [self.finished(part, known) for part in labelled.excerpt()] if len(labelled.paths) == 1 else []
         parts = iter(whole) if whole else (self.finished(part, known) for part, _ in labelled.parts())
         _write(_counted(parts, counts), into)
@@ -407,7 +407,7 @@ def _for_load(estimator: FrictionEstimator, identified: SessionIdentification | 
 
 
 @dataclass
-class Counts:
+class RowCounts:
     """Rows of a recording, counted part by part."""
 
     rows: int = 0
@@ -416,7 +416,7 @@ class Counts:
     bounded: bool = False  # Whether any row has bounds
 
     @classmethod
-    def of(cls, parts: Iterable[Recording]) -> "Counts":
+    def of(cls, parts: Iterable[Recording]) -> "RowCounts":
         counts = cls()
         for part in parts:
             counts.add(part)
@@ -501,7 +501,7 @@ def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[
     return FrictionOfLogs(folder, words, recordings, run.refused, list(run.offsets.values())), panes
 
 
-def _counted(parts: Iterable[Recording], counts: Counts) -> Iterator[Recording]:
+def _counted(parts: Iterable[Recording], counts: RowCounts) -> Iterator[Recording]:
     for part in parts:
         counts.add(part)
         yield part

@@ -25,8 +25,8 @@ from cylinder_friction.estimators.training_plan import (
     Architecture,
     Checkpoint,
     EpochReport,
-    LearningCurve,
     SequenceData,
+    TrainingCurve,
     TrainingPlan,
 )
 from cylinder_friction.extras import explained
@@ -108,7 +108,7 @@ class HybridEstimator(FrictionEstimator):
         self.cylinder, self.design, self.forest_plan = cylinder, design, forest_plan
         self.architecture, self.plan = architecture or Architecture(), plan or TrainingPlan()
         self.seed, self.device = seed, device
-        self.learning_curve = LearningCurve()
+        self.learning_curve = TrainingCurve()
         self.parts: HybridParts | None = None
 
     def fit(
@@ -266,7 +266,7 @@ def train_correction(
     device: str = "cpu",
     checkpoint: Checkpoint | None = None,
     report: EpochReport | None = None,
-) -> tuple[LstmWeights, LearningCurve, float, float]:
+) -> tuple[LstmWeights, TrainingCurve, float, float]:
     """Return an LSTM trained on targets in newtons, its learning curve, and mean and scale of the targets [N].
 
     Its output 0 stands for the mean, and 1 adds the scale; arguments as for ``train_network``, all errors in newtons.
@@ -291,7 +291,7 @@ def train_correction(
         checkpoint,
         None if report is None else lambda epoch, *maes: report(epoch, *(scale_n * mae for mae in maes)),
     )
-    in_newtons = LearningCurve(
+    in_newtons = TrainingCurve(
         [scale_n * mae for mae in curve.train_mae], [scale_n * mae for mae in curve.validation_mae], curve.best_epoch
     )
     return weights_of(network), in_newtons, mean_n, scale_n

@@ -22,8 +22,8 @@ from cylinder_friction.estimators.training_plan import (
     Architecture,
     Checkpoint,
     EpochReport,
-    LearningCurve,
     SequenceData,
+    TrainingCurve,
     TrainingPlan,
 )
 from cylinder_friction.realtime.lstm import LstmWeights
@@ -61,7 +61,7 @@ def train_network(
     checkpoint: Checkpoint | None = None,
     report: EpochReport | None = None,
     stride: int = 1,
-) -> tuple[Any, LearningCurve]:
+) -> tuple[Any, TrainingCurve]:
     """Train on the mean absolute error with Adam (Kingma and Ba 2015); return the best epoch's network.
 
     Without validation recordings, that is the last epoch's.
@@ -109,10 +109,10 @@ class _Training:
         self.optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=plan.weight_decay)
         self.train = side_by_side(train, device)
         self.validation = strided(side_by_side(validation, device), stride, 0) if validation else None
-        self.curve = LearningCurve()
+        self.curve = TrainingCurve()
         self.best = self._copy()
 
-    def run(self) -> LearningCurve:
+    def run(self) -> TrainingCurve:
         self._resume()
         curve = self.curve
         while len(curve.train_mae) < self.plan.epochs and not self._patience_is_over():
@@ -217,7 +217,7 @@ class _Training:
             index, moment = name.split("/")
             moments.setdefault(int(index), {})[moment] = value
         self.optimiser.load_state_dict({**optimiser, "state": moments})
-        self.curve = LearningCurve(
+        self.curve = TrainingCurve(
             stored["train_mae"].tolist(), stored["validation_mae"].tolist(), int(stored["best_epoch"])
         )
 

@@ -58,7 +58,7 @@ class SequenceData:
 
 
 @dataclass
-class LearningCurve:
+class TrainingCurve:
     """Mean absolute error after each epoch, in units of the target; ``best_epoch`` counts from 1."""
 
     train_mae: list[float] = field(default_factory=list)

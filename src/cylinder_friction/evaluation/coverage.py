@@ -29,7 +29,7 @@ class Coverage:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _CoverageRows:
     condition: str
     session: str
     held: Mask
@@ -53,7 +53,7 @@ def coverage(
     """
     if estimator.bounds is None:
         return []
-    rows: dict[str, list[_Rows]] = {"label": [], "truth": []}
+    rows: dict[str, list[_CoverageRows]] = {"label": [], "truth": []}
     for recording in recordings:
         stepped, _ = estimator.real_time().run(recording.samples(estimator.inputs))
         lower_n, upper_n = estimator.aligned(stepped)[:, 1:].T
@@ -66,7 +66,7 @@ def coverage(
             if values_n is not None:
                 held = (values_n >= lower_n) & (values_n <= upper_n)
                 where = (recording.metadata.condition, recording.metadata.session)
-                rows[reference].append(_Rows(*where, held[usable], near[usable], (upper_n - lower_n)[usable]))
+                rows[reference].append(_CoverageRows(*where, held[usable], near[usable], (upper_n - lower_n)[usable]))
     conditions = sorted({recording.metadata.condition for recording in recordings})
     return [
         _coverage(reference, condition, chosen)
@@ -85,7 +85,7 @@ def coverage_metrics(found: Sequence[Coverage], reference: str) -> dict[str, flo
     }
 
 
-def _coverage(reference: str, condition: str, rows: Sequence[_Rows]) -> Coverage:
+def _coverage(reference: str, condition: str, rows: Sequence[_CoverageRows]) -> Coverage:
     held, near = (np.concatenate([getattr(each, name) for each in rows]) for name in ("held", "near"))
     sessions: dict[str, list[Mask]] = {}
     for each in rows:

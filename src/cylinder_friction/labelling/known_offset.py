@@ -1,7 +1,7 @@
 """The offset of the sensors' zeros in each session of logger files, and what it was identified from.
 
 Nothing is stated beyond what the recordings determine: sensors zeroed on a vented interval, strokes in both directions
-(``labelling.sensor_offset``), or the stated uncertainty alone, with the reason why it is no less.
+(``labelling.offset_identification``), or the stated uncertainty alone, with the reason why it is no less.
 """
 
 import math
@@ -9,15 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.sensor_offset import (
-    OffsetModel,
-    OffsetPlan,
-    SessionOffset,
-    SteadySliding,
-    offset_model,
-    steady_sliding,
-    zero_uncertainty_n,
-)
+from cylinder_friction.labelling.offset_identification import OffsetModel, SessionOffset, offset_model
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, SlidingBlocks, sliding_blocks, zero_uncertainty_n
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -38,7 +31,7 @@ class OffsetEvidence:
     # Standard uncertainty of the zeros behind the driving force, as friction [N]; None where it is not stated
     stated_n: float | None
     vented_n: float | None  # What was taken off as read with vented chambers, as friction [N]; None without
-    sliding: SteadySliding | None  # None where strokes do not count, and ``why_not`` states why
+    sliding: SlidingBlocks | None  # None where strokes do not count, and ``why_not`` states why
     why_not: str = ""
 
 
@@ -84,7 +77,7 @@ def offset_evidence(
     sliding = None
     if not why_not:
         try:
-            sliding = replace(steady_sliding(labelled, cylinder, plan), session=session)
+            sliding = replace(sliding_blocks(labelled, cylinder, plan), session=session)
         except RecordingError as error:
             why_not = str(error)
     if sliding is not None and (uneven := too_uneven(uneven_n, friction_n, sliding.prior_n, plan)):

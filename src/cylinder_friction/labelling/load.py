@@ -27,7 +27,7 @@ from cylinder_friction.labelling.robust import (
     refuse_no_probability,
     robust_fit,
 )
-from cylinder_friction.labelling.strokes import Coverage, StrokePoints, coverage_of
+from cylinder_friction.labelling.strokes import StrokePoints, TravelCovered, coverage_of
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR
 from cylinder_friction.recordings.recording import RecordingError
@@ -81,7 +81,7 @@ class LoadIdentification:
 
     # Coefficients of Legendre polynomials in position, scaled so that ``range_m`` is -1 to 1 [N]
     coefficients_n: tuple[float, ...]
-    coverage: Coverage  # Where strokes of both directions went; elsewhere the load is not known
+    coverage: TravelCovered  # Where strokes of both directions went; elsewhere the load is not known
     # Standard uncertainty of the load from the scatter of strokes, at ``GRID`` equidistant positions [N]
     scatter_n: tuple[float, ...]
     asymmetry_n: float  # Standard uncertainty of the load from friction that may differ between the directions [N]
@@ -138,7 +138,7 @@ class LoadIdentification:
             key: tuple(value) if isinstance(value, list) else value for key, value in content.items()
         }
         del kept["range_m"], kept["order"]
-        return cls(coverage=Coverage(tuple(map(tuple, kept.pop("stretches_m")))), **kept)
+        return cls(coverage=TravelCovered(tuple(map(tuple, kept.pop("stretches_m")))), **kept)
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
@@ -239,12 +239,12 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
             )
 
 
-def _scaled(position_m: Array, coverage: Coverage) -> Array:
+def _scaled(position_m: Array, coverage: TravelCovered) -> Array:
     first, last = coverage.range_m
     return np.clip(2.0 * (np.asarray(position_m) - first) / (last - first) - 1.0, -1.0, 1.0)
 
 
-def _polynomials(position_m: Array, coverage: Coverage, order: int) -> Array:
+def _polynomials(position_m: Array, coverage: TravelCovered, order: int) -> Array:
     return np.asarray(legendre.legvander(_scaled(position_m, coverage), order))
 
 
@@ -276,7 +276,7 @@ def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], 
     return blocks.astype(np.int64).ravel(), direction[first]
 
 
-def _order(points: StrokePoints, coverage: Coverage, blocks: NDArray[np.int64], plan: LoadPlan) -> int:
+def _order(points: StrokePoints, coverage: TravelCovered, blocks: NDArray[np.int64], plan: LoadPlan) -> int:
     """Return the least order that predicts left-out blocks as well as the best one does, within a hundredth."""
     direction = np.sign(points.velocity_m_s)
     greatest = min(plan.greatest_order, len(points) // _LEAST_POINTS_PER_COEFFICIENT - 2)

@@ -9,13 +9,8 @@ from numpy.polynomial import legendre
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.sensor_offset import (
-    POSITION_ORDER,
-    OffsetModel,
-    OffsetPlan,
-    fit_offset_model,
-    zero_uncertainty_n,
-)
+from cylinder_friction.labelling.offset_identification import POSITION_ORDER, OffsetModel, fit_offset_model
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.realtime.bounds import causal_velocity
 from cylinder_friction.realtime.sensor_offset import (

@@ -31,7 +31,7 @@ class StrokePoints(Averages):
 
 
 @dataclass(frozen=True)
-class Coverage:
+class TravelCovered:
     """Sections of the travel that strokes of both directions passed through."""
 
     stretches_m: tuple[tuple[float, float], ...]  # Disjoint pairs of first and last position, ascending [m]
@@ -114,7 +114,7 @@ def stroke_pieces(direction: Array, progress: Array, settling: float, piece_rows
     return StrokePieces(rows, begins, np.diff(np.append(begins, len(rows))), stroke)
 
 
-def coverage_of(points: StrokePoints) -> Coverage:
+def coverage_of(points: StrokePoints) -> TravelCovered:
     """Return where strokes of both directions went.
 
     Raises:
@@ -141,7 +141,9 @@ def coverage_of(points: StrokePoints) -> Coverage:
         )
     edges = np.linspace(low, high, BINS + 1)
     change = np.flatnonzero(np.diff(both, prepend=False, append=False))
-    return Coverage(tuple((float(edges[a]), float(edges[b])) for a, b in zip(change[::2], change[1::2], strict=True)))
+    return TravelCovered(
+        tuple((float(edges[a]), float(edges[b])) for a, b in zip(change[::2], change[1::2], strict=True))
+    )
 
 
 def _visited(firsts_m: Array, lasts_m: Array, low: float, high: float) -> Mask:

@@ -1,4 +1,4 @@
-"""The offset of the sensors' zeros, learned while the cylinder slides: ``labelling.sensor_offset`` in real time.
+"""The offset of the sensors' zeros in real time: ``labelling.offset_identification`` while the cylinder slides.
 
 Friction changes its sign with the direction of motion, a sensor's zero does not. Over steady sliding, averaged in short
 blocks, the force balance is explained by

@@ -10,8 +10,9 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import with_common_load
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
+from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
-from cylinder_friction.labelling.sensor_offset import LOADED, OffsetPlan, fit_offset_model, zero_uncertainty_n
+from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, zero_uncertainty_n
 from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json

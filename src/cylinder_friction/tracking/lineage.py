@@ -44,7 +44,7 @@ from cylinder_friction.tracking.versions import (
 
 
 @dataclass(frozen=True)
-class Link:
+class FoundLink:
     """One step of the way back: what it is, whether it holds, and what was found."""
 
     name: str
@@ -57,7 +57,7 @@ class Lineage:
     """The way back from one registered version."""
 
     model: str
-    links: tuple[Link, ...]
+    links: tuple[FoundLink, ...]
 
     @property
     def holds(self) -> bool:
@@ -114,70 +114,70 @@ def _origin(folder: Path | None) -> dict[str, Any]:
     return content
 
 
-def _run_link(store: Store, version: ModelVersion) -> Link:
+def _run_link(store: Store, version: ModelVersion) -> FoundLink:
     try:
         run = store.client.get_run(version.run_id or "")
     except MlflowException:
-        return Link("run", False, f"{version.run_id}: not in the store")
+        return FoundLink("run", False, f"{version.run_id}: not in the store")
     whole = run.info.lifecycle_stage == "active" and run.info.status == "FINISHED"
-    return Link(
+    return FoundLink(
         "run", whole, f"{run.info.run_name} {run.info.run_id} ({run.info.status.lower()}, {run.info.lifecycle_stage})"
     )
 
 
-def _commit_link(root: Path, version: ModelVersion) -> Link:
+def _commit_link(root: Path, version: ModelVersion) -> FoundLink:
     origin = json.loads(version.tags.get(LINEAGE, "{}"))
     sha = origin.get("git_commit", "unknown")
     if sha == "unknown":
-        return Link("git commit", False, "the code that ran is in no commit of this repository")
+        return FoundLink("git commit", False, "the code that ran is in no commit of this repository")
     if git(root, "cat-file", "-e", f"{sha}^{{commit}}") is None:
-        return Link("git commit", False, f"{sha}: not in this repository; fetch the branch that holds it")
+        return FoundLink("git commit", False, f"{sha}: not in this repository; fetch the branch that holds it")
     subject = git(root, "show", "-s", "--format=%s", sha)
     if origin.get("git_dirty") is not False:
-        return Link("git commit", True, f"{sha[:12]} {subject} (with changes that were not committed)")
-    return Link("git commit", True, f"{sha[:12]} {subject}")
+        return FoundLink("git commit", True, f"{sha[:12]} {subject} (with changes that were not committed)")
+    return FoundLink("git commit", True, f"{sha[:12]} {subject}")
 
 
-def _code_link(root: Path, origin: dict[str, Any]) -> Link:
+def _code_link(root: Path, origin: dict[str, Any]) -> FoundLink:
     """The commit must hold the code that each stage ran with, by its hash."""
     codes, sha = origin.get("code", {}), origin.get("sha", "unknown")
     unknown = [stage for stage, code in codes.items() if not code]
     if not codes or unknown:
-        return Link(
+        return FoundLink(
             "code", False, f"{', '.join(unknown) or 'no stage'}: no hash of the code that ran; run `dvc repro -f`"
         )
     other = [stage for stage, code in codes.items() if code_at(root, sha, stage) != code]
     if other:
-        return Link("code", False, f"what {', '.join(other)} ran is not the code in commit {sha[:12]}")
-    return Link("code", True, f"of {', '.join(codes)} is that of the commit")
+        return FoundLink("code", False, f"what {', '.join(other)} ran is not the code in commit {sha[:12]}")
+    return FoundLink("code", True, f"of {', '.join(codes)} is that of the commit")
 
 
-def _model_links(store: Store, folder: Path | None, version: ModelVersion) -> Iterator[Link]:
+def _model_links(store: Store, folder: Path | None, version: ModelVersion) -> Iterator[FoundLink]:
     if folder is None:
-        yield Link("model", False, f"its artifacts at {version.source} cannot be read")
+        yield FoundLink("model", False, f"its artifacts at {version.source} cannot be read")
         return
     logged = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
     whole, estimator = hash_of(folder, WRITTEN_ON_LOADING), hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
     for name, key, found in (("model", MODEL_KEY, estimator), ("model's files", CONTENT_KEY, whole)):
         expected = {version.tags.get(key, "unknown"), logged.tags.get(key, "unknown")}
         if expected == {found}:
-            yield Link(name, True, f"content {found[:12]}…")
+            yield FoundLink(name, True, f"content {found[:12]}…")
         else:
             stated = ", ".join(f"{each[:12]}…" for each in sorted(expected))
-            yield Link(name, False, f"their hash is {found[:12]}…, but the version was made of {stated}")
+            yield FoundLink(name, False, f"their hash is {found[:12]}…, but the version was made of {stated}")
 
 
-def _tags_link(origin: dict[str, Any], version: ModelVersion) -> Link:
+def _tags_link(origin: dict[str, Any], version: ModelVersion) -> FoundLink:
     """The tags that a browser shows and the file inside the model must agree."""
     if "gate" not in origin:
-        return Link("tags", False, "there is no lineage.json to compare them with")
+        return FoundLink("tags", False, "there is no lineage.json to compare them with")
     differing = [key for key, value in tags_of(origin).items() if version.tags.get(key) != value]
     if differing:
-        return Link("tags", False, f"{', '.join(differing)} differ from the lineage.json inside the model")
-    return Link("tags", True, "agree with the lineage.json inside the model")
+        return FoundLink("tags", False, f"{', '.join(differing)} differ from the lineage.json inside the model")
+    return FoundLink("tags", True, "agree with the lineage.json inside the model")
 
 
-def _gate_link(store: Store, version: ModelVersion) -> Link:
+def _gate_link(store: Store, version: ModelVersion) -> FoundLink:
     """The figures must lead to the decision that is stated, and be those of the run of ``register``."""
     tags = version.tags
     try:
@@ -186,9 +186,9 @@ def _gate_link(store: Store, version: ModelVersion) -> Link:
         decision = decide(gate["errors_percent"], figures, gate["tolerance_percent"])
         stated = Decision(tags[DECISION] == "promoted", tags["gate_reason"])
     except (KeyError, ValueError, TypeError) as error:
-        return Link("gate", False, f"it left no decision that can be checked ({type(error).__name__}: {error})")
+        return FoundLink("gate", False, f"it left no decision that can be checked ({type(error).__name__}: {error})")
     if decision != stated and stated.reason != REFUSED_ROLLED_BACK:
-        return Link("gate", False, f"its figures lead to {decision.reason!r}, but it states {stated.reason!r}")
+        return FoundLink("gate", False, f"its figures lead to {decision.reason!r}, but it states {stated.reason!r}")
     query = f"attributes.run_name = 'register' and tags.{CANDIDATE_KEY} = '{tags.get(CANDIDATE_KEY)}'"
     runs = store.client.search_runs([store.experiment_id], query)
     if any(
@@ -196,11 +196,11 @@ def _gate_link(store: Store, version: ModelVersion) -> Link:
         and run.data.tags.get("gate_reason") == stated.reason
         for run in runs
     ):
-        return Link("gate", True, stated.reason)
-    return Link("gate", False, f"no run of register in {store.uri} has its figures; run `cylinder-friction track`")
+        return FoundLink("gate", True, stated.reason)
+    return FoundLink("gate", False, f"no run of register in {store.uri} has its figures; run `cylinder-friction track`")
 
 
-def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[Link]:
+def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[FoundLink]:
     data = origin.get("data", {})
     for path in sorted(data, key=lambda path: (path != origin["raw"], path)):  # from the beginning on
         md5 = data[path]
@@ -208,24 +208,26 @@ def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[Link]:
             root, LOCK_FILE, lambda text, path=path, md5=md5: locked_hashes(text).get(path) == md5  # type: ignore[misc]
         )  # fmt: skip
         name = f"{LOCK_FILE} {path.removeprefix('data/')}"
-        yield Link(name, locked is not None, f"{md5} {f'in {locked}' if locked else f'in no commit of {LOCK_FILE}'}")
-        yield Link(f"data {path.removeprefix('data/')}", *where_data_lies(root, path, md5))
+        yield FoundLink(
+            name, locked is not None, f"{md5} {f'in {locked}' if locked else f'in no commit of {LOCK_FILE}'}"
+        )
+        yield FoundLink(f"data {path.removeprefix('data/')}", *where_data_lies(root, path, md5))
 
 
-def _params_link(root: Path, origin: dict[str, Any]) -> Link:
+def _params_link(root: Path, origin: dict[str, Any]) -> FoundLink:
     if not origin:
-        return Link("parameters", False, "there is no lineage.json to read them from")
+        return FoundLink("parameters", False, "there is no lineage.json to read them from")
     expected = origin["params_sha256"]
     if params_hash(origin["params"]) != expected:
-        return Link("parameters", False, "those inside the model are not those it was registered with")
+        return FoundLink("parameters", False, "those inside the model are not those it was registered with")
     where = _where_in_history(
         root, PARAMS_FILE, lambda text: params_hash(shaping_params(yaml.safe_load(text) or {})) == expected
     )
     if where is not None:
-        return Link("parameters", True, f"{expected[:12]}… in {where}")
+        return FoundLink("parameters", True, f"{expected[:12]}… in {where}")
     path = root / PARAMS_FILE
     now = shaping_params(yaml.safe_load(path.read_text(encoding="utf-8")) or {}) if path.is_file() else {}
-    return Link("parameters", False, f"{_differences(origin['params'], now)}, and no commit has them as they were")
+    return FoundLink("parameters", False, f"{_differences(origin['params'], now)}, and no commit has them as they were")
 
 
 def _where_in_history(root: Path, file: str, fits: Callable[[str], bool]) -> str | None:

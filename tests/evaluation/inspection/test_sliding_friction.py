@@ -15,7 +15,7 @@ from cylinder_friction.evaluation.inspection.sliding_friction import (
     sliding_friction,
     stroke_half_width,
 )
-from cylinder_friction.labelling.sensor_offset import OffsetPlan, zero_uncertainty_n
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from inspected_recordings import made_strokes, stated
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import numpy as np
 import onnx
 
 from cylinder_friction.estimators.onnx_files import write_onnx
-from cylinder_friction.estimators.training_plan import LearningCurve, TrainingPlan
+from cylinder_friction.estimators.training_plan import TrainingCurve, TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.learned import NETWORK_FILE, LearnedEstimator
 
@@ -82,7 +82,7 @@ class SequenceEstimator(LearnedEstimator):
         if stride < 1:
             raise ValueError(f"expected a stride of at least 1 sample, but got {stride!r}")
         self.architecture, self.plan, self.stride = architecture, plan, stride
-        self.learning_curve = LearningCurve()
+        self.learning_curve = TrainingCurve()
         self.model: onnx.ModelProto | None = None
         self.network: SteppedNetwork | None = None
 

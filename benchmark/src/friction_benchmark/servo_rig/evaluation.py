@@ -26,7 +26,7 @@ from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.evaluation.sessions import half_width_points
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.label import label
-from cylinder_friction.labelling.sensor_offset import fit_offset_model
+from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.splits import split

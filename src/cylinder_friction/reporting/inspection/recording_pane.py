@@ -16,7 +16,7 @@ from cylinder_friction.friction_models.identification.known_curve import is_brea
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.sensor_offset import OffsetPlan, zero_uncertainty_n
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.reporting.inspection.frequency_figures import spectra

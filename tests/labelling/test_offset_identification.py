@@ -8,12 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.labelling.sensor_offset import (
-    OffsetModel,
-    OffsetPlan,
-    fit_offset_model,
-    zero_uncertainty_n,
-)
+from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import pytest
 from cylinder_friction.evaluation.inspection.subject import Inspected
 from cylinder_friction.labelling.known_offset import KnownOffset, known_offsets
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.sensor_offset import OffsetPlan
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.reporting.inspection.text import text_report
 from inspected_recordings import made_panes, made_strokes, write_page_of

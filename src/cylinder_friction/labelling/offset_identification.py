@@ -33,14 +33,19 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.mixed_model import Evidence, Posterior, Reduced, solved
-from cylinder_friction.labelling.strokes import stroke_pieces
-from cylinder_friction.labelling.uncertainty import sensitivities
+from cylinder_friction.labelling.sliding_blocks import (
+    EXPLAINING,
+    OffsetPlan,
+    SlidingBlocks,
+    sensor_areas,
+    sliding_blocks,
+    zero_uncertainty_n,
+)
 from cylinder_friction.realtime.sensor_offset import REFERENCE_C
 from cylinder_friction.recordings.columns import (
     COVERAGE_FACTOR,
@@ -51,17 +56,11 @@ from cylinder_friction.recordings.columns import (
     UNCERTAINTY_COLUMN,
 )
 from cylinder_friction.recordings.recording import IdentifiedZero, Recording, RecordingError
-from cylinder_friction.signals.motion import direction_of_motion
 
-EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
-"""Columns that may explain friction beside speed and position."""
 POSITION_ORDER = 12
 """Order of the polynomial in position: ripple of the bore, where strokes do not average it out."""
 PASSES = 2
 """The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
-
-LOADED = {"position": "a load identified from position has absorbed the sensors' offset"}
-"""Why a load leaves offsets alone."""
 
 _OFFSET = 0
 """First of what a session has of its own: offset, asymmetry, scale, and slope where the temperature is unknown."""
@@ -71,33 +70,6 @@ _LEAST_ASYMMETRY = 1e-4
 _GUESS = np.log([0.01, 0.01, 0.03, 0.03])
 """Logarithms of the standard deviations of noise, stroke (over friction's level), scale and slope; each may be off by
 e."""
-
-
-@dataclass(frozen=True)
-class OffsetPlan:
-    """How sensor offsets are identified.
-
-    Raises:
-        ValueError: A number is out of its range.
-    """
-
-    slowest_m_s: float = 6e-3  # Slower rows are left out: there friction depends on its history [m/s]
-    settling_s: float = 0.2  # Time after a start or reversal that does not count [s]
-    block_s: float = 0.1  # Duration that is averaged [s]
-    # Standard uncertainty of the asymmetry common to all sessions: half the difference of friction between the
-    # directions over its mean, as ``LoadPlan.asymmetry``
-    asymmetry: float = 0.15
-    # Least standard deviation, from session to session, of the ratio of friction retracting to friction extending
-    asymmetry_sd: float = 0.005
-    # Time within which a sensor's zero may drift by as much as its stated uncertainty, in real time [s]
-    drift_s: float = 3600.0
-
-    def __post_init__(self) -> None:
-        for name, value in asdict(self).items():
-            positive = name in ("slowest_m_s", "block_s", "drift_s")
-            if not (math.isfinite(value) and (value > 0.0 if positive else value >= 0.0)):
-                expected = "a positive number" if positive else "zero or a positive number"
-                raise ValueError(f"OffsetPlan: {name} must be {expected}, but got {value!r}")
 
 
 @dataclass(frozen=True)
@@ -176,7 +148,7 @@ class OffsetModel:
             RecordingError: The recordings are of several sessions, lack labels or a column of ``inputs``, or do not
                 state the uncertainty of their sensors' zeros.
         """
-        session = SteadySliding.joined([steady_sliding(each, self.cylinder, self.plan) for each in recordings])
+        session = SlidingBlocks.joined([sliding_blocks(each, self.cylinder, self.plan) for each in recordings])
         missing = [column for column in self.inputs if column not in session.columns]
         if missing:
             raise RecordingError(
@@ -228,14 +200,14 @@ class OffsetModel:
             }
         )
 
-    def _explaining(self, session: SteadySliding) -> Array:
+    def _explaining(self, session: SlidingBlocks) -> Array:
         """Return what friction depends on, standardised, the constant first, shape ``(blocks, quantities)``."""
         standard = (_quantities(session, self.inputs, self.cylinder) - np.array(self.means)) / np.array(self.deviations)
         first, last = self.position_range_m
         along = np.clip((2.0 * session.columns["position_m"] - first - last) / max(last - first, 1e-12), -1.0, 1.0)
         return np.hstack([np.ones((len(standard), 1)), standard, legendre.legvander(along, POSITION_ORDER)[:, 1:]])
 
-    def _design(self, session: SteadySliding) -> Array:
+    def _design(self, session: SlidingBlocks) -> Array:
         """Return the columns of friction and of its common asymmetry, shape ``(blocks, coefficients)``."""
         explaining = self._explaining(session)
         return np.hstack([session.direction[:, None] * explaining, explaining[:, self.even_places]]) * self.level_n
@@ -244,7 +216,7 @@ class OffsetModel:
     def _warm_known(self) -> bool:
         return OIL_TEMPERATURE in self.inputs
 
-    def _evidence(self, session: SteadySliding) -> Evidence:
+    def _evidence(self, session: SlidingBlocks) -> Evidence:
         level_n = self._level_n(session)
         # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
         # right; and, with strokes in one direction alone, scale from offset.
@@ -258,12 +230,12 @@ class OffsetModel:
             own.append(scaled_n * speed)
         return Evidence.of(self._design(session), np.column_stack(own), session.label_n, session.stroke)
 
-    def _own_deviations(self, session: SteadySliding) -> Array:
+    def _own_deviations(self, session: SlidingBlocks) -> Array:
         """Return prior standard deviations of what a session has of its own: offset [N], asymmetry, scale, slope."""
         known = [self.scale] if self._warm_known else [self.scale, self.slope]
         return np.array([session.prior_n, 0.5 * self.plan.asymmetry_sd, *known])
 
-    def _level_n(self, session: SteadySliding) -> Array:
+    def _level_n(self, session: SlidingBlocks) -> Array:
         """Return the magnitude of friction [N], shape ``(blocks,)``; before it is known, the mean of all sessions."""
         if not self.coefficients:
             return np.full(len(session.direction), self.level_n)
@@ -290,11 +262,11 @@ def fit_offset_model(
             sensor's zero is not stated. That of a load identified from position never is: such a load has absorbed
             the offset already.
     """
-    return offset_model([steady_sliding(each, cylinder, plan) for each in recordings], cylinder, plan, columns)
+    return offset_model([sliding_blocks(each, cylinder, plan) for each in recordings], cylinder, plan, columns)
 
 
 def offset_model(
-    sliding: Iterable[SteadySliding],
+    sliding: Iterable[SlidingBlocks],
     cylinder: Cylinder,
     plan: OffsetPlan | None = None,
     columns: Collection[str] = EXPLAINING,
@@ -304,10 +276,10 @@ def offset_model(
     Raises:
         RecordingError: As ``fit_offset_model``.
     """
-    plan, by_session = plan or OffsetPlan(), dict[str, list[SteadySliding]]()
+    plan, by_session = plan or OffsetPlan(), dict[str, list[SlidingBlocks]]()
     for part in sliding:
         by_session.setdefault(part.session, []).append(part)
-    sessions = [SteadySliding.joined(parts) for parts in by_session.values()]
+    sessions = [SlidingBlocks.joined(parts) for parts in by_session.values()]
     if not sessions:
         raise RecordingError("sensor offsets cannot be identified: expected at least one recording, but got none")
     if not sum(len(session.direction) for session in sessions):
@@ -324,24 +296,9 @@ def offset_model(
     return model
 
 
-def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None:
-    """Return the standard uncertainty of a label from the stated zeros of its sensors [N], or None if one is not."""
-    stated = recording.metadata.uncertainty
-    areas = _sensor_areas(recording, cylinder)
-    if any(column not in stated for column in areas):
-        return None
-    return math.sqrt(sum((area * stated[column].zero) ** 2 for column, area in areas.items()))
-
-
-def _sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
-    """Return the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
-    load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.table.columns else {}
-    return sensitivities(recording, cylinder) | load
-
-
 def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylinder) -> Recording:
     """Return a recording without the offset; each sensor has the share of it that its stated zero makes likely."""
-    stated, areas = recording.metadata.uncertainty, _sensor_areas(recording, cylinder)
+    stated, areas = recording.metadata.uncertainty, sensor_areas(recording, cylinder)
     own_n = zero_uncertainty_n(recording, cylinder)
     assert own_n is not None
     remaining = found.standard_uncertainty_n / own_n if own_n > 0.0 else 1.0
@@ -359,85 +316,7 @@ def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylind
     return replace(recording.with_columns(**columns), metadata=replace(recording.metadata, identified_zero=zeros))
 
 
-@dataclass(frozen=True)
-class SteadySliding:
-    """Blocks of steady sliding of one recording or session: all that its offset is identified from."""
-
-    session: str
-    prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
-    sliding_s: float  # Duration [s]
-    # Of each block, shape ``(blocks,)``: label [N], direction, and stroke, counted from 0
-    label_n: Array
-    direction: Array
-    stroke: NDArray[np.int64]
-    columns: dict[str, Array]  # Mean of each column that may explain friction
-
-    @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the sliding of the recordings of a session; refuses those of several with a ``RecordingError``."""
-        names = sorted({part.session for part in parts})
-        if len(names) != 1:
-            raise RecordingError(
-                f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
-                "identify each session's offset by itself"
-            )
-        before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
-        common = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
-        return cls(
-            names[0],
-            max(part.prior_n for part in parts),
-            sum(part.sliding_s for part in parts),
-            np.concatenate([part.label_n for part in parts]),
-            np.concatenate([part.direction for part in parts]),
-            np.concatenate([part.stroke + first for part, first in zip(parts, before[:-1], strict=True)]),
-            {name: np.concatenate([part.columns[name] for part in parts]) for name in common},
-        )
-
-
-def steady_sliding(recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None) -> SteadySliding:
-    """Return the steady sliding of a labelled recording.
-
-    Raises:
-        RecordingError: It lacks labels, or the uncertainty of a sensor's zero is not stated.
-    """
-    plan = plan or OffsetPlan()
-    names = ["friction_n", "velocity_m_s", "position_m"]
-    names += [each for each in EXPLAINING if each in recording.table.columns]
-    velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
-    direction = np.where(recording.usable(), direction_of_motion(velocity_m_s, plan.slowest_m_s), 0.0)
-    size = max(1, round(plan.block_s / step_s))
-    pieces = stroke_pieces(direction, step_s * np.arange(len(direction), dtype=np.float64), plan.settling_s, size)
-    whole = 2 * pieces.counts >= size
-    means = {name: pieces.mean(recording.column(name))[whole] for name in names}
-    return SteadySliding(
-        recording.metadata.session,
-        _stated_zero_n(recording, cylinder),
-        float(pieces.counts[whole].sum()) * step_s,
-        means.pop("friction_n"),
-        np.sign(means["velocity_m_s"]),
-        np.unique(pieces.stroke[whole], return_inverse=True)[1].astype(np.int64),
-        means,
-    )
-
-
-def _stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
-    known_n = zero_uncertainty_n(recording, cylinder)
-    if known_n is not None:
-        return known_n
-    column = next(each for each in _sensor_areas(recording, cylinder) if each not in recording.metadata.uncertainty)
-    instead = (
-        "state sensor.accuracy_percent or sensor.zero_uncertainty of the load cell in the mapping; "
-        f"{LOADED['position']}, so that there is none to identify"
-        if column == LOAD_FORCE
-        else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
-    )
-    raise RecordingError(
-        f"recording {recording.name!r}: the uncertainty of the zero of {column!r} is not stated; expected that "
-        f"of every sensor behind the label, as it limits the offset; {instead}"
-    )
-
-
-def _quantities(session: SteadySliding, inputs: Sequence[str], cylinder: Cylinder) -> Array:
+def _quantities(session: SlidingBlocks, inputs: Sequence[str], cylinder: Cylinder) -> Array:
     """Return what friction depends on, but for position, shape ``(blocks, quantities)``; mean pressure comes first."""
     of = session.columns
     speed = np.abs(of["velocity_m_s"])
@@ -456,7 +335,7 @@ def _quantities(session: SteadySliding, inputs: Sequence[str], cylinder: Cylinde
 
 
 def _empty_model(
-    sessions: Sequence[SteadySliding], cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]
+    sessions: Sequence[SlidingBlocks], cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]
 ) -> OffsetModel:
     """Return a model of scales alone."""
     common = set(columns).intersection(*(session.columns for session in sessions))
@@ -489,7 +368,7 @@ def _floats(values: Array) -> tuple[float, ...]:
 
 
 def _fitted(
-    model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SteadySliding], guess: Array, expected: Array
+    model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SlidingBlocks], guess: Array, expected: Array
 ) -> tuple[OffsetModel, Array]:
     """Return the model whose levels of friction are those of ``model``, and its logarithmic standard deviations.
 
@@ -542,7 +421,7 @@ def _fitted(
     )
 
 
-def _session_offset(posterior: Posterior, part: Reduced, session: SteadySliding, common_n: float) -> SessionOffset:
+def _session_offset(posterior: Posterior, part: Reduced, session: SlidingBlocks, common_n: float) -> SessionOffset:
     offset_n, uncertainty_n = posterior.own_effect(part, _OFFSET)
     extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
     return SessionOffset(

@@ -1,0 +1,145 @@
+"""Blocks of steady sliding: what the offset of a session's sensors is identified from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.strokes import stroke_pieces
+from cylinder_friction.labelling.uncertainty import sensitivities
+from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, PRESSURE_2
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.signals.motion import direction_of_motion
+
+EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
+"""Columns that may explain friction beside speed and position."""
+
+LOADED = {"position": "a load identified from position has absorbed the sensors' offset"}
+"""Why a load leaves offsets alone."""
+
+
+@dataclass(frozen=True)
+class OffsetPlan:
+    """How sensor offsets are identified.
+
+    Raises:
+        ValueError: A number is out of its range.
+    """
+
+    slowest_m_s: float = 6e-3  # Slower rows are left out: there friction depends on its history [m/s]
+    settling_s: float = 0.2  # Time after a start or reversal that does not count [s]
+    block_s: float = 0.1  # Duration that is averaged [s]
+    # Standard uncertainty of the asymmetry common to all sessions: half the difference of friction between the
+    # directions over its mean, as ``LoadPlan.asymmetry``
+    asymmetry: float = 0.15
+    # Least standard deviation, from session to session, of the ratio of friction retracting to friction extending
+    asymmetry_sd: float = 0.005
+    # Time within which a sensor's zero may drift by as much as its stated uncertainty, in real time [s]
+    drift_s: float = 3600.0
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            positive = name in ("slowest_m_s", "block_s", "drift_s")
+            if not (math.isfinite(value) and (value > 0.0 if positive else value >= 0.0)):
+                expected = "a positive number" if positive else "zero or a positive number"
+                raise ValueError(f"OffsetPlan: {name} must be {expected}, but got {value!r}")
+
+
+@dataclass(frozen=True)
+class SlidingBlocks:
+    """Blocks of steady sliding of one recording or session: all that its offset is identified from."""
+
+    session: str
+    prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
+    sliding_s: float  # Duration [s]
+    # Of each block, shape ``(blocks,)``: label [N], direction, and stroke, counted from 0
+    label_n: Array
+    direction: Array
+    stroke: NDArray[np.int64]
+    columns: dict[str, Array]  # Mean of each column that may explain friction
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return the sliding of the recordings of a session; refuses those of several with a ``RecordingError``."""
+        names = sorted({part.session for part in parts})
+        if len(names) != 1:
+            raise RecordingError(
+                f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
+                "identify each session's offset by itself"
+            )
+        before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
+        common = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
+        return cls(
+            names[0],
+            max(part.prior_n for part in parts),
+            sum(part.sliding_s for part in parts),
+            np.concatenate([part.label_n for part in parts]),
+            np.concatenate([part.direction for part in parts]),
+            np.concatenate([part.stroke + first for part, first in zip(parts, before[:-1], strict=True)]),
+            {name: np.concatenate([part.columns[name] for part in parts]) for name in common},
+        )
+
+
+def sliding_blocks(recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None) -> SlidingBlocks:
+    """Return the steady sliding of a labelled recording.
+
+    Raises:
+        RecordingError: It lacks labels, or the uncertainty of a sensor's zero is not stated.
+    """
+    plan = plan or OffsetPlan()
+    names = ["friction_n", "velocity_m_s", "position_m"]
+    names += [each for each in EXPLAINING if each in recording.table.columns]
+    velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
+    direction = np.where(recording.usable(), direction_of_motion(velocity_m_s, plan.slowest_m_s), 0.0)
+    size = max(1, round(plan.block_s / step_s))
+    pieces = stroke_pieces(direction, step_s * np.arange(len(direction), dtype=np.float64), plan.settling_s, size)
+    whole = 2 * pieces.counts >= size
+    means = {name: pieces.mean(recording.column(name))[whole] for name in names}
+    return SlidingBlocks(
+        recording.metadata.session,
+        _stated_zero_n(recording, cylinder),
+        float(pieces.counts[whole].sum()) * step_s,
+        means.pop("friction_n"),
+        np.sign(means["velocity_m_s"]),
+        np.unique(pieces.stroke[whole], return_inverse=True)[1].astype(np.int64),
+        means,
+    )
+
+
+def _stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
+    known_n = zero_uncertainty_n(recording, cylinder)
+    if known_n is not None:
+        return known_n
+    column = next(each for each in sensor_areas(recording, cylinder) if each not in recording.metadata.uncertainty)
+    instead = (
+        "state sensor.accuracy_percent or sensor.zero_uncertainty of the load cell in the mapping; "
+        f"{LOADED['position']}, so that there is none to identify"
+        if column == LOAD_FORCE
+        else "state sensor.accuracy_percent or sensor.zero_uncertainty in the mapping"
+    )
+    raise RecordingError(
+        f"recording {recording.name!r}: the uncertainty of the zero of {column!r} is not stated; expected that "
+        f"of every sensor behind the label, as it limits the offset; {instead}"
+    )
+
+
+def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None:
+    """Return the standard uncertainty of a label from the stated zeros of its sensors [N], or None if one is not."""
+    stated = recording.metadata.uncertainty
+    areas = sensor_areas(recording, cylinder)
+    if any(column not in stated for column in areas):
+        return None
+    return math.sqrt(sum((area * stated[column].zero) ** 2 for column, area in areas.items()))
+
+
+def sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
+    """Return the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
+    load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.table.columns else {}
+    return sensitivities(recording, cylinder) | load
