@@ -228,16 +228,26 @@ repaired("beyond the converter", cells(P2, [500], 999.0), "250 bar")
 refused("broken wire", cells(P2, slice(1000, None), -62.5), "0 to 250 bar")
 refused("saturated", column(P1, lambda p: np.where(p > np.quantile(p, 0.8), 250.0, p)), "the sensor is saturated")
 refused("stuck pressure", column(P1, lambda p: np.where(np.arange(len(p)) > 500, p[500], p)), "stays at")
-refused("constant pressure", cells(P2, slice(None), 10.0), "constant")
-refused("nothing moves", column(POSITION, lambda x: 100.0 + 0.01 * np.sin(np.arange(len(x)))), "moves")
+refused("constant pressure", cells(P2, slice(None), 10.0), "pressure_2_pa is constant .* while the cylinder moves")
+refused(
+    "nothing moves",
+    column(POSITION, lambda x: 100.0 + 0.01 * np.sin(np.arange(len(x)))),
+    "position_m moves by .* m only",
+)
 refused("too short", rows(lambda t: t.iloc[:600]), "expected at least 5 s")
 refused("rate too low", rows(lambda t: t.iloc[::20]), "is sampled at")
 # Its units and signs
-refused("Pa as bar", column(P1, lambda p: 1e5 * p), "bar")
+refused("Pa as bar", column(P1, lambda p: 1e5 * p), "bar in row 1 .*which a sensor of 0 to 250 bar cannot read")
 refused("bar as Pa", rows(lambda t: t.assign(**{P1: t[P1] * 1e-5, P2: t[P2] * 1e-5})), "unit")
-refused("metres as millimetres", column(POSITION, lambda x: 1e-3 * x), "unit")
-refused("micrometres as millimetres", column(POSITION, lambda x: 1e3 * x), "unit")
-refused("position has the other sign", column(POSITION, lambda x: -x), "sign")
+refused("metres as millimetres", column(POSITION, lambda x: 1e-3 * x), "m only, .* or its unit is wrong")
+refused(
+    "micrometres as millimetres", column(POSITION, lambda x: 1e3 * x), "expected 0 to 0.25 m, the stroke; check unit"
+)
+refused(
+    "position has the other sign",
+    column(POSITION, lambda x: -x),
+    "the stroke; check unit .*, sign and zero of the sensor",
+)
 refused("position counts from the other end", column(POSITION, lambda x: 250.0 - x), "inverted")
 refused("pressures swapped", rows(lambda t: t.rename(columns={P1: P2, P2: P1})[list(t.columns)]), "swapped")
 refused("zero of position far off", column(POSITION, lambda x: x + 150.0), "stroke")

@@ -77,31 +77,6 @@ def test_good_files_become_recordings(source: Source, tmp_path: Path, labelled_r
         assert recording.sample_time_s == 0.005
 
 
-def test_bad_files_are_set_aside_and_stop_nobody(
-    source: Source, tmp_path: Path, labelled_recordings: list[Recording]
-) -> None:
-    good = source.folder / "condition1_session00_recording01.csv"
-    (source.folder / "condition1_session03_recording01.csv").write_bytes(good.read_bytes())
-    (source.folder / "condition1_session04_recording01.csv").write_text(f"{good.read_text()}1.0,2.0\n")
-    (source.folder / "condition1_session05_recording01.csv").write_text("")
-    (source.folder / "notes.csv").write_text("a\n1\n")
-    slow = labelled_recordings[3]
-    slow = slow.with_columns(time_s=slow.column("time_s") * 2.0)
-    log(slow, source.folder / "condition1_session06_recording01.csv")
-    ingest(source, tmp_path / "out")
-    assert len(read_recordings(tmp_path / "out")) == 3
-    reasons = {entry["file"]: entry["reason"] for entry in read_json(tmp_path / "out.json")}
-    assert list(reasons) == [*(f"condition1_session0{n}_recording01.csv" for n in (3, 4, 5, 6)), "notes.csv"]
-    assert "does not give condition and session" in reasons["notes.csv"]
-    assert "same bytes as condition1_session00_recording01.csv" in reasons["condition1_session03_recording01.csv"]
-    assert "line 4002 holds 2 values" in reasons["condition1_session04_recording01.csv"]
-    assert "the file is empty" in reasons["condition1_session05_recording01.csv"]
-    assert (
-        "sample time of 0.01 s, but 3 of 4 recordings have 0.005 s" in reasons["condition1_session06_recording01.csv"]
-    )
-    assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".parquet"}
-
-
 def test_two_files_of_one_name(source: Source, tmp_path: Path, labelled_recordings: list[Recording]) -> None:
     log(labelled_recordings[4], source.folder / "x/condition1_session00_recording01.csv")
     log(labelled_recordings[5], source.folder / "x-condition1_session00_recording01.csv")

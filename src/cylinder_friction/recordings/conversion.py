@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,8 @@ from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import check_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.formats.layout import CsvOptions
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
+from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_facts import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
@@ -70,21 +71,25 @@ class Recipe:
 
 
 def tables_of(path: Path, recipe: Recipe) -> list[LoggedTable]:
-    """Return the tables of a file with the channels that are mapped.
+    """Return the tables of a file with the channels that are mapped."""
+    tables = open_tables(path, recipe)
+    assert not isinstance(tables, LongTable)
+    return tables
 
-    Where a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
+
+def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTable | list[LoggedTable]:
+    """Return what ``tables_of`` does, or one table of more rows than these, to be read in parts of so many.
+
+    If a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
     """
+    read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv)
     wanted = wanted_channels(recipe.channels)
-    tables = read_logged_file(path, recipe.file_format, recipe.csv, wanted)
-    clocks = unread_clocks(tables, recipe)
-    return read_logged_file(path, recipe.file_format, recipe.csv, wanted | clocks) if clocks else tables
-
-
-def unread_clocks(tables: Sequence[LoggedTable], recipe: Recipe) -> set[str]:
-    """Return the channels that were not read and are called time, where a stated rate takes its place."""
+    tables = read(wanted)
     if recipe.channels["time_s"].rate_hz is None:
-        return set()
-    return {name for table in tables for name in table.unread if words_of(name).quantity == "time"}
+        return tables
+    first = [next(tables.spread())] if isinstance(tables, LongTable) else tables
+    clocks = {name for table in first for name in table.unread if words_of(name).quantity == "time"}
+    return read(wanted | clocks) if clocks else tables
 
 
 def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:

@@ -12,7 +12,6 @@ import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +27,10 @@ from cylinder_friction.recordings.checks.recording_checks import (
     length_finding,
 )
 from cylinder_friction.recordings.checks.screening import Screen
-from cylinder_friction.recordings.conversion import Recipe, pieces_from, pieces_of, unread_clocks
+from cylinder_friction.recordings.conversion import Recipe, open_tables, pieces_from, pieces_of
 from cylinder_friction.recordings.formats.logged_table import MOST_INDIVISIBLE, LoggedTable, LongTable
-from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, apply_zero, find_zero
-from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits, wanted_channels
+from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
 from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata, Signal
 from cylinder_friction.recordings.storage import read_recording, write_recording
@@ -351,7 +349,7 @@ def _few(repairs: Sequence[str]) -> list[str]:
 
 def pieces_or_drafts(path: Path, recipe: Recipe, *, rows: int, folder: Path) -> list[Piece] | list[Draft]:
     """Return the unbroken stretches of a file, as drafts kept in a folder if it has more rows than these."""
-    tables = _opened(path, recipe, rows)
+    tables = open_tables(path, recipe, rows)
     if not isinstance(tables, LongTable):
         return pieces_from(tables, recipe)
     drafts: list[Draft] = []
@@ -371,7 +369,7 @@ def pieces_or_drafts(path: Path, recipe: Recipe, *, rows: int, folder: Path) -> 
 
 def pieces_in_turn(path: Path, recipe: Recipe, *, rows: int) -> Iterator[Piece]:
     """Yield the unbroken stretches of a file, and those of a file of more rows than these part by part."""
-    tables = _opened(path, recipe, rows)
+    tables = open_tables(path, recipe, rows)
     if not isinstance(tables, LongTable):
         yield from pieces_from(tables, recipe)
         return
@@ -389,11 +387,3 @@ def _whole(path: Path, recipe: Recipe, error: IndivisibleError) -> list[Piece]:
             f"MB), and cannot be processed in parts: {error}, or split the file"
         )
     return pieces_of(path, recipe)
-
-
-def _opened(path: Path, recipe: Recipe, rows: int) -> LongTable | list[LoggedTable]:
-    read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv)
-    wanted = wanted_channels(recipe.channels)
-    tables = read(wanted)
-    clocks = unread_clocks([next(tables.spread())] if isinstance(tables, LongTable) else tables, recipe)
-    return read(wanted | clocks) if clocks else tables

@@ -46,16 +46,18 @@ def read_logged_file(
 
 def open_logged_file(
     path: Path,
-    rows: int,
+    rows: int | None,
     file_format: str = "auto",
     csv: CsvOptions = AUTOMATIC,
     wanted: Collection[str] | None = None,
 ) -> LongTable | list[LoggedTable]:
     """Return what ``read_logged_file`` does, or one table of more rows than these, to be read in parts of so many.
 
-    Text and Parquet are read part by part; of another format a large file is refused. Other arguments and errors are
-    those of ``read_logged_file``.
+    Text and Parquet are read part by part; of another format a large file is refused. Without ``rows`` every file is
+    read whole. Other arguments and errors are those of ``read_logged_file``.
     """
+    if rows is None:
+        return read_logged_file(path, file_format, csv, wanted)
     found, size = format_of(path, file_format), path.stat().st_size
     if found.read_long is None and size > MOST_WHOLE:
         raise RecordingError(
