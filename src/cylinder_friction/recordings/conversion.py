@@ -98,7 +98,7 @@ def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
 
 
 def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe) -> list[Piece]:
-    """Return what ``pieces_of`` does, from what a file holds."""
+    """Return what ``pieces_of`` does, from tables that are read already."""
     mapped = map_signals(tables, recipe.channels)
     signals, screened = screen_signals(
         mapped.signals, sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m
@@ -110,7 +110,7 @@ def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe) -> list[Piece]:
 def metadata_of(
     piece: Piece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
 ) -> RecordingMetadata:
-    """Return who and when of one piece; where a file was split, its pieces are numbered from 1."""
+    """Return the metadata of one piece. If a file was split, the names of its pieces are numbered from 1."""
     suffix = f"_part{number}" if pieces > 1 else ""
     return RecordingMetadata(
         name=f"{names.name}{suffix}",
@@ -141,6 +141,6 @@ def zeroed(
 
 
 def checked(piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None) -> Recording:
-    """Return a piece as a recording: pressures zeroed, every check passed; the first that is not refuses it."""
+    """Zero a piece's pressures and check it. The first check that it does not pass raises ``RecordingError``."""
     table, with_zero = zeroed(piece, metadata, recipe, session)
     return check_recording(with_zero, table, recipe.limits, piece.sample_time_s)

@@ -79,7 +79,7 @@ class NameRules:
         return replace(next(iter(fitting.values())), name=name)
 
     def lines_without_file(self, relative_paths: Iterable[str]) -> list[str]:
-        """Return a sentence for each line of the table that no file fits; none where names come from a pattern."""
+        """Return a sentence for each line of the table that fits no file; empty if names come from a pattern."""
         paths = list(relative_paths)
         return [
             f"line {number} of the table of names: no file fits {line.name!r}; correct the line, or put the file "
@@ -95,7 +95,7 @@ def _fits(name: str, path: str) -> bool:
 
 
 def compile_name_pattern(pattern: str) -> re.Pattern[str]:
-    """Return a pattern of file paths compiled; raise ``RecordingError`` if it is none or lacks a named group."""
+    """Compile a pattern of file paths; raise ``RecordingError`` if it is invalid or lacks a named group."""
     try:
         compiled = re.compile(pattern)
     except re.error as error:

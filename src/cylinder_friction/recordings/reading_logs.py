@@ -94,7 +94,7 @@ def find_logs(
     load: LoadMode | None = None,
     rate_hz: float | None = None,
 ) -> Logs:
-    """Return which files are meant and how they are read, none of them read yet but the first where a guess needs it.
+    """Find the files and how to read them. Only to guess a mapping is a file read, the first one.
 
     Args:
         files, channels, cylinder, names, load: As in ``read_logs``.
@@ -142,7 +142,7 @@ def _name_rules(names: str | None, settings: Mapping[str, Any], root: Path) -> N
 
 
 def _root(paths: Sequence[Path], source: str | None) -> Path:
-    """Return the folder that names are taken below: the configured one if all files lie in it, else their own."""
+    """Return the folder that names are relative to: the configured one if it holds all files, else their own."""
     if source is not None and all(path.absolute().is_relative_to(Path(source).absolute()) for path in paths):
         return Path(source)
     return Path(os.path.commonpath([path.absolute().parent for path in paths]))
@@ -163,7 +163,7 @@ def _settings(channels: str | Path | Mapping[str, Any] | None, first: Path) -> M
 
 
 def load_settings(path: Path) -> dict[str, Any]:
-    """Return an ingest configuration as nested dictionaries, the files that it names under ``defaults`` merged in."""
+    """Return an ingest configuration as nested dictionaries, merged with the files under its ``defaults``."""
     own = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
     settings: dict[str, Any] = {}
     for entry in own.pop("defaults", []):
@@ -183,7 +183,7 @@ def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
 
 
 def _guessed(path: Path) -> dict[str, Any]:
-    """Return a guessed mapping and warn of every guess; refuse where a column or a sensor's range cannot be guessed."""
+    """Guess a mapping and warn of every guess. Refuse if a column or a sensor's range cannot be guessed."""
     tables = open_logged_file(path, ROWS_AT_ONCE)
     guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path)
     lines = "\n".join(channel_lines(guess))

@@ -148,7 +148,7 @@ class Recording:
         return np.ascontiguousarray(np.stack([self.column(column) for column in columns], axis=1))
 
     def zeroed(self) -> Recording:
-        """Return a copy whose sensors' identified zeros are taken off, as sure as they were identified."""
+        """Return a copy with the sensors' identified zeros subtracted, and their uncertainty in the metadata."""
         who, zeros = self.metadata, self.metadata.identified_zero
         if not zeros:
             return self
@@ -165,7 +165,7 @@ class Recording:
         return replace(self.with_columns(**columns), metadata=metadata)
 
     def lagged(self, samples: int) -> Recording:
-        """Return a copy whose row holds the label of so many samples before, as an estimator with that lag learns it.
+        """Return a copy whose labels are delayed by this many samples, as an estimator with that lag learns them.
 
         Labels of the first rows are before the recording: they are not usable. Measured columns stay as they are.
         """
@@ -190,11 +190,11 @@ class Recording:
         return replace(self, table=table)
 
     def rows(self, own: slice) -> Recording:
-        """Return a copy of some rows, not copied in memory; its metadata stay those of all."""
+        """Return some rows, with the metadata of the whole recording; the values are not copied."""
         return replace(self, table=self.table.iloc[own])
 
     def without_columns(self, *names: str) -> Recording:
-        """Return a copy without some columns; a name that is not there is passed over."""
+        """Return a copy without these columns; names that do not exist are ignored."""
         return replace(self, table=self.table[[column for column in self.table.columns if column not in names]])
 
 

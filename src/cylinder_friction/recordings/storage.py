@@ -19,12 +19,12 @@ DRAWN_ROWS = 2048
 
 
 def write_recording(folder: Path, recording: Recording, stem: str = "") -> Path:
-    """Write ``<folder>/<stem or name>.parquet`` and returns its path. Equal recordings make equal bytes."""
+    """Write ``<folder>/<stem or name>.parquet`` and return its path. Equal recordings make equal bytes."""
     return write_parts(folder / f"{stem or recording.name}.parquet", [recording])
 
 
 def write_parts(path: Path, parts: Iterable[Recording]) -> Path:
-    """Write the parts of a recording, at least one, into one file and returns its path; memory holds one at a time."""
+    """Write a recording's parts, at least one, into one file and return its path. Memory holds one part at a time."""
     remaining = map(_arrow_table, parts)
     first = next(remaining)
     with whole_file(path) as draft, _writer(draft, first) as writer:
@@ -50,7 +50,7 @@ def _writer(path: Path, table: pa.Table) -> pq.ParquetWriter:
 
 
 def _holds_few_values(values: Array) -> bool:
-    """Return whether values come from a converter: one in five of a spread sample has been seen before."""
+    """Return whether values come from a converter: one in five of a spread sample is a repetition."""
     some = values[:: max(len(values) // DRAWN_ROWS, 1)][:DRAWN_ROWS]
     return len(np.unique(some)) <= 0.8 * len(some)
 

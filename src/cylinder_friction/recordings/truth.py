@@ -14,7 +14,7 @@ TRUTH_COLUMNS = ("time_s", "friction_n", "velocity_m_s")
 
 
 def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
-    """Return the truth at the recording's rows, or None where ``<folder>/<name>.parquet`` is not there.
+    """Return the truth at the recording's rows, or None if ``<folder>/<name>.parquet`` does not exist.
 
     Columns, at least: ``time_s``, ``friction_n`` [N, opposing positive velocity], ``velocity_m_s``.
 

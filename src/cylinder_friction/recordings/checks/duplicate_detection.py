@@ -1,4 +1,6 @@
-"""The same recording twice, in another format, printed coarser, cut or shifted: it must not be trained and tested on.
+"""Detect a recording that repeats another one: in another format, printed coarser, cut or shifted.
+
+Otherwise a model could be tested on its own training data.
 
 No two sensors make the same noise twice. A recording is known by hashes of short windows of its two pressures, coarsely
 rounded: a window that occurs in two recordings with all its noise is the same measurement. Of all windows those whose
@@ -56,7 +58,7 @@ class DuplicateDetection:
         self._hashes, self._owners = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int32)
 
     def add(self, name: str, hashed: dict[int, Hashes]) -> Match | None:
-        """Return the earlier recording that one repeats; else remember it under ``name`` and return None.
+        """Return the earlier recording that this one repeats. If none, remember it as ``name`` and return None.
 
         A recording is not compared with itself: a motion may repeat within one recording. ``hashed`` are its
         ``window_hashes``.
@@ -103,7 +105,7 @@ class DuplicateDetection:
 
 
 def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
-    """Return the hashes kept of a recording, sorted and each once, by the power of two that it was rounded to.
+    """Return a recording's hashes, sorted and each once, by the power of two that its pressures were rounded to.
 
     Args:
         table: ``position_m`` and both pressures or ``drive_force_n``, as logged: a zero offset that is subtracted may
@@ -124,7 +126,7 @@ def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
 
 
 def _noise(values: Array) -> float:
-    """Return the standard deviation of what is white in a signal while it changes: of its second differences."""
+    """Return the standard deviation of a signal's white noise while it changes, from its second differences."""
     rows = np.arange(1, len(values) - 1, max(1, len(values) // PLACES))
     if len(rows) == 0:
         return 0.0
@@ -135,8 +137,10 @@ def _noise(values: Array) -> float:
 
 @numba.njit(cache=True)
 def _kept(one: Array, other: Array, position: Array, step: float, least: float, salt: np.uint64) -> Hashes:
-    """Return the hashes of windows in motion that end in zeros; a rolling polynomial, so that a row costs the same
-    however long the window is."""
+    """Return the hashes of windows in motion that end in zeros.
+
+    The hash is a rolling polynomial, so that the cost of a row does not depend on the length of the window.
+    """
     rows = one.shape[0]
     factor = np.uint64(0x9E3779B97F4A7C15)
     leaving = np.uint64(1)
@@ -171,7 +175,7 @@ def _kept(one: Array, other: Array, position: Array, step: float, least: float, 
 
 @numba.njit(cache=True, inline="always")
 def _mixed(word: np.uint64) -> np.uint64:
-    """Return a word whose every bit depends on every bit of the other (splitmix64: Steele, Lea and Flood 2014)."""
+    """Mix a word's bits, so that each bit depends on all of them (splitmix64: Steele, Lea and Flood 2014)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))

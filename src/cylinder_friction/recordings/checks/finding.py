@@ -17,7 +17,7 @@ class Finding:
 
     @classmethod
     def of(cls, check: str, passed: bool, text: str, refusal: str) -> Self:
-        """Return an ``ok`` finding with ``text`` if the check was passed, else a refusal with the other."""
+        """Return an ``ok`` finding with ``text`` if the check was passed, else a refusal with ``refusal``."""
         return cls(check, "ok", text) if passed else cls(check, "refused", refusal)
 
 

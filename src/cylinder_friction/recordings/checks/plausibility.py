@@ -120,8 +120,11 @@ def check_friction(
 
 
 def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> ClearMotion:
-    """Return the rows of clear motion: above a fifth of the usual top speed, 5 % away from the end stops, not where
-    speed changes within a quarter of a second by as much as the top speed."""
+    """Return the rows of clear motion.
+
+    There the piston moves faster than a fifth of its usual top speed, at least 5 % of the stroke away from the end
+    stops, and its speed changes within a quarter of a second by less than the top speed.
+    """
     half = max(1, round(HALF_WINDOW_S / sample_time_s))
     rows = np.arange(2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS))
     if len(rows) == 0:
@@ -144,7 +147,7 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
 
 
 def _undecidable(table: pd.DataFrame, motion: ClearMotion, areas_m2: tuple[float, float] | None, load: LoadMode) -> str:
-    """Return why the force balance shows nothing, empty if it does."""
+    """Return why the force balance cannot show the direction of friction; empty if it can."""
     if areas_m2 is None and DRIVE_FORCE not in table.columns:
         return "the areas of the cylinder are not known"
     if load == "measured" and "load_force_n" not in table.columns:
@@ -182,7 +185,7 @@ def _balances(motion: ClearMotion, position: Array, forces: list[Array]) -> list
 
 
 def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding | None:
-    """Return a refusal where the force balances only if the load cell counts the other way round."""
+    """Return a refusal if the forces balance only with the load cell's sign reversed, else None."""
     opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
     better = opposes or as_is.residual_n > (BETTER + 1.0) * turned.residual_n
     if load != "measured" or not (turned.dissipates and better):
@@ -219,7 +222,7 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
 
 
 def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
-    """Return whether friction opposes the motion; a refusal with ``remedy`` where it drives it."""
+    """Return whether friction opposes the motion. If it drives the motion, that is a refusal with this ``remedy``."""
     if as_is.drives:
         text = f"friction would drive the piston: {_against(as_is)}; expected it to oppose the motion; {remedy}"
         return Finding("direction", "refused", text)

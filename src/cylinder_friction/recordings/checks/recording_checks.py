@@ -1,4 +1,4 @@
-"""What a uniformly sampled table must be before it counts as a recording: nothing unusable passes as good."""
+"""Check a uniformly sampled table before it counts as a recording."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ PLACES = 8192  # steps at most from which the usual one is estimated
 def check_recording(
     metadata: RecordingMetadata, table: pd.DataFrame, limits: CheckLimits, sample_time_s: float
 ) -> Recording:
-    """Return the recording at its sample time; what the checks only noted stands among its repairs.
+    """Return the table as a recording, with what the checks only noted among its repairs.
 
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
@@ -42,7 +42,7 @@ def check_recording(
 def checked_recording(
     metadata: RecordingMetadata, table: pd.DataFrame, findings: Iterable[Finding], sample_time_s: float
 ) -> Recording:
-    """Return the recording of which these are the findings, as ``check_recording`` does."""
+    """Return what ``check_recording`` does, from the findings of its checks."""
     noted = []
     for finding in findings:
         if finding.outcome == "refused":
@@ -53,7 +53,7 @@ def checked_recording(
 
 
 def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> list[Finding]:
-    """Return what every check finds, refusals included; a table with missing values is examined no further.
+    """Return what every check finds, refusals included. After missing columns or values no further check is made.
 
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
@@ -72,7 +72,7 @@ SOMEWHERE = (
 
 
 def findings_of_parts(parts: Sequence[tuple[float, Sequence[Finding]]]) -> list[Finding]:
-    """Return one finding per check of a recording that was checked part by part.
+    """Merge the findings of a recording's parts into one finding per check.
 
     Args:
         parts: When each begins [s], and what its checks found.

@@ -60,7 +60,7 @@ class ScreenRules:
 def screen_signals(
     signals: dict[str, Signal], limits: Mapping[str, SensorLimits], rules: ScreenRules, stroke_m: float | None = None
 ) -> tuple[dict[str, Signal], tuple[str, ...]]:
-    """Return the signals with their bad samples missing, and a sentence for each kind of bad sample in each.
+    """Replace bad samples by NaN; return the signals, and one sentence per column and kind of bad sample.
 
     A signal without a bad sample is returned as it came, the same object. Samples that are missing already stay so.
     Of a sensor without ``limits`` only spikes and infinities show. A position sensor may rest at the end of its range
@@ -104,7 +104,7 @@ class Screen:
         self._bad: dict[tuple[str, int], _Bad] = {}
 
     def height(self, column: str, values: Array) -> float:
-        """Return how far a sample of these, none missing, must lie from its neighbours to be a spike."""
+        """Return how far a sample must lie from its neighbours to be a spike; no value may be missing."""
         sensor = self.limits.get(column)
         return _spike_height(values, *self._bounds(column), sensor.step if sensor else None, self.rules)
 
@@ -148,7 +148,7 @@ class Screen:
         return sensor.low - beyond, sensor.high + beyond
 
     def _screened(self, column: str, values: Array, own: slice, before: int) -> Array:
-        """Return values without bad samples; the missing ones of a channel slower than its table are not looked at."""
+        """Replace a column's bad samples by NaN; skip samples that are missing already, as in a slow channel."""
         rows = np.flatnonzero(~np.isnan(values))
         logged = values if len(rows) == len(values) else values[rows]
         height = self.heights[column] if column in self.heights else self.height(column, logged)
@@ -216,7 +216,7 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
 def _mark(
     values: Array, low: float, high: float, bottom: float, top: float, height: float, marks: NDArray[np.uint8]
 ) -> NDArray[np.int64]:
-    """Fill ``marks`` and return the most of each mark in a row."""
+    """Fill ``marks``; return the longest run of each mark."""
     longest = np.zeros(5, dtype=np.int64)
     run_kind, run = 0, 0
     close = 0  # rows left in which a spike may begin: a jump was seen

@@ -20,7 +20,7 @@ def write_message(stream: IO[bytes], message: Any) -> None:
 
 
 def read_message(stream: IO[bytes]) -> Any:
-    """Return what ``write_message`` wrote; raises ``EOFError`` where the other process is gone."""
+    """Return what ``write_message`` wrote. Raises ``EOFError`` if the other process has ended."""
     line = stream.readline()
     if not line.endswith(b"\n"):
         raise EOFError("the other process is gone")
@@ -50,7 +50,7 @@ def write_tables(stream: IO[bytes], tables: Sequence[LoggedTable]) -> None:
 
 
 def read_tables(stream: IO[bytes]) -> list[LoggedTable]:
-    """Return what ``write_tables`` wrote; raises ``EOFError`` where the other process is gone."""
+    """Return what ``write_tables`` wrote. Raises ``EOFError`` if the other process has ended."""
     try:
         return [_table(pa.ipc.open_stream(stream).read_all()) for _ in range(read_message(stream))]
     except pa.ArrowInvalid as error:

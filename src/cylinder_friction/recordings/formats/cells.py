@@ -36,7 +36,7 @@ def is_missing(cell: str) -> bool:
 
 
 def is_number(cell: str, decimal: str | None) -> bool:
-    """Return whether a cell is a number under a decimal sign; None stands for either."""
+    """Return whether a cell is a number with this decimal sign; None allows point and comma."""
     return bool((decimal != "," and _POINT.fullmatch(cell)) or (decimal != "." and _COMMA.fullmatch(cell)))
 
 
@@ -46,7 +46,7 @@ def is_value(cell: str, decimal: str | None) -> bool:
 
 
 def has_thousands(cell: str) -> bool:
-    """Return whether the commas of a number could as well set off its thousands."""
+    """Return whether a number's commas may separate thousands."""
     return bool(_THOUSANDS.fullmatch(cell))
 
 
@@ -99,7 +99,7 @@ def plain_values(column: Any) -> NDArray[Any] | None:
 
 
 def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], bool]:
-    """Return a column of text as numbers, dates or times of day; if neither, its cells as they are, numbers as such.
+    """Return a column of text as numbers, dates or times of day; if it is none of these, numbers and text.
 
     Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
 
@@ -174,7 +174,7 @@ def _fields(parts: Any) -> dict[str, Any]:
 
 
 def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
-    """Return whether dates such as 01/02/2026 have their month in the place of the day."""
+    """Return whether dates such as 01/02/2026 have the month first; refuse dates that do not show it."""
     first, second = (fields[key].cast(pa.int64()) for key in ("d", "m"))
     if pc.any(pc.greater(second, 12)).as_py():
         return True
@@ -189,7 +189,7 @@ def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
 
 
 def _stamps(fields: dict[str, Any]) -> Any | None:
-    """Return instants in UTC by way of ISO 8601, or None if a cell is no date or time of day."""
+    """Parse the fields as ISO 8601; return instants in UTC, or None if a cell is no date or time of day."""
     hour, fraction = pc.utf8_lpad(fields["H"], 2, "0"), pc.utf8_rpad(fields["f"], 9, "0")
     if "half" in fields:
         half = pc.utf8_lower(fields["half"])

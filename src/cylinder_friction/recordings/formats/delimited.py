@@ -42,7 +42,7 @@ _LARGEST_HEAD = 64 * HEAD_SIZE
 def read_delimited(
     source: FileSource, wanted: Collection[str] | None, options: CsvOptions = AUTOMATIC
 ) -> list[LoggedTable]:
-    """Return the table of a text file: the layout shows in its first lines, Arrow reads the rest in one pass.
+    """Return the table of a text file. Its first lines show the layout; Arrow reads the rows in one pass.
 
     A file with several time columns of one name gives a table for each, with the channels behind it.
 
@@ -64,7 +64,7 @@ def read_delimited(
 def long_delimited(
     source: FileSource, wanted: Collection[str] | None, rows: int, options: CsvOptions = AUTOMATIC
 ) -> LongTable | None:
-    """Return a text file that has many more rows than these, to be read in parts of about so many; None if it has not.
+    """Return a text file of many more rows than these, to be read in parts of about that size; None for a shorter one.
 
     Each part is a run of whole lines, read as a file by itself, so that memory holds one of them.
     """
@@ -110,7 +110,7 @@ def long_delimited(
 
 
 def _line_end(text: Text, place: int) -> int:
-    """Return where the line ends that a byte lies in, line end included, or the text."""
+    """Return the byte behind the end of the line that contains ``place``, at most the end of the text."""
     while place < text.end:
         block = text.file.read_at(min(HEAD_SIZE, text.end - place), place)
         if (found := block.find(b"\n")) >= 0:
@@ -167,7 +167,7 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
-    """Return the first whole lines, so many that names and rows are surely among them, and their layout."""
+    """Return enough of the first whole lines to contain names and rows, and their layout."""
     size = HEAD_SIZE
     while True:
         head = text.file.read_at(min(size, text.end - text.start), text.start)
@@ -184,7 +184,7 @@ def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
 
 
 class _Rows:
-    """The rows of a text table from the byte ``begin`` on, and how to name the line of one that is wrong.
+    """The rows of a text table from byte ``begin`` on. It can name the line of a row that is wrong.
 
     ``first`` is the byte where the first row of all begins.
     """
@@ -242,7 +242,7 @@ class _Rows:
         return pa.BufferReader(content.strip(b"\t"))
 
     def _padded(self, content: bytes) -> bytes:
-        """Return rows that all have as many cells as there are names: a time column may end before the others."""
+        """Pad every row to as many cells as there are names, for a group may end before the others."""
         lines = [line for line in re.split(rb"\r\n|\n|\r", content) if line]
         delimiter, width = self.layout.delimiter.encode(), len(self.layout.names)
         missing = [width - 1 - line.count(delimiter) for line in lines]
@@ -273,7 +273,7 @@ class _Rows:
                 )
 
     def refuse_second_header(self, column: Any, name: str) -> None:
-        """Refuse a column in which its own name comes again: the logger was started twice into one file."""
+        """Refuse a column that contains its own name: the logger was started twice with one file."""
         row = pc.index(pc.utf8_trim_whitespace(column), name).as_py()
         if row >= 0:
             number, line = self._lines()[row]

@@ -26,7 +26,7 @@ _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_inter
 
 
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return a table for each compound dataset, and one for all other datasets of a length.
+    """Return one table per compound dataset, and one for all other datasets of equal length.
 
     A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. Where a
     dataset, its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time
@@ -82,7 +82,7 @@ def _add(path: str, node: Any, found: Found, source: FileSource) -> None:
 
 
 def _fields(node: Any) -> list[Channel]:
-    """Return the columns of a compound dataset; a field that is itself an array is one channel an entry."""
+    """Return the columns of a compound dataset. A field that is an array gives one channel per entry."""
 
     def read(name: str, at: Any) -> NDArray[Any]:
         return numeric(np.ascontiguousarray(node.fields(name)[()][at]))
@@ -111,7 +111,7 @@ def _unit(attributes: Any) -> str:
 
 
 def _sample_time_s(node: Any) -> float | None:
-    """Return what the dataset states, or the nearest group around it that states anything."""
+    """Return the sample time that the dataset states, or the nearest group around it."""
     while True:
         attributes = {key.casefold(): node.attrs[key] for key in node.attrs if key.casefold() in (*_RATES, *_STEPS)}
         for key, value in attributes.items():
@@ -127,7 +127,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def _has_signature(head: bytes) -> bool:
-    """HDF5 may leave room for a user's block of 512 bytes or a power of two times that."""
+    """Look for the signature, also behind a user's block of 512 bytes or a power of two times that."""
     return any(head[offset:].startswith(SIGNATURE) for offset in (0, 512, 1024, 2048, 4096, 8192))
 
 

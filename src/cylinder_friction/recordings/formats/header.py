@@ -44,7 +44,7 @@ def unit_in_name(name: str) -> str | None:
 
 
 def units_in_line(cells: list[str]) -> list[str] | None:
-    """Return the units of a line that holds nothing else; None if it is no such line.
+    """Return the units of a line that holds only units; None for another line.
 
     Where a cell is empty, or is the format of the dates below it, its unit is ''.
     """
@@ -116,14 +116,14 @@ def _lines_of_cells(above: list[str], delimiter: str, width: int, trailing: bool
 
 
 def _fits(cells: list[str], width: int, trailing: bool) -> bool:
-    """Rows may end in a delimiter that the names lack; LabVIEW names a comment column that its rows leave out."""
+    """Compare a line's cells with the rows: either may lack the last one (a delimiter, LabVIEW's comment column)."""
     if len(cells) == width + 1:
         return cells[-1].casefold() in ("", "comment")
     return len(cells) == width or (trailing and len(cells) == width - 1)
 
 
 def _refuse_other_width(above: list[str], delimiter: str, width: int, always: bool) -> None:
-    """Names that are too few or too many are no banner: the columns could not be identified."""
+    """Refuse a line of names with too few or too many cells: the columns could not be identified."""
     number = max((index for index, line in enumerate(above, start=1) if line.strip()), default=0)
     if not number:
         return
@@ -139,7 +139,7 @@ def _refuse_other_width(above: list[str], delimiter: str, width: int, always: bo
 
 
 def _scope_lines(above: list[str], delimiter: str, width: int) -> dict[str, list[str]]:
-    """Return the lines by which the TwinCAT Scope describes its channels, by their keys; empty for other files.
+    """Return the lines in which the TwinCAT Scope describes its channels, by key; empty for other files.
 
     The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` where channels share a time column.
     SymbolName;...;SymbolName;... and the like may follow below it.

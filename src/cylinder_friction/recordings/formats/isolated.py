@@ -1,4 +1,4 @@
-"""Most binary files are read in a process of their own, for their libraries are C that damage can crash or hang.
+"""Read binary files in a process of their own: a damaged file can crash or hang the C library that reads it.
 
 Libhdf5 follows addresses that it finds in the file, so that one flipped byte can end the process or keep it in a loop;
 asammdf follows lists of blocks and record sizes stated in the file; over MATLAB files of version 5, SciPy crashes,
@@ -54,7 +54,7 @@ def read_isolated(path: Path, of: Format, wanted: Collection[str] | None) -> lis
 
 
 class _Reader:
-    """Owns the process; one request at a time, from whichever thread."""
+    """Owns the process, and sends it one request at a time, from any thread."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -100,7 +100,7 @@ class _Reader:
             _end(process)
 
     def forget(self) -> None:
-        """Leave the process to the one that started it: for a fork, which has copies of its pipes."""
+        """Forget the process after a fork: it belongs to the parent, and this process has copies of its pipes."""
         process, self._process = self._process, None
         self._lock = threading.Lock()
         if process is not None:
@@ -144,7 +144,7 @@ def _death(code: int, too_long: bool, limit_s: float, library: str) -> Recording
 
 
 def serve() -> None:
-    """Read the files requested on the standard input until it ends, which it does with the process at its other end."""
+    """Read the files requested on the standard input, until the process at its other end closes it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError):
         # Where damage makes a library ask for all memory, Linux is to end this process and no other.
@@ -169,7 +169,7 @@ def serve() -> None:
 
 
 def _limit_memory(limit_bytes: int) -> None:
-    """Let larger allocations fail, which the libraries report as any other damage; not on Windows."""
+    """Let larger allocations fail. The libraries report that as they report damage. Does nothing on Windows."""
     if sys.platform != "win32":
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)

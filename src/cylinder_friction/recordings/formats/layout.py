@@ -72,7 +72,7 @@ class _Grid:
     score: float
 
     def is_row(self, cells: list[str]) -> bool:
-        """Return whether every column of numbers holds one, or nothing, and not all nothing."""
+        """Return whether every numeric column holds a value or nothing, and at least one holds a value."""
         if len(cells) != self.width:
             return False
         values = sum(is_value(cells[index], self.decimal) for index in self.numeric)
@@ -81,7 +81,7 @@ class _Grid:
 
 
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
-    """Return the layout of the table whose first lines these are, each whole; refuse what has none, or two."""
+    """Return the layout of a table from its first whole lines; refuse lines with no layout, or with two."""
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
@@ -102,7 +102,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
 
 
 def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | None) -> _Grid | None:
-    """Return the last lines as cells, or None if no column of them holds numbers or dates."""
+    """Split the last lines into cells. Return None if no column holds numbers or dates."""
     if delimiter == "," and decimal is None and not any('"' in lines[index] for index in content[-_LOOKED_AT:]):
         decimal = "."
     rows = [split_cells(lines[index], delimiter) for index in content[-_LOOKED_AT:]]
@@ -124,7 +124,7 @@ def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | N
 
 
 def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
-    """Return what ranks one way to split a file's lines above another.
+    """Return a key that ranks the ways to split a file's lines.
 
     First whether a line of names, or the first row, has as many cells as the rows: 3,845 below one name is a number
     with a decimal comma, below two names it is two. Then the share of cells that are numbers or dates.

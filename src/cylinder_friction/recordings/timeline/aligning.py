@@ -1,4 +1,4 @@
-"""From columns as they were sampled to pieces at one constant rate; whatever is bridged or moved is reported."""
+"""Bring columns as they were sampled to pieces at one constant rate, and report what was bridged or moved."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -92,7 +92,7 @@ def _check(signals: Mapping[str, Signal]) -> None:
 
 
 def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None) -> Piece | None:
-    """Return columns that need no repair and no resampling, not copied; None if they do."""
+    """Return the columns as a piece, not copied, if they need no repair and no resampling; else None."""
     time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
     one_clock = all(np.array_equal(time_s, other) for other in others)
     complete = one_clock and all(np.isfinite(signal.values).all() for signal in signals.values())
@@ -210,7 +210,7 @@ def _on_new_grid(
 
 
 def _overlap(one: Spans, other: Spans) -> Spans:
-    """Return where both lie; each list is in order and without overlap."""
+    """Return the intersection of two lists of spans; each is in order and without overlap."""
     result: Spans = []
     i = j = 0
     while i < len(one) and j < len(other):
@@ -225,14 +225,14 @@ def _overlap(one: Spans, other: Spans) -> Spans:
 
 
 def _sentences(done: Mapping[str, Sequence[str]], all_columns: int) -> list[str]:
-    """Return a sentence for each thing done to some columns; its subject is time where it holds for every column."""
+    """Return a sentence for each thing that was done; its subject is the columns, or time if it is all of them."""
     return [
         f"{'time' if len(columns) == all_columns else ', '.join(columns)}: {what}" for what, columns in done.items()
     ]
 
 
 def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[str]:
-    """Return where gaps split the recording, and which column has no samples there; restarts are no gaps."""
+    """Return a sentence on the gaps that split the recording, and the columns without samples there."""
     gaps: dict[tuple[float, float], list[str]] = {}
     for each in timelines:
         for place in np.flatnonzero(each.gaps & (np.diff(each.segments) == 0)):

@@ -112,7 +112,7 @@ def _tables(signals: Mapping[str, Signal]) -> list[tuple[Array, dict[str, Array]
 
 
 def _share_stamps(tables: list[tuple[Array, dict[str, Array]]]) -> list[tuple[Array, dict[str, Array]]]:
-    """Return tables of one clock (increasing stamps, most of them the same) as one table."""
+    """Join tables that share a clock: both have increasing stamps, most of which are equal."""
     result: list[tuple[Array, dict[str, Array]]] = []
     for time_s, values in tables:
         for place, (other_s, others) in enumerate(result):

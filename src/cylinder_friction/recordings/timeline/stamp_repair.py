@@ -1,4 +1,4 @@
-"""Rows in the order in which they were sampled: damaged stamps, restarts of the clock, duplicate and coarse stamps."""
+"""Put rows in the order in which they were sampled: repair damaged, duplicate and coarse stamps, find restarts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -72,7 +72,7 @@ def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
 
 
 class _Sorting:
-    """Goes through the backward steps from the first to the last and takes the mildest explanation of each."""
+    """Goes through the backward steps in order and applies the mildest explanation of each."""
 
     def __init__(self, time_s: Array, rows: Indices, step_s: float, rules: TimeRules) -> None:
         self.time_s, self.rows, self.step_s = time_s, rows, step_s
@@ -103,7 +103,7 @@ class _Sorting:
         return self.restarts[-1] if self.restarts else 0
 
     def _sort(self, position: int) -> bool:
-        """Sort around a backward step if that leaves steps such as a running clock makes."""
+        """Sort the rows around a backward step if the steps are then those of a running clock."""
         for window in WINDOWS:
             start, end = max(self._segment_start(), position - window), min(len(self.time_s), position + window)
             here = self.time_s[start:end]
@@ -172,7 +172,7 @@ class _Sorting:
 
 @numba.njit(cache=True)
 def _next_backward(time_s: Array, start: int) -> int:
-    """Return the first position from ``start`` on whose stamp is before the one before; the length if none is."""
+    """Return the first position from ``start`` on with an earlier stamp than its predecessor; the length if none."""
     for position in range(max(start, 1), len(time_s)):
         if time_s[position] < time_s[position - 1]:
             return position
@@ -182,7 +182,7 @@ def _next_backward(time_s: Array, start: int) -> int:
 def resolve_duplicates(
     stamps: OrderedStamps, values: Sequence[Array], rules: TimeRules
 ) -> tuple[Array, Mask, list[str]]:
-    """Return stamps of all rows that increase over the rows to keep, these rows, and what was done.
+    """Return the stamps, which increase over the rows to keep, the mask of these rows, and what was done.
 
     - Copies of the row before (same stamp, same values) are left out, however many there are.
     - Where more than ``damaged_share`` of the rows repeat a stamp with other values, the clock is coarse (a tick of

@@ -90,7 +90,7 @@ def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
 
 
 def even_rate(time_s: Array, jitter_share: float) -> float | None:
-    """Return the mean rate [Hz] of stamps that run evenly, one sample each; else None.
+    """Return the mean rate [Hz] of evenly spaced stamps, one per sample; None if they are uneven.
 
     Even means: within every 1024 samples the stamps are off a straight line by no more than ``jitter_share`` of a
     step, or than their printed resolution explains, and the rate stays the same within 1e-3. A clock that is fast,
